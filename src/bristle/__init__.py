@@ -1,0 +1,25 @@
+"""bristle: the friction of a joint, identified from simple experiments.
+
+Logs go in; a LuGre model with honest uncertainty and a report one can hand over come out.
+
+    results = bristle.identify("experiment.yaml")
+    results.to_frame()
+    results.write_report("reports/wrist")
+"""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bristle.api import Results, identify, inspect
+
+__version__ = "0.1.0"
+__all__ = ["Results", "__version__", "identify", "inspect"]
+
+
+def __getattr__(name: str) -> object:
+    """Import the library when it is first used: `bristle --help` must not wait for it."""
+    if name in __all__:
+        from bristle import api
+
+        return getattr(api, name)
+    raise AttributeError(f"module 'bristle' has no attribute {name!r}")

@@ -1,0 +1,97 @@
+"""What `import bristle` offers: experiment files in, results out. The command line only calls these."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bristle import edro
+from bristle.data.experiment import Experiment, load_experiment
+from bristle.identification.estimate import Joint
+from bristle.identification.pipeline import Measured, identify_joint, measure
+from bristle.report import page, summary
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how many steps are done, and how many there are."""
+Source = Experiment | Path | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Results:
+    """What was identified, joint by joint."""
+
+    joints: tuple[Joint, ...]
+    timings: dict[str, float] = field(default_factory=dict, compare=False)
+    """Seconds spent, by name; no part of the result."""
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Every doubt about every joint, each with the joint's name and direction."""
+        of_joints = [f"{joint.name}: {doubt}" for joint in self.joints for doubt in joint.doubts]
+        of_fits = [
+            f"{joint.name} {d}: {doubt}"
+            for joint in self.joints
+            for d, fit in joint.static.items()
+            for doubt in fit.doubts
+        ]
+        return (*of_joints, *of_fits)
+
+    def to_json(self) -> str:
+        """`results.json` of schema bristle-results/1."""
+        return summary.to_json(self.joints)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row per joint, direction and parameter: value, unit, standard error, interval, doubts."""
+        return summary.to_frame(self.joints)
+
+    def fit_report(self) -> str:
+        """The fits as plain text."""
+        return summary.fit_report(self.joints)
+
+    def write_report(self, folder: Path | str, progress: Progress | None = None) -> Path:
+        """Write the HTML report, results.json, figures and tables into a folder; returns the path of index.html.
+
+        Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+        """
+        title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
+        return page.write_report(self.joints, Path(folder), title=title, seed=0, progress=progress)
+
+
+def identify(*experiments: Source, progress: Progress | None = None) -> Results:
+    """Identify the joints of one or more experiment files; with none, the embedded Ed-Ro (simulated).
+
+    Raises ValueError in one sentence where a file cannot be used, or where two experiments name the same joint.
+    """
+    loaded = _load(experiments)
+    timings: dict[str, float] = {}
+    joints = []
+    for done, experiment in enumerate(loaded):
+        if progress:
+            progress(f"identifying {experiment.joint.name}", done, len(loaded))
+        spent: dict[str, float] = {}
+        joints.append(identify_joint(measure(experiment), spent))
+        timings |= {f"{experiment.joint.name}: {what}": seconds for what, seconds in spent.items()}
+    return Results(joints=tuple(joints), timings=timings)
+
+
+def inspect(experiment: Source) -> Measured:
+    """Read an experiment's runs and cut them into segments, without fitting anything.
+
+    Raises ValueError in one sentence where a file cannot be used.
+    """
+    return measure(experiment)
+
+
+def _load(experiments: Sequence[Source]) -> list[Experiment]:
+    sources = experiments or edro.experiments()
+    loaded = [e if isinstance(e, Experiment) else load_experiment(e) for e in sources]
+    names = [experiment.joint.name for experiment in loaded]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(
+                f"joint.name: {names.count(name)} experiments name their joint {name!r}; give each joint its own name"
+            )
+    return loaded

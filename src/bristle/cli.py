@@ -1,0 +1,238 @@
+"""The command line: the only print, the only argv, the only exit code.
+
+0 a result was written, doubts included; 1 our own defect; 2 bad input; 3 doubts, with --strict; 130 interrupted.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from bristle.api import Progress, Results
+
+app = typer.Typer(
+    name="bristle",
+    help="Identify the friction of a joint from logs of simple experiments, with honest uncertainty, and report it.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+_Experiment = Annotated[
+    Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
+]
+_Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where there is any doubt.")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+    if version:
+        from bristle import __version__
+
+        print(__version__)
+        raise typer.Exit
+
+
+@app.command()
+def report(
+    experiments: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[EXPERIMENT]...",
+            help="Experiment files, one joint each; none: the embedded Ed-Ro (simulated).",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Where the report lands [default: reports/NAME]."),
+    ] = None,
+    strict: _Strict = False,
+) -> None:
+    """Identify and write the report: index.html, results.json, figures, tables."""
+    from bristle import identify
+
+    sources = experiments or []
+    folder = output or Path("reports") / (sources[0].stem if sources else "edro")
+    with _progress() as progress:
+        results = identify(*sources, progress=progress)
+        page = results.write_report(folder, progress)
+    _timings(results, folder)
+    for joint in results.joints:
+        for direction, fit in joint.static.items():
+            print(f"{joint.name} {direction}: {fit.outcome} {len(fit.doubts)} doubts.")
+    print(f"Report: {page}")
+    _finish(results, strict)
+
+
+@app.command()
+def identify(
+    experiment: _Experiment,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write results.json here as well.")
+    ] = None,
+    strict: _Strict = False,
+) -> None:
+    """Identify one joint and print the fit report; write the JSON with -o."""
+    from bristle import identify as run
+
+    results = run(experiment)
+    print(results.fit_report())
+    if output is not None:
+        _write(output, results.to_json())
+        print(f"Results: {output}")
+    _finish(results, strict)
+
+
+@app.command()
+def inspect(
+    experiment: _Experiment,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Draw the segments into this .png or .svg file."),
+    ] = None,
+) -> None:
+    """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
+    from bristle.api import inspect as run
+
+    measured = run(experiment)
+    unit = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}[measured.experiment.joint.kind]
+    for recorded, segments in zip(measured.runs, measured.segments, strict=True):
+        record = recorded.record
+        print(
+            f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
+        )
+        for note in record.notes:
+            print(f"    {note}")
+        for s in segments:
+            error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
+            print(
+                f"  {'kept    ' if s.accepted else 'rejected'} {s.start}-{s.stop}: {s.velocity:.4g} {unit[0]}, {s.torque:.4g}{error} {unit[1]}"
+            )
+            for reason in (*s.reasons, *s.doubts):
+                print(f"           {reason}")
+    kept = sum(s.accepted for found in measured.segments for s in found)
+    print(f"{kept} of {sum(map(len, measured.segments))} candidates kept.")
+    if output is not None:
+        from bristle.report.figures import inspect_figure
+        from bristle.report.page import save_figure
+
+        records = [recorded.record for recorded in measured.runs]
+        save_figure(
+            inspect_figure(records, [s for found in measured.segments for s in found], measured.experiment.joint.kind),
+            output,
+        )
+        print(f"Figure: {output}")
+
+
+@app.command()
+def validate(experiment: _Experiment, strict: _Strict = False) -> None:
+    """Check the grid method against a full nonlinear fit (CasADi + IPOPT) on the same data."""
+    from bristle import identify as run
+
+    results = run(experiment)
+    for joint in results.joints:
+        for direction, check in joint.crosscheck.items():
+            print(f"{joint.name} {direction}: {check.verdict}")
+            print(
+                f"  cost: grid {check.cost_grid:.8g}, full fit {check.cost_full:.8g}; starts {check.starts}, reached {check.reached}"
+            )
+            for name, value in check.parameters.items():
+                distance = check.difference_in_se.get(name)
+                print(
+                    f"  {name:<12} {value:<14.7g}"
+                    + ("" if distance is None else f" {distance:+.2e} standard errors from the grid")
+                )
+    for what, seconds in results.timings.items():
+        print(f"  {what}: {1000 * seconds:.2f} ms")
+    _finish(results, strict)
+
+
+@app.command()
+def new(
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA", help="A data file: CSV, Parquet, MAT or NPZ.", show_default=False)
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the draft here instead of printing it.")
+    ] = None,
+) -> None:
+    """Draft a commented experiment file from a data file."""
+    from bristle.data.draft import draft_experiment
+
+    text, unknown = draft_experiment(data)
+    if output is None:
+        print(text)
+    elif output.exists():
+        raise ValueError(f"{output}: is there already; name a new file with -o, or move this one")
+    else:
+        _write(output, text)
+        print(f"Draft: {output}")
+    for sentence in unknown:
+        print(f"not guessed: {sentence}", file=sys.stderr)
+
+
+def main() -> NoReturn:
+    """Run the command line and end the process with its exit code."""
+    try:
+        app(standalone_mode=False)
+        code = 0
+    except typer.Exit as stop:
+        code = stop.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        code = 130
+        print("interrupted", file=sys.stderr)
+    except (ValueError, OSError) as bad:
+        if type(bad).__name__ == "LinAlgError":
+            raise
+        code = 2
+        print(f"bristle: {_sentence(bad)}", file=sys.stderr)
+    except Exception as bad:
+        if not hasattr(bad, "format_message"):
+            raise
+        code = 2  # click's own words on a wrong option or argument
+        print(f"bristle: {bad.format_message()}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _sentence(bad: Exception) -> str:
+    if isinstance(bad, OSError) and bad.strerror:
+        return f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror
+    return " ".join(str(bad).split())
+
+
+@contextmanager
+def _progress() -> "Iterator[Progress]":
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<42}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading")
+
+        def update(what: str, done: int, total: int) -> None:
+            bar.update(task, description=what, completed=done, total=total)
+
+        yield update
+
+
+def _write(path: Path, text: str) -> None:
+    from bristle.report.page import write_text
+
+    write_text(path, text)
+
+
+def _timings(results: "Results", folder: Path) -> None:
+    _write(folder / "timings.json", json.dumps({k: round(v, 6) for k, v in results.timings.items()}, indent=1) + "\n")
+
+
+def _finish(results: "Results", strict: bool) -> None:
+    if strict and results.doubts:
+        print(f"{len(results.doubts)} doubts (--strict)", file=sys.stderr)
+        raise typer.Exit(3)

@@ -1,0 +1,1 @@
+"""What acts: the PID controller and the closed loop."""

@@ -1,0 +1,1 @@
+"""What was measured: records, their reading, the experiment file, constant-velocity segments."""

@@ -1,0 +1,73 @@
+"""Record: what one run measured, as a frozen and validated time series in SI units."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bristle.model.arrays import Array
+
+_SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """One run. Every signal is a read-only copy of shape (n,), n >= 1, finite; m, N and kg stand in for rad, N*m and kg*m**2 where prismatic.
+
+    Raises ValueError where a signal has another length, holds a value that is not finite, or time does not increase.
+    """
+
+    file: str
+    """Where it came from, relative to the experiment file."""
+    time: Array
+    """s, strictly increasing."""
+    position: Array | None = None
+    """rad, unwrapped."""
+    velocity: Array | None = None
+    """rad/s, as logged, or as estimated from position."""
+    torque: Array | None = None
+    """N*m: torque of the drive, positive along positive velocity."""
+    voltage: Array | None = None
+    """V, from which torque is computed by (8) once the velocity is known."""
+    acceleration: Array | None = None
+    """rad/s**2, estimated."""
+    starts: tuple[int, ...] = (0,)
+    """First sample of each stretch that has no gap inside; nothing is ever differentiated, filtered or simulated across one."""
+    rows: int = 0
+    """Rows in the file."""
+    dropped: int = 0
+    """Rows of the file that are not in the record."""
+    sha256: str = ""
+    """Digest of the file's bytes."""
+    notes: tuple[str, ...] = ()
+    """What was counted, assumed and done, one sentence each."""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    """Run-level labels: temperature, load."""
+
+    def __post_init__(self) -> None:
+        """Copy, freeze and check every array."""
+        time = _frozen(self.time)
+        object.__setattr__(self, "time", time)
+        if time.ndim != 1 or time.size == 0:
+            raise ValueError(f"{self.file}: time has shape {time.shape}; expected one column with at least one row")
+        if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
+            raise ValueError(f"{self.file}: time must be finite and increase strictly from sample to sample")
+        for name in _SIGNALS:
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = _frozen(value)
+            if array.shape != time.shape or not np.isfinite(array).all():
+                raise ValueError(f"{self.file}: {name} must be finite and as long as time, {time.size} samples")
+            object.__setattr__(self, name, array)
+
+    @property
+    def step(self) -> float:
+        """Median sampling interval, s; nan for a single sample."""
+        return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
+
+
+def _frozen(values: Array) -> Array:
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,157 @@
+"""Results as values: an estimate, a fit, a cross-check; frozen, with every doubt listed singly."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from bristle.data.steady import Segment
+from bristle.model.arrays import Array
+from bristle.model.parameters import Kind, Lugre
+
+
+class Outcome(StrEnum):
+    """How a fit ended. The value is the sentence that a user reads."""
+
+    CONVERGED = "The best fit lies inside the range searched, away from every bound."
+    AT_BOUND = "A parameter lies at its physical bound; its interval is one-sided."
+    AT_EDGE = "The best v_s lies at the edge of the range searched; these velocities do not enclose it."
+    NO_STRIBECK = "Stribeck not identifiable: Coulomb and viscous friction alone explain these data as well."
+    TOO_FEW = "Too few points for the parameters asked for; none is estimated."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One parameter: value, standard error and 95 % interval in `unit`.
+
+    What does not exist is None, with a doubt that says why; an interval that is open on a side has an infinite bound.
+    """
+
+    value: float | None
+    unit: str
+    standard_error: float | None = None
+    interval: tuple[float, float] | None = None
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
+
+    v_s: Array
+    """The grid, rad/s, ascending, shape (k,)."""
+    cost: Array
+    """J_s at the grid, (N*m)**2, shape (k,)."""
+    plain_v_s: Array
+    """The paper's plain grid, rad/s, shape (m,)."""
+    plain_cost: Array
+    """J_s at the plain grid, shape (m,)."""
+    best: float
+    """The continuous minimum, rad/s."""
+    best_cost: float
+    threshold: float
+    """The cost at which v_s leaves its 95 % interval: J_min (1 + F(0.95; 1, n - p) / (n - p))."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoldOut:
+    """How well a fit predicts a run that it has not seen."""
+
+    file: str
+    relative_error: float
+    """100 * norm(measured - predicted) / norm(measured), percent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticFit:
+    """The static parameters of one direction (`+`, `-`), of both together (`both`), or what the two share (`shared`)."""
+
+    direction: str
+    parameters: Mapping[str, Estimate]
+    rms: float | None
+    """Root mean square residual, N*m."""
+    relative_error: float | None
+    """100 * norm(residual) / norm(torque), percent."""
+    n: int
+    outcome: Outcome
+    doubts: tuple[str, ...] = ()
+    hold_out: tuple[HoldOut, ...] = ()
+    names: tuple[str, ...] = ()
+    """The free parameters, in the order of `covariance`."""
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    dof: int = 0
+    profile: Profile | None = None
+    plain: Mapping[str, float] = field(default_factory=dict)
+    """The parameters at the best value of the paper's plain grid."""
+    robust: Mapping[str, float] = field(default_factory=dict)
+    """The parameters of the Huber refit."""
+    without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
+    """The parameters fitted without the segments that stick and slip; empty where there are none."""
+    velocity: Array = field(default_factory=lambda: np.zeros(0))
+    """What was fitted: velocity, rad/s, shape (n,)."""
+    torque: Array = field(default_factory=lambda: np.zeros(0))
+    """Measured torque, N*m, shape (n,)."""
+    residuals: Array = field(default_factory=lambda: np.zeros(0))
+    """Measured minus fitted torque, N*m, shape (n,)."""
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
+    position: Array = field(default_factory=lambda: np.zeros(0))
+    """Where each point was measured, rad, shape (n,); empty where unknown."""
+
+    def values(self) -> Lugre[float] | None:
+        """The fitted static set with zero presliding parameters (sigma_0 = 1, sigma_1 = 0), or None where nothing was fitted.
+
+        A Stribeck term that is not identifiable is zero.
+        """
+        p = {name: estimate.value for name, estimate in self.parameters.items()}
+        if p.get("alpha_0") is None:
+            return None
+        return Lugre(p["alpha_0"] or 0.0, p["alpha_1"] or 0.0, p["alpha_2"] or 0.0, p["v_s"] or 1.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crosscheck:
+    """The full nonlinear fit beside the grid, on the same data."""
+
+    cost_grid: float
+    cost_full: float
+    starts: int
+    reached: int
+    """How many starts ended within 1e-6 relative of the lowest cost that any of them found."""
+    parameters: Mapping[str, float]
+    difference_in_se: Mapping[str, float]
+    """(full - grid) in standard errors of the grid fit."""
+    verdict: str
+    """One sentence."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Input:
+    """One file that went in."""
+
+    file: str
+    sha256: str
+    rows: int
+    dropped: int
+    notes: tuple[str, ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """Everything that was found out about one joint."""
+
+    name: str
+    kind: Kind
+    inputs: tuple[Input, ...]
+    segments: tuple[Segment, ...]
+    static: Mapping[str, StaticFit]
+    crosscheck: Mapping[str, Crosscheck]
+    doubts: tuple[str, ...] = ()
+    truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
+    """The true parameters, where the data are simulated."""
+    simulated: bool = False
+    assumptions: tuple[str, ...] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    """Thresholds, cut-offs and options in force, as the report states them."""

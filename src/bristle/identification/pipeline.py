@@ -1,0 +1,272 @@
+"""From an experiment file to everything found out about its joint: reading, segments, static fits, cross-check."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bristle.data.experiment import Experiment, Run, load_experiment, read_runs
+from bristle.data.record import Record
+from bristle.data.steady import Segment, find_segments, nothing_left
+from bristle.identification import regression
+from bristle.identification.estimate import Crosscheck, Input, Joint, StaticFit
+from bristle.identification.fit import Where, fit_static
+from bristle.identification.regression import Regression
+from bristle.model.arrays import Array
+
+DIRECTIONS = {"+": 1.0, "-": -1.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """What an experiment measured: its runs, and the segments of those at constant velocity."""
+
+    experiment: Experiment
+    runs: tuple[Run, ...]
+    segments: tuple[tuple[Segment, ...], ...]
+    """Per run; empty for moving data."""
+
+    def points(self, *, hold_out: bool) -> tuple[Segment, ...]:
+        """Accepted velocity-torque points of the runs that are, or are not, held out."""
+        pairs = zip(self.runs, self.segments, strict=True)
+        return tuple(s for run, found in pairs if run.hold_out == hold_out for s in found if s.accepted)
+
+    def moving(self, *, hold_out: bool) -> tuple[Record, ...]:
+        """Records of the moving runs that are, or are not, held out."""
+        return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
+
+
+def measure(experiment: Experiment | Path | str) -> Measured:
+    """Read an experiment's runs and cut the constant-velocity ones into segments.
+
+    Raises ValueError where a file cannot be read as declared, in one sentence.
+    """
+    experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+    runs = read_runs(experiment)
+    return Measured(experiment=experiment, runs=runs, segments=tuple(_segments(experiment, run) for run in runs))
+
+
+def identify_joint(measured: Measured, timings: dict[str, float] | None = None) -> Joint:
+    """Static parameters of one joint with intervals and doubts, cross-checked.
+
+    Points at constant velocity are fitted where there are any; else the moving runs are, with their regressors. Seconds spent are written into
+    `timings` by name; they are no part of the result.
+
+    Raises ValueError where no run can give static parameters, saying which threshold ate what.
+    """
+    experiment = measured.experiment
+    points = measured.points(hold_out=False)
+    if points:
+        static, checks = _fit_points(measured, points, timings)
+    elif measured.moving(hold_out=False):
+        static, checks = _fit_moving(measured, timings)
+    else:
+        training = [
+            (r, s)
+            for r, s in zip(measured.runs, measured.segments, strict=True)
+            if r.kind in {"ramp", "points"} and not r.hold_out
+        ]
+        if not training:
+            raise ValueError(
+                f"{experiment.path.name}: no run of kind ramp, points or tracking to fit (hold-out runs are never fitted); add one under runs"
+            )
+        candidates = tuple(s for _, found in training for s in found)
+        raise ValueError(nothing_left(candidates, tuple(r.record for r, _ in training), experiment.segments))
+    return Joint(
+        name=experiment.joint.name,
+        kind=experiment.joint.kind,
+        inputs=tuple(_input(run.record) for run in measured.runs),
+        segments=tuple(s for found in measured.segments for s in found),
+        static=static,
+        crosscheck=checks,
+        doubts=_joint_doubts(measured, static, bool(points)),
+        truth=experiment.truth,
+        simulated=experiment.simulated,
+        assumptions=experiment.assumptions,
+        settings=_settings(experiment, moving=not points),
+    )
+
+
+def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
+    if run.kind == "ramp":
+        return find_segments(run.record, experiment.segments, experiment.encoder_resolution)
+    return _given_points(run.record) if run.kind == "points" else ()
+
+
+def _given_points(record: Record) -> tuple[Segment, ...]:
+    velocity, torque = record.velocity, record.torque
+    if velocity is None or torque is None:
+        raise ValueError(f"{record.file}: points need the signals velocity and torque; name both under signals")
+    resting = "At rest: the friction torque of a joint at rest is not a function of its velocity; leave such rows out."
+    return tuple(
+        Segment(
+            file=record.file,
+            start=k,
+            stop=k + 1,
+            velocity=float(v),
+            torque=float(t),
+            standard_error=None,
+            accepted=bool(v != 0),
+            reasons=() if v != 0 else (resting,),
+            labels=record.labels,
+            position=None if record.position is None else float(record.position[k]),
+        )
+        for k, (v, t) in enumerate(zip(velocity, torque, strict=True))
+    )
+
+
+def _fit_points(
+    measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+    experiment = measured.experiment
+    regressors = experiment.fit.regressors or ()
+    if "inertia" in regressors:
+        raise ValueError(
+            f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
+            "leave it out, or give the runs as experiment: tracking"
+        )
+    held = measured.points(hold_out=True)
+    if experiment.fit.directions == "symmetric":
+        groups = [(("both",), tuple(points))]
+    else:
+        signed = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
+        signed = [(d, own) for d, own in signed if own]
+        groups = [(tuple(DIRECTIONS), tuple(points))] if regressors and len(signed) == 2 else signed
+    static: dict[str, StaticFit] = {}
+    checks: dict[str, Crosscheck] = {}
+    for directions, own in groups:
+        signs = [DIRECTIONS[d] for d in directions if d in DIRECTIONS] or list(DIRECTIONS.values())
+        by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
+        tests = [(file, _points_problem(s, directions, regressors)) for file, s in by_file.items() if s]
+        fits, checked = fit_static(
+            _points_problem(own, directions, regressors),
+            experiment.fit,
+            experiment.joint.kind,
+            _where(own),
+            tests,
+            timings,
+        )
+        static |= fits
+        checks |= checked
+    return static, checks
+
+
+def _points_problem(points: Sequence[Segment], directions: tuple[str, ...], regressors: Sequence[str]) -> Regression:
+    extra: dict[str, Array] = {}
+    if "offset" in regressors:
+        extra["offset"] = np.ones(len(points))
+    if "gravity" in regressors:
+        if any(s.position is None for s in points):
+            raise ValueError(
+                "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
+            )
+        extra |= regression.gravity(np.array([s.position for s in points], dtype=float))
+    velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
+    return regression.from_points(velocity, torque, directions, extra)
+
+
+def _where(points: Sequence[Segment]) -> Where:
+    def known(values: list[float | None]) -> Array:
+        return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
+
+    return Where(
+        names=tuple(f"{s.file} rows {s.start}-{s.stop} at {s.velocity:.3g}" for s in points),
+        stick_slip=np.array([s.stick_slip for s in points], dtype=bool),
+        time=known([s.time for s in points]),
+        position=known([s.position for s in points]),
+    )
+
+
+def _regressors(experiment: Experiment) -> tuple[str, ...]:
+    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
+    asked = experiment.fit.regressors
+    if asked is None:
+        asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
+    fixed = experiment.inertia is not None and not experiment.inertia.standard_error
+    return tuple(r for r in asked if not (r == "inertia" and fixed))
+
+
+def _fit_moving(
+    measured: Measured, timings: dict[str, float] | None
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+    experiment = measured.experiment
+    records = measured.moving(hold_out=False)
+    moving = {d: any((_velocity(r) * sign > 0).any() for r in records) for d, sign in DIRECTIONS.items()}
+    directions = tuple(d for d in DIRECTIONS if moving[d]) if experiment.fit.directions == "separate" else ("both",)
+    regressors = _regressors(experiment)
+    prior = experiment.inertia if experiment.inertia is not None and experiment.inertia.standard_error else None
+    fixed = experiment.inertia.value if experiment.inertia is not None and prior is None else None
+
+    def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
+        return regression.from_records(chosen, directions, regressors, experiment.fit.decimation, fixed)
+
+    training, (time, position), _ = problem(records)
+    if prior is not None and "inertia" in regressors:
+        free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
+        sigma = float(np.std(training.torque - free))
+        training = regression.with_prior(training, "inertia", prior.value, float(prior.standard_error or 0.0), sigma)
+    tests = [(record.file, problem([record])[0]) for record in measured.moving(hold_out=True)]
+    return fit_static(
+        training, experiment.fit, experiment.joint.kind, Where(time=time, position=position), tests, timings
+    )
+
+
+def _velocity(record: Record) -> Array:
+    return record.velocity if record.velocity is not None else np.zeros(0)
+
+
+def _input(record: Record) -> Input:
+    return Input(
+        file=record.file,
+        sha256=record.sha256,
+        rows=record.rows,
+        dropped=record.dropped,
+        notes=record.notes,
+        labels=record.labels,
+    )
+
+
+def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[str, ...]:
+    experiment, doubts = measured.experiment, []
+    if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
+        only = next(iter(set(static) & set(DIRECTIONS)))
+        doubts.append(f"Only direction {only} was measured; nothing is known of the other one.")
+    if from_points and measured.moving(hold_out=False):
+        doubts.append(
+            "The moving runs (tracking) are not used by the static fit, which has points at constant velocity."
+        )
+    if any(run.kind == "presliding" for run in measured.runs):
+        doubts.append("The presliding runs are not used: this version identifies the static parameters only.")
+    if not from_points and experiment.fit.directions == "separate":
+        doubts.append("With separate directions an offset cannot be told from the two Coulomb terms; it is left out.")
+    if experiment.truth and not experiment.simulated:
+        doubts.append("A truth is given, but the data are not declared simulated.")
+    return tuple(doubts)
+
+
+def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:
+    fit = experiment.fit
+    settings = {
+        "directions": fit.directions,
+        "loss": fit.loss,
+        "grid": f"{fit.grid} values of v_s, even in log(v_s), refined to the continuous minimum",
+        "plain grid": f"{fit.plain_grid} evenly spaced values of v_s",
+        "v_s range": "a third of the slowest to three times the fastest speed"
+        if fit.v_s_range is None
+        else f"{fit.v_s_range[0]:g} to {fit.v_s_range[1]:g}",
+    }
+    if moving:
+        settings |= {
+            "position filter": f"4th-order Butterworth, zero phase, {fit.position_cutoff:g} Hz",
+            "decimation": f"one sample in {fit.decimation}, both sides through 0.8 of the new Nyquist frequency, zero phase",
+            "regressors": ", ".join(_regressors(experiment)) or "none",
+        }
+        if experiment.inertia is not None:
+            known = experiment.inertia
+            settings["inertia"] = (
+                f"{known.value:g} (fixed)"
+                if not known.standard_error
+                else f"{known.value:g} +/- {known.standard_error:g} (prior)"
+            )
+    return settings

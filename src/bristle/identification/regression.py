@@ -1,0 +1,274 @@
+"""The static problem as arrays: measured torque against linear columns and one Stribeck column per direction.
+
+    T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors      (9)-(12)
+
+Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak), where a peak is a direction
+that has a Stribeck term.
+Moving data pass both sides through the same linear smoothing; points at constant velocity pass as they are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal, sparse
+
+from bristle.data.record import Record
+from bristle.model.arrays import Array, evaluate
+from bristle.model.functions import steady_jacobian, stribeck_shape, stribeck_shape_slope
+
+_KERNEL_TAIL = 1e-8
+"""Where the smoothing kernel is cut, relative to its peak."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regression:
+    """One static problem: n equations from N samples (n = N where nothing is smoothed)."""
+
+    directions: tuple[str, ...]
+    """("both",), ("+",), ("-",) or ("+", "-")."""
+    peaks: tuple[str, ...]
+    """The directions that have a Stribeck term."""
+    velocity: Array
+    """rad/s, shape (N,); no element is zero in a direction's set of points."""
+    torque: Array
+    """N*m, shape (n,), smoothed and weighted like the columns."""
+    linear: Array
+    """Columns that multiply the linear parameters but alpha_1, shape (n, m)."""
+    linear_names: tuple[str, ...]
+    """alpha_0 and alpha_2 per direction, then the extra regressors."""
+    smooth: sparse.csr_array | None = None
+    """The decimation filter as a matrix, shape (n, N)."""
+    root_weight: Array | None = None
+    """Square root of each equation's weight, shape (n,)."""
+    priors: int = 0
+    """How many of the last equations are priors, not measurements."""
+    known: Array | None = None
+    """Torque already taken off `torque` (a fixed inertia's), shape (n,)."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of theta's elements; a direction's sign is appended where there are two."""
+        return (*self.linear_names, *self._per_direction("alpha_1"), *self._per_direction("v_s"))
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds of the linear columns: 0 for friction, -inf for the extra regressors."""
+        return np.array([0.0 if name.startswith("alpha") else -np.inf for name in self.linear_names])
+
+    def shapes(self, v_s: Array, direction: int = 0) -> Array:
+        """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
+        return self._columns(stribeck_shape(), v_s, direction)
+
+    def slopes(self, v_s: Array, direction: int = 0) -> Array:
+        """Derivative of `shapes` with respect to v_s, by CasADi, shape (n, k)."""
+        return self._columns(stribeck_shape_slope(), v_s, direction)
+
+    def design(self, v_s: Sequence[float]) -> Array:
+        """All linear columns at given v_s, one per peak: shape (n, m + peaks)."""
+        return np.column_stack([self.linear, *(self.shapes(np.array([s]), d) for d, s in enumerate(v_s))])
+
+    def jacobian(self, theta: Array) -> Array:
+        """Exact derivative of the modelled torque with respect to theta, shape (n, len(theta))."""
+        linear, v_s = self.split(theta)
+        alpha_1 = linear[self.linear.shape[1] :]
+        slopes = [self.slopes(v_s[d : d + 1], d) * alpha_1[d] for d in range(v_s.size)]
+        return np.column_stack([self.design(v_s), *slopes])
+
+    def residuals(self, theta: Array) -> Array:
+        """Measured minus modelled torque (weighted, where there are weights), shape (n,)."""
+        linear, v_s = self.split(theta)
+        return self.torque - self.design(v_s) @ linear
+
+    def relative_error(self, theta: Array) -> float:
+        """100 * norm(measured - modelled) / norm(measured), percent; nan where nothing was measured but zeros."""
+        measured = self.torque if self.known is None else self.torque + self.known
+        norm = float(np.linalg.norm(measured))
+        return 100 * float(np.linalg.norm(self.residuals(theta))) / norm if norm else float("nan")
+
+    def split(self, theta: Array) -> tuple[Array, Array]:
+        """Split theta into its linear part, (m + peaks,), and v_s, (peaks,)."""
+        count = theta.size - len(self.peaks)
+        return theta[:count], theta[count:]
+
+    def friction(self, theta: Array) -> Array:
+        """Measured torque less what the extra regressors explain, shape (n,)."""
+        known = 2 * len(self.directions)
+        m = self.linear.shape[1]
+        return self.torque - self.linear[:, known:] @ theta[known:m]
+
+    def weighted(self, weight: Array) -> "Regression":
+        """The same problem with each equation multiplied by the square root of its weight, (n,)."""
+        root = np.sqrt(weight)
+        return replace(self, torque=self.torque * root, linear=self.linear * root[:, None], root_weight=root)
+
+    def rows(self, keep: Array) -> "Regression":
+        """The same problem with only some equations; for points only (nothing smoothed). `keep` is a mask or an index, (n,)."""
+        return replace(self, velocity=self.velocity[keep], torque=self.torque[keep], linear=self.linear[keep])
+
+    def _per_direction(self, name: str) -> tuple[str, ...]:
+        return tuple(name + ("" if len(self.directions) == 1 else d) for d in self.peaks)
+
+    def _columns(self, function: object, v_s: Array, direction: int) -> Array:
+        if self.smooth is None:
+            columns = self._masked(function, v_s, direction)
+        else:  # column by column: N samples times k values need not stand in memory at once
+            columns = np.column_stack([self.smooth @ self._masked(function, s[None], direction) for s in v_s])
+        return columns if self.root_weight is None else columns * self.root_weight[:, None]
+
+    def _masked(self, function: object, v_s: Array, direction: int) -> Array:
+        (columns,) = evaluate(function, self.velocity[:, None], v_s[None, :])
+        return columns if len(self.directions) == 1 else columns * _moves(self.velocity, self.peaks[direction])[:, None]
+
+
+def from_points(
+    velocity: Array, torque: Array, directions: tuple[str, ...], extra: dict[str, Array] | None = None
+) -> Regression:
+    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m. `extra` holds known columns by name."""
+    return _build(velocity, torque, directions, extra or {}, None)
+
+
+def from_records(
+    records: Sequence[Record],
+    directions: tuple[str, ...],
+    regressors: Sequence[str],
+    decimation: int,
+    inertia: float | None = None,
+) -> tuple[Regression, tuple[Array, Array], int]:
+    """The problem for moving data, as robot identification poses it.
+
+    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order Butterworth, forward and
+    backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end of a stretch without gaps are dropped.
+
+    Args:
+        records: with velocity, torque, and acceleration or position where a regressor needs them.
+        directions: as in `Regression`.
+        regressors: of inertia, offset, gravity.
+        decimation: keep one sample in this many, >= 1 (1: nothing is filtered).
+        inertia: where it is known, kg*m**2: its torque is taken off.
+
+    Returns:
+        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples dropped at ends.
+
+    Raises:
+        ValueError: where a stretch is too short for the filter, with the length it needs.
+    """
+    smooth, dropped = _decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
+    velocity = np.concatenate([_needed(r, "velocity") for r in records])
+    torque = np.concatenate([_needed(r, "torque") for r in records])
+    extra = {name: column for regressor in regressors for name, column in _extra(regressor, records).items()}
+    problem = _build(velocity, torque, directions, extra, smooth)
+    if inertia is not None:
+        known = smooth @ (inertia * np.concatenate([_needed(r, "acceleration") for r in records]))
+        problem = replace(problem, torque=problem.torque - known, known=known)
+    time = smooth @ np.concatenate([r.time - r.time[0] for r in records])
+    has_position = all(r.position is not None for r in records)
+    position = smooth @ np.concatenate([_needed(r, "position") for r in records]) if has_position else np.zeros(0)
+    return problem, (time, position), dropped
+
+
+def with_prior(problem: Regression, name: str, value: float, standard_error: float, sigma: float) -> Regression:
+    """The problem with one more equation: parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma."""
+    weight = sigma / standard_error
+    row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
+    smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
+    blank = sparse.csr_array((1, problem.velocity.size))
+    return replace(
+        problem,
+        torque=np.append(problem.torque, weight * value),
+        known=None if problem.known is None else np.append(problem.known, 0.0),
+        linear=np.vstack([problem.linear, row]),
+        smooth=sparse.csr_array(sparse.vstack([smooth, blank])),
+        priors=problem.priors + 1,
+    )
+
+
+def _build(
+    velocity: Array,
+    torque: Array,
+    directions: tuple[str, ...],
+    extra: dict[str, Array],
+    smooth: sparse.csr_array | None,
+) -> Regression:
+    one = len(directions) == 1
+    alpha_0, _, alpha_2, _ = evaluate(steady_jacobian(), velocity, 1.0, 0.0, 0.0, 1.0)  # (9) is linear in both
+    friction: dict[str, Array] = {}
+    for direction in directions:
+        tag, mask = ("", 1.0) if one else (direction, _moves(velocity, direction))
+        friction["alpha_0" + tag] = mask * alpha_0
+        friction["alpha_2" + tag] = mask * alpha_2
+    columns = np.column_stack([*friction.values(), *extra.values()])
+    if smooth is not None:
+        columns, torque = smooth @ columns, smooth @ torque
+    return Regression(
+        directions=directions,
+        peaks=directions,
+        velocity=velocity,
+        torque=torque,
+        linear=columns,
+        linear_names=(*friction, *extra),
+        smooth=smooth,
+    )
+
+
+def _moves(velocity: Array, direction: str) -> Array:
+    return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
+
+
+def _needed(record: Record, name: str) -> Array:
+    values: Array | None = getattr(record, name)
+    if values is None:
+        raise ValueError(f"{record.file}: the fit needs {name}, which this run does not have; add it under signals")
+    return values
+
+
+def _extra(regressor: str, records: Sequence[Record]) -> dict[str, Array]:
+    if regressor == "inertia":
+        return {"inertia": np.concatenate([_needed(r, "acceleration") for r in records])}
+    if regressor == "offset":
+        return {"offset": np.ones(sum(r.time.size for r in records))}
+    return gravity(np.concatenate([_needed(r, "position") for r in records]))
+
+
+def gravity(position: Array) -> dict[str, Array]:
+    """The two columns of a gravity torque, gravity_sin sin(q) + gravity_cos cos(q); position in rad, (n,)."""
+    return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
+
+
+def _decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+    if decimation == 1:
+        return sparse.eye_array(int(np.concatenate(stretches).sum()), format="csr"), 0
+    kernel = _kernel(decimation)
+    half = kernel.size // 2
+    blocks, dropped = [], 0
+    for length in np.concatenate(stretches):
+        centres = np.arange(half, length - half, decimation)
+        dropped += int(min(length, 2 * half))
+        if centres.size == 0:
+            blocks.append(sparse.csr_array((0, length)))
+            continue
+        columns = centres[:, None] + np.arange(-half, half + 1)
+        pointers = np.arange(0, columns.size + 1, kernel.size)
+        blocks.append(
+            sparse.csr_array((np.tile(kernel, centres.size), columns.ravel(), pointers), shape=(centres.size, length))
+        )
+    smooth = sparse.csr_array(sparse.block_diag(blocks, format="csr"))
+    if smooth.shape[0] == 0:
+        raise ValueError(
+            f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
+            f"log longer, or set fit.decimation below {decimation}"
+        )
+    return smooth, dropped
+
+
+def _kernel(decimation: int) -> Array:
+    """Impulse response of the zero-phase decimation filter, cut where it has died out; odd length, sum 1."""
+    sections = signal.butter(4, 0.8 / decimation, output="sos")
+    reach = 80 * decimation
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    response = signal.sosfiltfilt(sections, impulse, padtype=None)
+    alive = np.flatnonzero(np.abs(response) > _KERNEL_TAIL * np.abs(response).max())
+    half = int(max(reach - alive[0], alive[-1] - reach))
+    kernel: Array = response[reach - half : reach + half + 1]
+    return kernel / kernel.sum()

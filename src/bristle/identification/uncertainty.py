@@ -1,0 +1,105 @@
+"""How far to trust a static fit: covariance, Student intervals, the profile's interval for v_s, and whether a Stribeck term is there at all."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import fdtri, stdtrit
+
+from bristle.model.arrays import Array
+
+LEVEL = 0.95
+"""Every interval's level."""
+
+
+def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Array, float]:
+    """Covariance of least-squares estimates and its degrees of freedom.
+
+    s**2 (J'J)**-1 with s**2 = cost / (n - p), by a scaled pseudo-inverse, times the factor by which autocorrelated residuals inflate it.
+
+    Args:
+        jacobian: shape (n, p), of the free parameters, at the minimum.
+        cost: sum of squared residuals.
+        inflation: integrated autocorrelation time of the residuals, >= 1.
+
+    Returns:
+        The covariance (p, p), and n / inflation - p, at least 1.
+    """
+    n, p = jacobian.shape
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = np.linalg.pinv(jacobian / scale)
+    freedom = max(n / inflation - p, 1.0)
+    variance = cost / max(n - p, 1) * inflation
+    return variance * (inverse @ inverse.T) / np.outer(scale, scale), freedom
+
+
+def condition(jacobian: Array) -> float:
+    """Condition number of the Jacobian with its columns scaled to unit length."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    return float(np.linalg.cond(jacobian / np.where(scale == 0, 1.0, scale)))
+
+
+def student(freedom: float) -> float:
+    """Half-width of the 95 % interval in standard errors, by Student's t."""
+    return float(stdtrit(freedom, (1 + LEVEL) / 2))
+
+
+def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
+    """The cost at which a profiled parameter leaves its 95 % interval: J_min (1 + F / (n - p)), F = F(0.95; 1, n - p)."""
+    freedom = max(n / inflation - p, 1.0)
+    return cost * (1 + inflation * float(fdtri(1, freedom, LEVEL)) / max(n - p, 1))
+
+
+def profile_interval(
+    costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, threshold: float
+) -> tuple[float, float]:
+    """The interval of v_s whose profile stays below a threshold; 0 or inf where the profile stays below it to the end of the grid.
+
+    Args:
+        costs: the profile as a function of v_s, (k,) -> (k,).
+        grid: v_s, ascending, (k,).
+        profile: the profile on it, (k,).
+        best: where the profile is lowest.
+        threshold: from `profile_threshold`.
+    """
+    below = np.flatnonzero(profile <= threshold)
+    low, high = (
+        (int(below[0]), int(below[-1]))
+        if below.size
+        else (int(np.searchsorted(grid, best)), int(np.searchsorted(grid, best)) - 1)
+    )
+
+    def crossing(outside: float, inside: float) -> float:
+        def excess(u: float) -> float:
+            return float(costs(np.array([np.exp(u)]))[0]) - threshold
+
+        a, b = np.log(outside), np.log(inside)
+        return inside if excess(a) * excess(b) > 0 else float(np.exp(brentq(excess, a, b, xtol=1e-10)))
+
+    lower = 0.0 if low == 0 else crossing(float(grid[low - 1]), min(best, float(grid[min(low, grid.size - 1)])))
+    upper = np.inf if high == grid.size - 1 else crossing(float(grid[high + 1]), max(best, float(grid[max(high, 0)])))
+    return lower, float(upper)
+
+
+def stribeck_p_value(off: Array, length: Array, q: Array, ratio: float, *, draws: int = 2000, seed: int = 0) -> float:
+    """How often pure noise would look as much like a Stribeck peak as the data do.
+
+    Without a peak v_s means nothing, so no F table applies to the best of all v_s. But the ratio (cost without - cost with) / cost with
+    does not depend on the parameters nor on the noise level: it is drawn here, at the same velocities, with Gaussian noise.
+
+    Args:
+        off: Stribeck columns off the linear ones, (n, k).
+        length: their squared lengths, (k,).
+        q: orthonormal basis of the linear columns, (n, m).
+        ratio: the ratio seen (with autocorrelated residuals, divided by their inflation).
+        draws: repetitions; fewer where n is large.
+        seed: of the generator.
+    """
+    n = off.shape[0]
+    draws = int(np.clip(5e6 / n, 200, draws))
+    noise = np.random.default_rng(seed).standard_normal((n, draws))
+    noise -= q @ (q.T @ noise)
+    gain = (np.maximum(off.T @ noise, 0.0) ** 2 / length[:, None]).max(axis=0)
+    drawn = gain / (np.einsum("nk,nk->k", noise, noise) - gain)
+    return float((1 + np.count_nonzero(drawn >= ratio)) / (draws + 1))

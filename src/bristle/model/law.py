@@ -1,0 +1,89 @@
+"""The LuGre friction law: every equation of the package that is not the motor's stands here, once.
+
+Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s) and the parameters p (`Lugre`). Everything else - curves,
+simulators, residuals, Jacobians, adaptation - is derived from them; derivatives come from CasADi.
+"""
+
+from typing import Any
+
+import casadi as ca
+
+from bristle.model.parameters import Lugre, Pair
+
+Expression = Any
+"""A float or a CasADi symbol: CasADi carries no types."""
+
+_TINY = 1e-100
+"""Keeps (1 - exp(-x)) / x and its derivatives finite at x = 0, where both are exact to rounding."""
+
+
+def stribeck(v: Expression, p: Lugre[Any]) -> Expression:
+    """g(v) = alpha_0 + alpha_1 exp(-(v / v_s)**2), N*m (5): the friction level in slow sliding."""
+    return p.alpha_0 + p.alpha_1 * ca.exp(-((v / p.v_s) ** 2))
+
+
+def relaxation(v: Expression, p: Lugre[Any]) -> Expression:
+    """lambda(v) = sigma_0 abs(v) / g(v), 1/s: the rate at which the bristle forgets."""
+    return p.sigma_0 * ca.fabs(v) / stribeck(v, p)
+
+
+def bristle_rate(z: Expression, v: Expression, p: Lugre[Any], at: Expression | None = None) -> Expression:
+    """dz/dt = v - lambda(v) z, rad/s (4).
+
+    With `at`, lambda is evaluated at that velocity instead: the law is then linear in (z, v), which is what a coupled step freezes.
+    """
+    return v - relaxation(v if at is None else at, p) * z
+
+
+def torque(z: Expression, v: Expression, p: Lugre[Any], at: Expression | None = None) -> Expression:
+    """T_f = sigma_0 z + sigma_1 dz/dt + alpha_2 v, N*m (3); `at` as in `bristle_rate`."""
+    return p.sigma_0 * z + p.sigma_1 * bristle_rate(z, v, p, at) + p.alpha_2 * v
+
+
+def steady_deflection(v: Expression, p: Lugre[Any]) -> Expression:
+    """z_ss = g(v) sgn(v) / sigma_0, rad: where dz/dt = 0."""
+    return stribeck(v, p) * ca.sign(v) / p.sigma_0
+
+
+def steady_torque(v: Expression, p: Lugre[Any]) -> Expression:
+    """T_ss(v) = g(v) sgn(v) + alpha_2 v, N*m (9)."""
+    return stribeck(v, p) * ca.sign(v) + p.alpha_2 * v
+
+
+def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
+    """exp(-(v / v_s)**2) sgn(v): what multiplies alpha_1 in (9), the second column of (11)-(12)."""
+    return steady_torque(v, Lugre(0.0, 1.0, 0.0, v_s, 1.0, 0.0))
+
+
+def adapted(p: Lugre[Any], theta_1: Expression, theta_2: Expression) -> Lugre[Any]:
+    """The parameters of the adaptive form (16)-(18): theta_1 scales alpha_0, theta_2 scales alpha_2."""
+    return p._replace(alpha_0=theta_1 * p.alpha_0, alpha_2=theta_2 * p.alpha_2)
+
+
+def active(z: Expression, v: Expression, pair: Pair[Any]) -> Lugre[Any]:
+    """The set that acts at (z, v) when the two directions differ: sigma_0 by the sign of z, all others by the sign of v.
+
+    Every switched term is then multiplied by something that is zero at its switch, so T_f is continuous through each reversal, and the
+    bristle remains a spring that gives back no more than it took.
+    """
+    positive, negative = pair
+    by_v = (ca.if_else(v < 0, n, q) for q, n in zip(positive, negative, strict=True))
+    return Lugre(*by_v)._replace(sigma_0=ca.if_else(z < 0, negative.sigma_0, positive.sigma_0))
+
+
+def bristle_step(v0: Expression, v1: Expression, h: Expression, p: Lugre[Any]) -> tuple[Expression, Expression]:
+    """The exact-exponential step z(t + h) = a z(t) + b of (4) while v goes linearly from v0 to v1, which share one sign.
+
+    dz/dt = lambda (z_ss - z) is linear in z. With z_ss linear over the step and lambda by Simpson's rule, x = h lambda,
+    phi = (1 - exp(-x)) / x:  a = exp(-x),  b = (1 - phi) z_ss(v1) + (phi - a) z_ss(v0).
+    Stable for any stiffness and any h; second order where x <~ 1. Returns (a, b), dimensionless and rad.
+    """
+    g0, g1 = stribeck(v0, p), stribeck(v1, p)
+    gm = stribeck((v0 + v1) / 2, p)
+    speed0, speed1 = ca.fabs(v0), ca.fabs(v1)
+    x = h * p.sigma_0 / 6 * (speed0 / g0 + 2 * (speed0 + speed1) / gm + speed1 / g1) + _TINY
+    forgotten = -ca.expm1(-x)
+    a = 1 - forgotten
+    phi = forgotten / x
+    reach = ca.sign(v0 + v1) / p.sigma_0
+    return a, reach * ((1 - phi) * g1 + (phi - a) * g0)

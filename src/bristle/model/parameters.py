@@ -1,0 +1,94 @@
+"""The parameters as typed tuples: LuGre's six, one set per direction, and the motor's four.
+
+Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols. Units are SI strings that pint reads.
+"""
+
+from typing import Generic, Literal, NamedTuple, TypeVar
+
+T = TypeVar("T")
+Kind = Literal["revolute", "prismatic"]
+
+
+class Lugre(NamedTuple, Generic[T]):
+    """One set of LuGre parameters, equations (3)-(5). Units for a revolute joint; see `unit` for a prismatic one."""
+
+    alpha_0: T
+    """Coulomb friction, N*m, > 0."""
+    alpha_1: T
+    """Stribeck amplitude, N*m, >= 0 (the paper calls it stiction; the breakaway level is alpha_0 + alpha_1)."""
+    alpha_2: T
+    """Viscous friction, N*m*s/rad, >= 0."""
+    v_s: T
+    """Stribeck velocity, rad/s, > 0."""
+    sigma_0: T
+    """Bristle stiffness, N*m/rad, > 0."""
+    sigma_1: T
+    """Bristle damping, N*m*s/rad, >= 0."""
+
+
+class Pair(NamedTuple, Generic[T]):
+    """One LuGre set per direction of motion, as in Table 1 of the paper."""
+
+    positive: Lugre[T]
+    negative: Lugre[T]
+
+
+class Motor(NamedTuple, Generic[T]):
+    """The DC motor as seen at the joint, equations (1)-(2)."""
+
+    k_t: T
+    """Torque constant, N*m/A, which is also the back-EMF constant, V*s/rad, > 0."""
+    R: T
+    """Armature resistance, ohm, > 0."""
+    L: T
+    """Armature inductance, H, >= 0."""
+    J: T
+    """Combined inertia of rotor and link, kg*m**2, > 0."""
+
+
+_UNITS: dict[str, tuple[str, str]] = {
+    "alpha_0": ("N*m", "N"),
+    "alpha_1": ("N*m", "N"),
+    "alpha_2": ("N*m*s/rad", "N*s/m"),
+    "v_s": ("rad/s", "m/s"),
+    "sigma_0": ("N*m/rad", "N/m"),
+    "sigma_1": ("N*m*s/rad", "N*s/m"),
+    "k_t": ("N*m/A", "N/A"),
+    "R": ("ohm", "ohm"),
+    "L": ("H", "H"),
+    "J": ("kg*m**2", "kg"),
+    "inertia": ("kg*m**2", "kg"),
+    "offset": ("N*m", "N"),
+    "gravity_sin": ("N*m", "N"),
+    "gravity_cos": ("N*m", "N"),
+    "time": ("s", "s"),
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s**2", "m/s**2"),
+    "torque": ("N*m", "N"),
+    "current": ("A", "A"),
+    "voltage": ("V", "V"),
+}
+
+BOUNDS: dict[str, tuple[float, float]] = {
+    "alpha_0": (0.0, float("inf")),
+    "alpha_1": (0.0, float("inf")),
+    "alpha_2": (0.0, float("inf")),
+    "v_s": (0.0, float("inf")),
+    "sigma_0": (0.0, float("inf")),
+    "sigma_1": (0.0, float("inf")),
+}
+"""Physical limits of each LuGre parameter, in both directions of motion (alpha and sigma are positive in both)."""
+
+
+def unit(name: str, kind: Kind = "revolute") -> str:
+    """SI unit of a parameter or signal of a revolute or prismatic joint, as a string that pint reads.
+
+    Raises KeyError for a name that is neither.
+    """
+    return _UNITS[name][kind == "prismatic"]
+
+
+def is_passive(p: Lugre[float]) -> bool:
+    """Whether LuGre dissipates for every motion: alpha_2 > sigma_1 alpha_1 / alpha_0 (Barabanov and Ortega, 2000)."""
+    return p.alpha_2 > p.sigma_1 * p.alpha_1 / p.alpha_0
