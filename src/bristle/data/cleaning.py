@@ -1,0 +1,225 @@
+"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions; each counted and said."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.data.containers import Key
+from bristle.data.document import Model
+from bristle.data.reading import Table
+from bristle.data.record import Record
+from bristle.data.signals import Cleaning, Context, Signal, Signals
+from bristle.model.arrays import Array
+
+_TURN = 2 * np.pi
+
+
+@dataclass(slots=True)
+class _Rows:
+    """The rows still there, by signal, and what was said about the others."""
+
+    data: dict[str, Array]
+    number: NDArray[np.intp]
+    """Number of each row in the file, from 1."""
+    notes: list[str]
+
+    def keep(self, mask: NDArray[np.bool_]) -> None:
+        self.data = {name: values[mask] for name, values in self.data.items()}
+        self.number = self.number[mask]
+
+
+def keys_of(signals: Signals) -> dict[str, Key]:
+    """Which column each signal is read from; none for a time that is given by its rate."""
+    return {name: Key(s.column, s.index) for name, s in signals if s is not None and s.column is not None}
+
+
+def make_record(
+    file: str,
+    table: Table,
+    signals: Signals,
+    cleaning: Cleaning,
+    context: Context,
+    *,
+    labels: Mapping[str, str] | None = None,
+) -> Record:
+    """The record of a time series. Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque.
+
+    Raises ValueError where the data cannot be used as declared.
+    """
+    rows = _scaled(table, signals, context)
+    if signals.time is not None and signals.time.rate is not None:
+        rows.data["time"] = np.arange(table.rows) / signals.time.rate
+        rows.notes.append(f"Time from the declared rate of {signals.time.rate:g} Hz.")
+    _drop_non_finite(rows, table, cleaning)
+    _drop_by_time(rows, cleaning)
+    _enough(rows)
+    starts = _gaps(rows, cleaning.gap, stamped="time" in keys_of(signals))
+    if signals.position is not None:
+        _unwrap(
+            rows,
+            signals.position.period(context),
+            declared=signals.position.wraps is not None,
+            revolute=context.kind == "revolute",
+        )
+    _refuse_constant(rows)
+    return _record(file, table, rows, starts, labels or {})
+
+
+def make_points(
+    file: str,
+    table: Table,
+    signals: Signals,
+    cleaning: Cleaning,
+    context: Context,
+    *,
+    labels: Mapping[str, str] | None = None,
+) -> Record:
+    """The record of velocity-torque pairs: time counts them. Raises ValueError where the data cannot be used as declared."""
+    rows = _scaled(table, signals, context)
+    _drop_non_finite(rows, table, cleaning)
+    _enough(rows)
+    _refuse_constant(rows)
+    rows.data["time"] = np.arange(rows.number.size, dtype=float)
+    return _record(file, table, rows, (0,), labels or {})
+
+
+def _record(file: str, table: Table, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:
+    drive = {("torque" if name == "current" else name): values for name, values in rows.data.items()}
+    return Record(
+        file=file,
+        **drive,
+        starts=starts,
+        rows=table.rows,
+        dropped=table.rows - rows.number.size,
+        sha256=table.sha256,
+        notes=tuple(rows.notes),
+        labels=labels,
+    )
+
+
+def _scaled(table: Table, signals: Signals, context: Context) -> _Rows:
+    from bristle.data.units import factor
+
+    data = {}
+    for name, key in keys_of(signals).items():
+        signal: Model | None = getattr(signals, name)
+        times = (
+            signal.factor(name, context)
+            if isinstance(signal, Signal)
+            else factor(signals.time.unit or "s", "s")
+            if signals.time
+            else 1.0
+        )
+        data[name] = table.columns[key] * times
+    return _Rows(data=data, number=np.arange(1, table.rows + 1), notes=list(table.notes))
+
+
+def _drop_non_finite(rows: _Rows, table: Table, cleaning: Cleaning) -> None:
+    finite = np.ones(table.rows, dtype=bool)
+    for name, values in rows.data.items():
+        good = np.isfinite(values)
+        if not good.any():
+            raise ValueError(
+                f"{name} holds no finite number in any of {table.rows} rows; name the column that was logged"
+            )
+        finite &= good
+    bad = np.flatnonzero(~finite)
+    if not bad.size:
+        return
+    if cleaning.non_finite == "refuse":
+        raise ValueError(
+            f"{_count(bad.size)} (first: row {bad[0] + 1}) not finite (inf, nan or empty); mend the log, or declare cleaning: {{non_finite: drop}}"
+        )
+    if bad.size == table.rows:
+        raise ValueError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
+    rows.notes.append(f"{_count(bad.size)} dropped: inf, nan or empty (first: row {bad[0] + 1}).")
+    rows.keep(finite)
+
+
+def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
+    time = rows.data["time"]
+    seen = np.maximum.accumulate(time)
+    behind = np.zeros(time.size, dtype=bool)
+    behind[1:] = time[1:] < seen[:-1]
+    twice = np.zeros(time.size, dtype=bool)
+    twice[1:] = (time[1:] <= seen[:-1]) & ~behind[1:]
+    for bad, what, key, action in (
+        (behind, "time runs backward", "backward", cleaning.backward),
+        (twice, "a time stamp repeats", "duplicates", cleaning.duplicates),
+    ):
+        if bad.any() and action == "refuse":
+            k = int(np.flatnonzero(bad)[0])
+            raise ValueError(
+                f"{what} in {_count(int(bad.sum()))}, first at row {rows.number[k]} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); "
+                f"split the log, or declare cleaning: {{{key}: drop}}"
+            )
+        if bad.any():
+            rows.notes.append(
+                f"{_count(int(bad.sum()))} dropped: {what} (first: row {rows.number[np.flatnonzero(bad)[0]]})."
+            )
+    rows.keep(~(behind | twice))
+
+
+def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
+    """First samples of the stretches between gaps; the regularity of time is noted."""
+    intervals = np.diff(rows.data["time"])
+    step = float(np.median(intervals))
+    if not (np.isfinite(step) and step > 0):
+        raise ValueError(
+            f"time spans {rows.data['time'][0]:.9g} s to {rows.data['time'][-1]:.9g} s; expected finite seconds; check the unit of time"
+        )
+    wide = intervals > gap * step
+    worst = float(np.abs(intervals[~wide] - step).max(initial=0.0)) / step
+    if stamped:
+        rows.notes.append(
+            f"Sampling interval {step:.4g} s (median, {1 / step:.6g} Hz); jitter: at most {100 * worst:.2g} % off."
+        )
+    if wide.any():
+        rows.notes.append(
+            f"{int(wide.sum())} gap{'s' if wide.sum() > 1 else ''} longer than {gap:g} intervals ({gap * step:.4g} s), "
+            f"the longest {intervals.max():.4g} s; each stretch between gaps is treated on its own."
+        )
+    return (0, *(int(k) + 1 for k in np.flatnonzero(wide)))
+
+
+def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool) -> None:
+    position = rows.data["position"]
+    jumps = np.diff(position)
+    if period is not None:
+        rows.data["position"] = np.unwrap(position, period=period)
+        turns = int((np.abs(jumps) > period / 2).sum())
+        rows.notes.append(
+            f"Position wraps at {period:.6g} {'rad' if revolute else 'm'}: unwrapped {turns} time{'' if turns == 1 else 's'}."
+        )
+    elif revolute and not declared:
+        full = np.flatnonzero(np.abs(np.abs(jumps) / _TURN - 1) < 0.1)
+        if full.size:
+            raise ValueError(
+                f"position jumps by a full turn between samples, {full.size} times (first: row {rows.number[full[0] + 1]}); "
+                "declare wraps: true under signals.position, or wraps: false if the joint does move so fast"
+            )
+
+
+def _enough(rows: _Rows) -> None:
+    if rows.number.size < 2:
+        raise ValueError(f"only {_count(rows.number.size)} left; expected a log with many samples")
+
+
+def _refuse_constant(rows: _Rows) -> None:
+    for name, values in rows.data.items():
+        if name != "time" and (values == values[0]).all():
+            advice = (
+                ", or leave velocity out to have it estimated from position"
+                if name == "velocity" and "position" in rows.data
+                else ""
+            )
+            raise ValueError(
+                f"{name} is {values[0]:g} (SI) in all {values.size} rows, which is a set point or a dead sensor, not a measurement; "
+                f"name another column{advice}"
+            )
+
+
+def _count(count: int) -> str:
+    return f"{count} row{'' if count == 1 else 's'}"

@@ -1,0 +1,147 @@
+"""YAML to a validated model, or one sentence: where in the file, what was got, what was expected."""
+
+import difflib
+from collections.abc import Hashable
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+MAX_BYTES = 1_000_000
+"""Largest experiment file, bytes."""
+MAX_DEPTH = 30
+"""Deepest nesting of an experiment file; ours has four levels."""
+
+
+class Model(BaseModel):
+    """A part of the experiment file: frozen, and closed to unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+
+M = TypeVar("M", bound=Model)
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without aliases, which a few bytes can blow up to any size, and without a key given twice."""
+
+    depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        event = self.peek_event()  # type: ignore[no-untyped-call]  # types-PyYAML leaves the parser untyped
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+            raise yaml.MarkedYAMLError(
+                problem="anchors (&) and aliases (*) are not allowed; write the value out",
+                problem_mark=event.start_mark,
+            )
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            raise yaml.MarkedYAMLError(
+                problem="nested too deeply; expected a few levels", problem_mark=event.start_mark
+            )
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.value in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {key.value!r} is given twice; keep one of them", problem_mark=key.start_mark
+                )
+            seen.add(str(key.value))
+        return super().construct_mapping(node, deep=deep)
+
+
+def read_text(path: Path) -> str:
+    """The text of a file of at most `MAX_BYTES`. Raises ValueError where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise ValueError(unreadable(path, error)) from error
+    if len(content) > MAX_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_BYTES} bytes; expected an experiment file, which is a page of YAML")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(
+            f"{path}: not text in UTF-8 (byte {error.start}); expected an experiment file in YAML"
+        ) from error
+
+
+def unreadable(path: Path | str, error: OSError) -> str:
+    """Why a file cannot be read, in one sentence."""
+    if isinstance(error, FileNotFoundError):
+        return f"{path}: no such file; check the path, which is relative to the folder of the experiment file (or to where you are)"
+    if isinstance(error, IsADirectoryError):
+        return f"{path}: is a folder; expected a file"
+    return f"{path}: cannot be read ({error.strerror or error})"
+
+
+def parse(text: str, name: str) -> dict[str, Any]:
+    """The mapping that a YAML text holds. Raises ValueError with the line where it is malformed."""
+    try:
+        loader = _Loader(text)
+        document = loader.get_single_data()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
+        raise ValueError(f"{name}:{where} {error.problem or error.context}") from error
+    except yaml.YAMLError as error:
+        raise ValueError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
+    except (ValueError, TypeError, LookupError, OverflowError) as error:
+        raise ValueError(f"{name}: holds a value that YAML cannot read ({error}); put it in quotes") from error
+    if not isinstance(document, dict):
+        raise ValueError(f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs:")
+    return document
+
+
+def validate(model: type[M], data: dict[str, Any], name: str, context: object) -> M:
+    """The model that the data describe. Raises ValueError naming the key, what was got and what to do."""
+    try:
+        return model.model_validate(data, context=context)
+    except ValidationError as error:
+        found = error.errors()
+        first = min(found, key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise ValueError(f"{name}: {_sentence(first, model)}{more}") from error
+
+
+def short(value: object) -> str:
+    """A value as it is quoted in a sentence."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
+    where = [str(part) for part in error["loc"] if part not in ("int", "str", "bool", "float")]
+    key = ".".join(where)
+    if error["type"] == "extra_forbidden":
+        known = _known(model, error["loc"][:-1])
+        near = difflib.get_close_matches(where[-1], known, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(known)}"
+        return f"unknown key {short(key)}; {hint}"
+    if error["type"] == "missing":
+        return f"{key}: missing; add this key"
+    if error["type"] == "value_error":
+        return f"{key}: {error['ctx']['error']}" if key else str(error["ctx"]["error"])
+    message = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+    return f"{key}: got {short(error['input'])}; expected {message}"
+
+
+def _known(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    for part in path:
+        field = next((f for n, f in model.model_fields.items() if part in (n, f.alias)), None)
+        if field is not None:
+            model = next(iter(_models(field.annotation)), model)
+    return [field.alias or name for name, field in model.model_fields.items() if name != "path"]
+
+
+def _models(annotation: object) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in _models(argument)]

@@ -1,0 +1,127 @@
+"""Whether a stretch of a run counts as motion at constant velocity: each reason a sentence, with what would have let it in."""
+
+from dataclasses import dataclass
+
+from bristle.data.evidence import Evidence, Scale
+
+_TOLERANCE = 0.05
+"""Default drift of the velocity, relative to its mean; or what noise alone gives, where that is more."""
+_SWING = 0.25
+"""Scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to speak of."""
+_INDEPENDENT = 5.0
+"""Fewest independent samples of velocity and torque."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thresholds:
+    """What a constant-velocity segment must satisfy. None: from the data's own noise floor."""
+
+    minimum_duration: float | None = None
+    """Shortest segment that counts, s."""
+    velocity_tolerance: float | None = None
+    """Largest drift of the velocity over a segment, relative to its mean."""
+    torque_limit: float | None = None
+    """Torque at which the drive saturates, N*m."""
+    minimum_velocity: float | None = None
+    """Slowest mean velocity that counts as motion, rad/s."""
+
+
+def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[str, ...]:
+    """Why a stretch does not count, one sentence each, with what would have let it in; empty where it does."""
+    noise = 5 * e.velocity_error  # means little where the velocity drifts: that is told first
+    steady = _at_rest(e, usual, t, 0.0) or _accelerating(e, t) or _at_rest(e, usual, t, noise) or _unsteady(e, t)
+    found = (_too_short(e, usual, t), steady, _saturated(e, t))
+    return tuple(reason for reason in found if reason)
+
+
+def doubts(e: Evidence) -> tuple[str, ...]:
+    """What to doubt about a stretch that counts, one sentence each."""
+    found = []
+    speed = abs(e.velocity)
+    if sticks(e):
+        found.append(
+            f"Stick-slip: the velocity deviates by {e.swing / speed:.0%} of its mean and rests {e.resting:.0%} of the time; "
+            "its mean torque is not the friction at its mean velocity."
+        )
+    if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
+        found.append(
+            f"The slope of the position, {e.velocity:.4g}, and the mean of the velocity, {e.logged:.4g}, differ: "
+            "samples may be missing, or a unit or the sampling rate be off."
+        )
+    if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
+        found.append(
+            f"The torque changes by {e.torque_drift:.3g} over the segment, mean {e.torque:.4g}, more than its noise: "
+            "it depends on position, temperature or time, or had not settled."
+        )
+    if e.torque_error is None:
+        found.append("The torque holds fewer than two independent samples; its standard error is not known.")
+    return tuple(found)
+
+
+def sticks(e: Evidence) -> bool:
+    """Whether the joint sticks and slips: it rests over 5 % of the time, or its velocity swings by over 30 % of the mean."""
+    return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
+
+
+def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> str | None:
+    if t.minimum_duration is not None:
+        if e.duration >= t.minimum_duration * (1 - 1e-9):
+            return None
+        asked = f"segments.minimum_duration asks for {t.minimum_duration:.3g} s"
+    elif e.torque_error is None:
+        asked = "fewer than two of its torque samples are independent"
+    elif e.samples < _INDEPENDENT * e.correlation:
+        asked = f"{_INDEPENDENT * e.correlation * e.duration / e.samples:.3g} s hold the {_INDEPENDENT:g} independent samples asked for"
+    elif e.duration < usual.duration / 10 and abs(e.velocity) * e.duration < usual.distance / 10:
+        asked = f"a tenth of this run's typical plateau, {usual.duration / 10:.3g} s or {usual.distance / 10:.3g} of travel, is asked for"
+    else:
+        return None
+    return f"Too short: it lasts {e.duration:.3g} s, and {asked}; a longer hold, or segments.minimum_duration: {e.duration:.3g} s, would let it in."
+
+
+def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> str | None:
+    own = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
+    least = own if t.minimum_velocity is None else t.minimum_velocity
+    speed = abs(e.velocity)
+    if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
+        return None
+    floor = "the noise floor" if t.minimum_velocity is None else "segments.minimum_velocity"
+    return (
+        f"At rest or below breakaway: its mean speed is {speed:.3g}, and {floor} is {least:.3g}; more torque, "
+        f"or a segments.minimum_velocity below {speed:.3g}, would let it in."
+    )
+
+
+def _accelerating(e: Evidence, t: Thresholds) -> str | None:
+    speed = abs(e.velocity)
+    own = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
+    allowed = own if t.velocity_tolerance is None else t.velocity_tolerance * speed
+    if e.drift <= allowed:
+        return None
+    return (
+        f"Accelerating: its velocity drifts by {e.drift:.3g}, mean {e.velocity:.3g}, and {allowed:.3g} is allowed; a steadier motion, "
+        f"or a segments.velocity_tolerance of {e.drift / max(speed, 1e-300):.2g}, would let it in."
+    )
+
+
+def _unsteady(e: Evidence, t: Thresholds) -> str | None:
+    speed = abs(e.velocity)
+    if e.backward > 0.1:
+        return f"Hunting: it moves backward {e.backward:.0%} of the time, and 10 % is allowed; a controller that does not oscillate would let it in."
+    allowed = max(_SWING, t.velocity_tolerance or 0.0) * speed
+    if e.scatter <= allowed:
+        return None
+    return (
+        f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g} about {e.velocity:.3g}, and {allowed:.3g} is "
+        f"allowed; a longer hold, a stiffer controller, or a segments.velocity_tolerance of {e.scatter / max(speed, 1e-300):.2g}, would let it in."
+    )
+
+
+def _saturated(e: Evidence, t: Thresholds) -> str | None:
+    if t.torque_limit is not None:
+        share, limit = e.limited, f"segments.torque_limit, {t.torque_limit:.4g}"
+    else:
+        share, limit = e.clipped, "the largest torque or voltage of the run"
+    if share <= 0.05:
+        return None
+    return f"Saturated: {share:.0%} of its samples are at {limit}, and 5 % is allowed; a lower speed, or a higher torque_limit, would let it in."

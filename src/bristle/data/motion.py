@@ -1,0 +1,81 @@
+"""Velocity and acceleration from what was logged: a zero-phase low pass, then central differences."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from bristle.data.record import Record
+from bristle.model.arrays import Array
+
+ORDER = 4
+"""Order of the Butterworth filter, which runs forward and backward."""
+SHORTEST = 16
+"""Samples that a stretch without a gap must have to be filtered."""
+
+
+def estimate_motion(record: Record, cutoff: float) -> Record:
+    """The record with velocity and acceleration filled, stretch by stretch; its notes state the cut-off.
+
+    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward, and is differentiated twice by central
+    differences. A velocity that was logged stays as it is; the acceleration is then its derivative, after the same filter. A cut-off
+    at or above the Nyquist frequency is lowered to 0.8 of it. Stretches shorter than 16 samples are left out of the record and counted.
+
+    Raises ValueError where there is neither position nor velocity, or no stretch is long enough.
+    """
+    record = _without_short_stretches(record)
+    source = "position" if record.velocity is None else "velocity"
+    values = record.position if record.velocity is None else record.velocity
+    if values is None:
+        raise ValueError(f"{record.file}: neither position nor velocity; name one of them under signals")
+    nyquist = 0.5 / record.step
+    used = min(cutoff, 0.8 * nyquist) if cutoff >= nyquist else cutoff
+    lowered = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency" if used < cutoff else ""
+    smooth = smoothed(record, values, used)
+    velocity = derivative(record, smooth) if record.velocity is None else record.velocity
+    acceleration = derivative(record, velocity if record.velocity is None else smooth)
+    what = "Velocity and acceleration" if record.velocity is None else "Acceleration"
+    low_pass = f"Butterworth low pass of order {ORDER}, forward and backward, cut-off {used:g} Hz{lowered}"
+    note = f"{what} from {source}: {low_pass}; then central differences."
+    return replace(record, velocity=velocity, acceleration=acceleration, notes=(*record.notes, note))
+
+
+def smoothed(record: Record, values: Array, cutoff: float) -> Array:
+    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(ORDER, cutoff, fs=1 / record.step, output="sos")
+    # scipy-stubs cannot tell which of the layouts `butter` returns
+    return np.concatenate([np.asarray(sosfiltfilt(sections, values[s]), dtype=float) for s in stretches(record)])
+
+
+def derivative(record: Record, values: Array) -> Array:
+    """Time derivative of a signal of the record, shape (n,), by central differences; one-sided at the ends of each stretch."""
+    return np.concatenate([np.gradient(values[s], record.time[s]) for s in stretches(record)])
+
+
+def stretches(record: Record) -> list[slice]:
+    """The stretches of the record that have no gap inside."""
+    stops = (*record.starts[1:], record.time.size)
+    return [slice(start, stop) for start, stop in zip(record.starts, stops, strict=True)]
+
+
+def _without_short_stretches(record: Record) -> Record:
+    pieces = stretches(record)
+    long = [s for s in pieces if s.stop - s.start >= SHORTEST]
+    if not long:
+        raise ValueError(
+            f"{record.file}: no stretch without a gap has {SHORTEST} samples, too few to differentiate; log velocity, or raise cleaning.gap"
+        )
+    if len(long) == len(pieces):
+        return record
+    kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
+    signals = {
+        name: values[kept]
+        for name in ("time", "position", "velocity", "torque", "voltage", "acceleration")
+        if (values := getattr(record, name)) is not None
+    }
+    lost = record.time.size - kept.size
+    note = f"{lost} row{'' if lost == 1 else 's'} dropped: stretches between gaps shorter than {SHORTEST} samples, which cannot be differentiated."
+    lengths = [s.stop - s.start for s in long]
+    starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))
+    return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, note))

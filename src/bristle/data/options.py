@@ -1,0 +1,118 @@
+"""The parts of an experiment file: joint, motor, thresholds, fit options, runs; quantities are in SI once validated."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, StrictBool, StrictStr, ValidationInfo, model_validator
+
+from bristle.data import units
+from bristle.data.document import Model, short
+from bristle.data.signals import Hertz, Seconds, Signals, Speed, quantity, si
+from bristle.model.parameters import Kind
+
+RunKind = Literal["ramp", "points", "presliding", "tracking"]
+Regressor = Literal["inertia", "offset", "gravity"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inertia:
+    """Inertia at the joint, kg*m**2 (kg): fixed, or with a standard error a prior."""
+
+    value: float
+    standard_error: float | None = None
+
+
+def read_inertia(value: object, info: ValidationInfo) -> object:
+    """Read `x` (fixed) or `x ± s` (a prior), each with its unit."""
+    if isinstance(value, Inertia):
+        return value
+    number, error = units.plus_minus(value, si("inertia", info.context))
+    if not number > 0:
+        raise ValueError(f"got {short(value)}; expected a positive inertia")
+    return Inertia(value=number, standard_error=error)
+
+
+def _label(value: object) -> object:
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Label = Annotated[StrictStr, BeforeValidator(_label)]
+
+
+class Joint(Model):
+    """Which joint, and whether it turns or slides."""
+
+    name: Annotated[StrictStr, Field(min_length=1, max_length=200)]
+    kind: Kind = "revolute"
+
+
+class MotorConstants(Model):
+    """What is known of the motor, seen at the joint (so gear included)."""
+
+    torque_constant: Annotated[float, quantity("k_t"), Field(gt=0)]
+    resistance: Annotated[float, quantity("R"), Field(gt=0)] | None = None
+    inductance: Annotated[float, quantity("L"), Field(ge=0)] = 0.0
+    inertia: Annotated[float, quantity("J"), Field(gt=0)] | None = None
+
+
+class SegmentLimits(Model):
+    """Thresholds for constant-velocity segments; what is not given comes from the data."""
+
+    minimum_duration: Seconds | None = None
+    velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
+    minimum_velocity: Speed | None = None
+
+
+class FitOptions(Model):
+    """How the static parameters are fitted."""
+
+    directions: Literal["separate", "symmetric"] = "separate"
+    loss: Literal["least-squares", "huber"] = "least-squares"
+    regressors: tuple[Regressor, ...] | None = None
+    """None: none for ramp and points, inertia (and offset, if symmetric) for tracking."""
+    v_s_range: tuple[Speed, Speed] | None = None
+    """Stribeck velocities that are searched, rad/s; None: from the data."""
+    grid: Annotated[int, Field(ge=8, le=10_000)] = 48
+    plain_grid: Annotated[int, Field(ge=8, le=100_000)] = 500
+    position_cutoff: Hertz = 100.0
+    """Low pass of position before it is differentiated, tracking runs, Hz."""
+    velocity_cutoff: Hertz = 10.0
+    """The same, ramp and presliding runs without logged velocity, Hz."""
+    decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "FitOptions":
+        if self.regressors is not None and "offset" in self.regressors and self.directions == "separate":
+            raise ValueError(
+                "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, or set directions: symmetric"
+            )
+        if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
+            raise ValueError(
+                f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"
+            )
+        return self
+
+
+class RunFiles(Model):
+    """One entry under runs: a file or several, and what they hold."""
+
+    files: Annotated[StrictStr, Field(min_length=1)]
+    """Path or glob, relative to the experiment file; ${NAME} stands for an environment variable."""
+    experiment: RunKind
+    hold_out: StrictBool = False
+    temperature: Label | None = None
+    load: Label | None = None
+    signals: Signals | None = None
+    """Signals that differ from the experiment's."""
+
+
+class TrueSet(Model):
+    """The parameters behind simulated data; presliding ones that are not given are nan."""
+
+    alpha_0: Annotated[float, quantity("alpha_0"), Field(gt=0)]
+    alpha_1: Annotated[float, quantity("alpha_1"), Field(ge=0)]
+    alpha_2: Annotated[float, quantity("alpha_2"), Field(ge=0)]
+    v_s: Annotated[float, quantity("v_s"), Field(gt=0)]
+    sigma_0: Annotated[float, quantity("sigma_0"), Field(gt=0)] | None = None
+    sigma_1: Annotated[float, quantity("sigma_1"), Field(ge=0)] | None = None

@@ -1,0 +1,111 @@
+"""Correlated noise: autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it."""
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.special import fdtrc
+
+from bristle.model.arrays import Array
+
+_WINDOW = 5.0
+"""Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
+_HARMONICS = 64
+"""Most ripples looked for."""
+_SIGNIFICANT = 0.01
+
+
+def autocorrelation(x: Array) -> Array:
+    """Autocorrelation of x about its mean at lags 0 to n - 1, shape (n,), by FFT, biased (divided by n, not n - lag).
+
+    One at lag 0. Zero at all others where x is constant or holds one sample; empty where x is.
+    """
+    n = x.size
+    if n == 0:
+        return np.zeros(0)
+    centred = x - x.mean()
+    largest = np.abs(centred).max()
+    if largest <= 1e-12 * np.abs(x).max():
+        return np.r_[1.0, np.zeros(n - 1)]
+    length = next_fast_len(2 * n, real=True)
+    covariance = irfft(np.abs(rfft(centred / largest, length)) ** 2, length)[:n]
+    return np.asarray(covariance / covariance[0], dtype=np.float64)
+
+
+def lag_one(x: Array) -> float:
+    """Correlation of each sample with the next, in [-1, 1]; zero where x is constant or shorter than two samples."""
+    return float(autocorrelation(x)[1]) if x.size > 1 else 0.0
+
+
+def inflation(x: Array) -> float:
+    """The factor tau in var(mean) = tau var(x) / n: the integrated autocorrelation time 1 + 2 sum of the autocorrelation, in samples.
+
+    The sum ends at the first lag of five tau (Sokal, 1997) and is corrected for the mean being taken from the same data (Wolff, 2004,
+    eq. 49). At least 1, at most n; 1 for fewer than four samples or a constant. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
+    """
+    n = x.size
+    if n < 4:
+        return 1.0
+    partial = 2 * np.cumsum(autocorrelation(x)) - 1
+    far = np.flatnonzero(np.arange(n) >= _WINDOW * partial)
+    cut = min(int(far[0]) if far.size else n - 1, n // 2)
+    return float(np.clip(partial[cut] * (1 + (2 * cut + 1) / n), 1.0, n))
+
+
+def standard_error(x: Array) -> float | None:
+    """Standard error of the mean of x, corrected for autocorrelation; None where x holds fewer than two independent samples."""
+    tau = inflation(x)
+    return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
+
+
+def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[str, ...]:
+    """A sentence for each trend of the residuals over time or velocity, and for a ripple over position, that noise does not explain.
+
+    F tests against a constant, of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni
+    corrected for their number; residuals that are correlated in the order given count for fewer. Significant is p < 0.01 after correction.
+
+    Args:
+        residuals: N*m, shape (n,).
+        velocity: rad/s, shape (n,), or empty.
+        time: s, shape (n,), or empty.
+        position: rad, shape (n,), or empty.
+    """
+    n = residuals.size
+    trends = {"time": time, "velocity": velocity, "position": position}
+    known = {name: x for name, x in trends.items() if x.size == n and n >= 8 and np.ptp(x) > 0}
+    harmonics = np.arange(1, min(n // 4, _HARMONICS) + 1) if "position" in known else np.zeros(0)
+    looks = len(known) + harmonics.size
+    found = []
+    for name, x in known.items():
+        s = 2 * (x - x.min()) / np.ptp(x) - 1
+        p, share = _f_test(residuals, np.stack([s, s * s]))
+        if p * looks < _SIGNIFICANT:
+            found.append(f"Residuals have a trend over {name} {_told(p, looks, share)}")
+    ripples = [(*_f_test(residuals, _harmonic(known["position"], k)), int(k)) for k in harmonics]
+    p, share, k = min(ripples, default=(1.0, 0.0, 0))
+    if p * looks < _SIGNIFICANT:
+        period = float(np.ptp(known["position"])) / k
+        found.append(f"Residuals have a ripple over position of period {period:.3g} {_told(p, looks, share)}")
+    return tuple(found)
+
+
+def _told(p: float, looks: int, share: float) -> str:
+    return f"(p = {p * looks:.1g}, corrected for {looks} looks; it holds {share:.0%} of their variance)."
+
+
+def _harmonic(position: Array, k: float) -> Array:
+    phase = 2 * np.pi * k * (position - position.min()) / np.ptp(position)
+    return np.stack([np.cos(phase), np.sin(phase)])
+
+
+def _f_test(y: Array, basis: Array) -> tuple[float, float]:
+    """Probability of the F test of basis, shape (k, n), against a constant, counting independent samples; and its share of the variance."""
+    centred = y - y.mean()
+    total = float(centred @ centred)
+    directions = np.linalg.qr((basis - basis.mean(axis=1, keepdims=True)).T)[0].T
+    explained = (directions @ centred) @ directions
+    rest = centred - explained
+    share = float(explained @ explained) / total if total > 0 else 0.0
+    k, independent = basis.shape[0], y.size / inflation(rest)
+    freedom = independent - k - 1
+    if freedom < 1 or share <= 0:
+        return 1.0, share
+    return float(fdtrc(k, freedom, share / k / max(1 - share, 1e-300) * freedom)), share

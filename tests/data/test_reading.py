@@ -1,0 +1,298 @@
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike
+
+from bristle.data import reading
+from bristle.data.containers import Key, names_of
+from bristle.data.reading import read_table
+from bristle.data.units import factor, plus_minus, to_si
+
+_QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def _write(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def _refusal(path: Path, column: int | str) -> str | None:
+    try:
+        _column(path, column)
+    except ValueError as error:
+        return str(error)
+    return None
+
+
+def _column(path: Path, column: int | str, index: int | None = None) -> list[float]:
+    key = Key(column, index)
+    values: list[float] = read_table(path, [key]).columns[key].tolist()
+    return values
+
+
+@_QUICK
+@given(
+    st.lists(st.lists(_finite, min_size=3, max_size=3), min_size=1, max_size=8),
+    st.sampled_from(",;\t| "),
+    st.booleans(),
+)
+def test_any_table_comes_back(tmp_path: Path, rows: list[list[float]], delimiter: str, header: bool) -> None:
+    """What is written with any delimiter, with or without a header, is read back, by name and by number."""
+    lines = [delimiter.join(["t", "q", "tau"])] * header + [delimiter.join(map(repr, row)) for row in rows]
+    table = read_table(_write(tmp_path, "\n".join(lines)), [Key(0), Key("tau" if header else 2)])
+    expected = np.array(rows)
+    assert table.rows == len(rows)
+    np.testing.assert_allclose(table.columns[Key(0)], expected[:, 0], rtol=1e-14, atol=1e-320)
+    np.testing.assert_allclose(table.columns[Key("tau" if header else 2)], expected[:, 2], rtol=1e-14, atol=1e-320)
+
+
+_fragments = st.sampled_from(
+    [*"0123456789.,;|\t\n\r \"'#%eE+-", "nan", "inf", "t", "time", "\0", "é", "1.5", "\n2 3\n", "9" * 30]
+)
+
+
+@_QUICK
+@given(st.one_of(st.binary(max_size=300), st.lists(_fragments, max_size=60).map("".join)), st.sampled_from([0, 1, "t"]))
+def test_garbage_is_refused_in_a_sentence_or_read(tmp_path: Path, content: str | bytes, column: int | str) -> None:
+    """No bytes make the text reader raise anything but a one-line ValueError that names the file."""
+    path = _write(tmp_path, content)
+    refusal = _refusal(path, column)
+    assert refusal is None or (refusal.startswith(str(path)) and "\n" not in refusal)
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
+def test_damaged_containers_are_refused_in_a_sentence(tmp_path: Path, suffix: str) -> None:
+    """A container with any byte run overwritten, or cut short, gives its column or a ValueError, nothing else."""
+    whole = _container(tmp_path, suffix, np.arange(50.0)).read_bytes()
+    rng = np.random.default_rng(0)
+    refused = 0
+    for k in range(120):
+        start = int(rng.integers(len(whole)))
+        noise = rng.bytes(int(rng.integers(1, 12)))
+        broken = whole[:start] if k % 3 == 0 else whole[:start] + noise + whole[start + len(noise) :]
+        path = _write(tmp_path, broken, f"broken{suffix}")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # scipy and numpy warn of some damage before they refuse it
+            refusal = _refusal(path, "q")
+        refused += refusal is not None
+        assert refusal is None or refusal.startswith(str(path))
+    assert refused > 20
+
+
+def _container(folder: Path, suffix: str, values: ArrayLike) -> Path:
+    path = folder / f"whole{suffix}"
+    if suffix == ".mat":
+        scipy.io.savemat(path, {"q": values})
+    elif suffix == ".npz":
+        np.savez(path, q=values)
+    else:
+        pd = pytest.importorskip("pandas")
+        pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
+        pd.DataFrame({"q": values}).to_parquet(path)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
+@pytest.mark.parametrize("dtype", ["float64", "float32", "int16", "uint8"])
+def test_containers_come_back_as_floats(tmp_path: Path, suffix: str, dtype: str) -> None:
+    """A column of any number type is read as floats of the same value, so that no integer arithmetic overflows later."""
+    path = _container(tmp_path, suffix, np.array([0, 1, 250]).astype(dtype))
+    table = read_table(path, [Key("q")])
+    assert table.columns[Key("q")].dtype == np.float64
+    assert table.columns[Key("q")].tolist() == [0, 1, 250]
+    assert names_of(path) == ("q",)
+
+
+def test_mat_paths(tmp_path: Path) -> None:
+    """A dotted path reaches into structs, cells (from 1) and columns of a matrix (from 0)."""
+    runs = np.empty((1, 2), dtype=object)
+    runs[0, 0], runs[0, 1] = {"q": np.zeros(3)}, {"q": np.array([1.0, 2.0, 3.0]), "m": np.arange(6.0).reshape(3, 2)}
+    path = tmp_path / "log.mat"
+    scipy.io.savemat(path, {"data": {"run": runs, "t": np.arange(3.0)}, "k": 2.0})
+    assert _column(path, "data.t") == [0, 1, 2]
+    assert _column(path, "data.run{2}.q") == [1, 2, 3]
+    assert _column(path, "data.run{2}.m", 1) == [1, 3, 5]
+    assert "data.run{2}.q" in names_of(path)
+    for column, says in {
+        "data.run{3}.q": "2 elements",
+        "data.x": "there are: run, t",
+        "x": "there are: data, k",
+        "data.run{2}.m": "say which column with index",
+        "data.t.u": "no struct",
+        "data": "no plain array",
+        "data..t": "dotted path",
+    }.items():
+        with pytest.raises(ValueError, match=says):
+            _column(path, column)
+    with pytest.raises(ValueError, match="columns differ in length"):
+        read_table(path, [Key("data.t"), Key("k")])
+
+
+@pytest.mark.parametrize(
+    ("content", "column", "expected"),
+    [
+        ("0\t1\t\n2\t3\t\n", 1, [1, 3]),  # a delimiter at the end of each line
+        ("t,q\n0,1,\n2,3,\n", "q", [1, 3]),  # the same, but for the header
+        ("a, b \n1, 2\n3, 4\n", "b", [2, 4]),
+        ("\ufefft;q\n0;1\n2;3\n", "t", [0, 2]),  # byte order mark
+        ("t;q\n0,5;1,25\n1,5;2,5\n", "q", [1.25, 2.5]),  # decimal comma
+        ("# t q\n0 1\n2 3\n", "q", [1, 3]),  # NumPy's savetxt
+        ("# rig 3\nt,q\n0,1\n# paused\n2,3\n", "q", [1, 3]),
+        ("% x\n  0   1\n  2   3\n", 1, [1, 3]),
+        ("time,pos\ns,rad\n0,1\n2,3\n", "pos", [1, 3]),  # a row of units
+        ("Time (s)\tAngle [deg]\n0\t1\n2\t3\n", "Angle [deg]", [1, 3]),
+        ("t,q\r\n0,1\r\n2,3\r\n", "q", [1, 3]),
+        ('"t","q, left"\n0,1\n2,3\n', "q, left", [1, 3]),
+        ("5\n6\n7\n", 0, [5, 6, 7]),
+        ("\n\nt,q\n\n0,1\n2,3\n", "q", [1, 3]),
+    ],
+)
+def test_layouts_of_the_wild(tmp_path: Path, content: str, column: int | str, expected: list[float]) -> None:
+    """Headers, comments, decimal commas, units rows, byte order marks and delimiters at line ends shift no column."""
+    assert _column(_write(tmp_path, content), column) == expected
+
+
+def test_encodings(tmp_path: Path) -> None:
+    """UTF-16 with its mark, and Latin-1, are read like UTF-8."""
+    text = "t,Winkel [°]\n0,1\n2,3\n"
+    for encoding in ("utf-8", "utf-16", "latin-1"):
+        assert _column(_write(tmp_path, text.encode(encoding)), "Winkel [°]") == [1, 3]
+
+
+def test_inf_and_nothing_are_read_not_refused(tmp_path: Path) -> None:
+    """`inf`, `nan`, an empty cell and a line cut short are not finite; what to do with them is not the reader's matter."""
+    values = _column(_write(tmp_path, "t,q\n0,inf\n1,nan\n2,\n3,4\n4"), "q")
+    assert values[3] == 4
+    assert not np.isfinite(np.delete(values, 3)).any()
+
+
+@pytest.mark.parametrize(
+    ("content", "column", "says"),
+    [
+        ("", 0, "empty"),
+        ("\n \n", 0, "no row of numbers"),
+        ("t,q\n", "q", "header and no row"),
+        ("t,q\n0,1\n", "x", "no column named 'x'; there are: t, q"),
+        ("t,q\n0,1\n", 2, "no column 2; columns count from 0"),
+        ("0,1\n2,3\n", "1", "without quotes"),
+        ("t,t\n0,1\n", "t", "several columns named 't'"),
+        ("t,q\n0,1\n1,oops\n", "q", "row 2 of column 'q' holds 'oops'"),
+        ("0,1\n2,3\n4,5,6,7\n", 1, "differ in width"),
+        (b"t\0,q\n1,2\n", 0, "not a text file"),
+    ],
+)
+def test_bad_text_is_refused(tmp_path: Path, content: str | bytes, column: int | str, says: str) -> None:
+    """Each bad text file is refused in one sentence that says what is wrong and where."""
+    with pytest.raises(ValueError, match=says):
+        _column(_write(tmp_path, content), column)
+
+
+def test_bad_paths_are_refused(tmp_path: Path) -> None:
+    """A missing file and a folder are a ValueError that says which."""
+    with pytest.raises(ValueError, match=r"none\.csv: no such file"):
+        _column(tmp_path / "none.csv", 0)
+    with pytest.raises(ValueError, match="is a folder"):
+        _column(tmp_path, 0)
+
+
+def test_sizes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line or a file longer than the stated limits is refused before it is parsed."""
+    path = _write(tmp_path, b"0,1\n" + b"2" * (reading.MAX_LINE + 1))
+    with pytest.raises(ValueError, match=f"longer than {reading.MAX_LINE} bytes"):
+        _column(path, 0)
+    monkeypatch.setattr(reading, "MAX_BYTES", 1000)
+    with pytest.raises(ValueError, match="over the limit of 1000"):
+        _column(path, 0)
+
+
+def test_containers_that_are_not_what_they_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Version 7.3, pickled objects, no MAT-file at all, and a missing pyarrow: each says what to do."""
+    hdf5 = _write(tmp_path, b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "new.mat")
+    with pytest.raises(ValueError, match=r"version 7\.3 .*'-v7'"):
+        _column(hdf5, "q")
+    with pytest.raises(ValueError, match="no MAT-file"):
+        _column(_write(tmp_path, "t,q\n0,1\n", "text.mat"), "q")
+    np.savez(tmp_path / "objects.npz", q=np.array([{}, None], dtype=object))
+    with pytest.raises(ValueError, match=r"allow_pickle|no plain array"):
+        _column(tmp_path / "objects.npz", "q")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ValueError, match=r"pip install 'bristle\[parquet\]'"):
+        _column(_write(tmp_path, b"PAR1", "log.parquet"), "q")
+
+
+@_QUICK
+@given(
+    st.floats(1e-9, 1e9),
+    st.sampled_from(
+        [
+            ("deg", "rad"),
+            ("rev", "rad"),
+            ("rpm", "rad/s"),
+            ("mNm", "N*m"),
+            ("mA", "A"),
+            ("mm/s", "m/s"),
+            ("ms", "s"),
+            ("kHz", "Hz"),
+            ("g*cm^2", "kg*m**2"),
+        ]
+    ),
+)
+def test_units_round_trip(value: float, units: tuple[str, str]) -> None:
+    """A quantity in any unit is its SI value in SI, to rounding."""
+    logged, si = units
+    assert to_si(f"{value!r} {logged}", si) == pytest.approx(
+        to_si(f"{value * factor(logged, si)!r} {si}", si), rel=1e-12
+    )
+
+
+def test_units_of_logs() -> None:
+    """Counts, counts per turn, scales, and values with their standard error."""
+    assert factor("counts/s", "rad/s", resolution=1e-3) == pytest.approx(1e-3)
+    assert to_si("4096 counts/rev", "rad") == pytest.approx(2 * np.pi / 4096)
+    assert factor("A", "N*m", scale="-7.6 N*m/A") == pytest.approx(-7.6)
+    assert factor("V", "N", scale="35.15 N/V") == pytest.approx(35.15)
+    assert factor("V/rpm", "N*m/A") == pytest.approx(30 / np.pi)
+    assert plus_minus("95.1 ± 0.5 kg", "kg") == plus_minus("(95.1 +/- 0.5) kg", "kg") == (95.1, 0.5)
+    assert plus_minus("9 kg", "kg") == (9, None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "target"),
+    [
+        ("Hz", "rad/s"),
+        ("rad/s", "Hz"),
+        ("degC", "rad"),
+        ("%", "rad"),
+        ("N*m", "N"),
+        ("rad", "m"),
+        ("counts", "rad"),
+        ("", "m"),
+        ("()", "m"),
+        ("foo", "N"),
+        ("m**9**9**9**9", "m"),
+        ("m**99", "m"),
+        ("__import__('os')", "s"),
+        ("m" * 100, "m"),
+        ("2 m", "m"),
+    ],
+)
+def test_wrong_units_are_refused(unit: str, target: str) -> None:
+    """An unknown unit, one of another dimension, and Hz for rad/s are refused, at once, with what was got."""
+    with pytest.raises(ValueError, match=r"unit .*(expected|needs)"):
+        factor(unit, target)
+
+
+@pytest.mark.parametrize("value", [3, "3", None, "inf rad", "rad", [1], "1 N", {"a": 1}])
+def test_a_bare_number_has_no_unit(value: Any) -> None:
+    """Every quantity needs a number and a unit of its dimension."""
+    with pytest.raises(ValueError, match="expected"):
+        to_si(value, "rad")

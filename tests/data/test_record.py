@@ -1,0 +1,39 @@
+import numpy as np
+import pytest
+
+from bristle.data.record import Record
+
+
+def test_copies_and_freezes() -> None:
+    """A record keeps what it was given, whatever happens to the caller's array, and cannot be written to."""
+    time = np.array([0.0, 1.0, 2.0])
+    record = Record(file="a.csv", time=time, torque=time)
+    time[:] = 7.0
+    assert record.torque is not None
+    assert record.torque.tolist() == record.time.tolist() == [0.0, 1.0, 2.0]
+    with pytest.raises(ValueError, match="read-only"):
+        record.time[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("time", "velocity"),
+    [
+        ([], None),
+        ([[0.0, 1.0]], None),
+        ([0.0, 0.0], None),
+        ([1.0, 0.0], None),
+        ([0.0, np.nan], None),
+        ([0.0, 1.0], [1.0]),
+        ([0.0, 1.0], [1.0, np.inf]),
+    ],
+)
+def test_refuses_what_is_no_time_series(time: list[float], velocity: list[float] | None) -> None:
+    """Time must be one finite, strictly increasing column, and every signal finite and as long."""
+    with pytest.raises(ValueError, match=r"^a\.csv: (time|velocity)"):
+        Record(file="a.csv", time=np.array(time), velocity=None if velocity is None else np.array(velocity))
+
+
+def test_step_is_the_median_interval() -> None:
+    """One long interval does not move the sampling interval; a single sample has none."""
+    assert Record(file="", time=np.array([0.0, 1.0, 2.0, 9.0])).step == 1.0
+    assert np.isnan(Record(file="", time=np.array([0.0])).step)

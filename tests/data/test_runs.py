@@ -1,0 +1,255 @@
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from bristle.data.experiment import Experiment, load_experiment, read_runs
+from bristle.data.record import Record
+
+_T = np.arange(400) * 1e-3
+_BASE: dict[str, Any] = {
+    "joint": {"name": "wrist", "kind": "revolute"},
+    "signals": {
+        "time": {"column": "t", "unit": "s"},
+        "position": {"column": "q", "unit": "rad"},
+        "torque": {"column": "tau", "unit": "N*m"},
+    },
+    "runs": [{"files": "log.csv", "experiment": "tracking"}],
+}
+
+
+def _log(folder: Path, name: str = "log.csv", **columns: Any) -> Path:
+    given_columns = {"t": _T, "q": np.sin(9 * _T), "tau": np.cos(9 * _T), "v": 9 * np.cos(9 * _T)} | columns
+    np.savetxt(
+        folder / name,
+        np.column_stack(list(given_columns.values())),
+        delimiter=",",
+        header=",".join(given_columns),
+        comments="",
+    )
+    return folder / name
+
+
+def _experiment(folder: Path, **changes: Any) -> Experiment:
+    path = folder / "experiment.yaml"
+    path.write_text(yaml.safe_dump(_BASE | changes, allow_unicode=True), encoding="utf-8")
+    return load_experiment(path)
+
+
+def _signals(**changes: Any) -> dict[str, Any]:
+    return {name: s for name, s in ({**_BASE["signals"]} | changes).items() if s is not None}
+
+
+def _record(folder: Path, **changes: Any) -> Record:
+    return read_runs(_experiment(folder, **changes))[0].record
+
+
+def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Globs sort by name, several matches are several runs, and no machine path shows, not even with a variable in it."""
+    (tmp_path / "logs").mkdir()
+    for name in ("v_2.csv", "v_1.csv"):
+        _log(tmp_path / "logs", name)
+    monkeypatch.setenv("RIG_LOGS", str(tmp_path / "logs"))
+    entry = {"experiment": "ramp", "hold_out": True, "temperature": 21, "load": "2 kg"}
+    runs = read_runs(
+        _experiment(
+            tmp_path,
+            runs=[{"files": "${RIG_LOGS}/v_*.csv", **entry}, {"files": "logs/v_2.csv", "experiment": "tracking"}],
+        )
+    )
+    assert [run.record.file for run in runs] == ["${RIG_LOGS}/v_1.csv", "${RIG_LOGS}/v_2.csv", "logs/v_2.csv"]
+    assert [run.hold_out for run in runs] == [True, True, False]
+    assert runs[0].record.labels == {"temperature": "21", "load": "2 kg"}
+    assert len(runs[0].record.sha256) == 64
+    monkeypatch.delenv("RIG_LOGS")
+    for files, says in (
+        ("${RIG_LOGS}/v_1.csv", "RIG_LOGS, which is not set"),
+        ("x_*.csv", "matches no file"),
+        ("x.csv", "is no file"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            read_runs(_experiment(tmp_path, runs=[{"files": files, **entry}]))
+
+
+def test_torque_from_whatever_drives(tmp_path: Path) -> None:
+    """Torque, current (k_t i), voltage (8) and a scaled reading of another unit all give the same torque."""
+    k_t, resistance = 0.5, 2.0
+    tau, v = np.cos(9 * _T), 9 * np.cos(9 * _T)
+    _log(tmp_path, i=tau / k_t, u=resistance * tau / k_t + k_t * v)
+    velocity, motor = {"column": "v", "unit": "rad/s"}, {"torque_constant": "0.5 N*m/A", "resistance": "2 ohm"}
+    for drive in (
+        {"torque": {"column": "tau", "unit": "N*m"}},
+        {"torque": {"column": "i", "unit": "A", "scale": "0.5 N*m/A"}},
+        {"torque": {"column": "tau", "unit": "mNm", "scale": 1000}},
+        {"current": {"column": "i", "unit": "A"}},
+        {"voltage": {"column": "u", "unit": "V"}},
+    ):
+        record = _record(tmp_path, signals={**_signals(torque=None, velocity=velocity), **drive}, motor=motor)
+        assert record.torque is not None
+        np.testing.assert_allclose(record.torque, tau, atol=1e-12)
+        assert record.acceleration is not None
+    flipped = _record(tmp_path, signals=_signals(torque={"column": "tau", "unit": "N*m", "scale": -1}))
+    np.testing.assert_allclose(flipped.torque, -tau)  # type: ignore[arg-type]  # torque is there
+
+
+def test_points_are_pairs(tmp_path: Path) -> None:
+    """Points need velocity and torque alone; time counts them, and rows that are not finite are dropped."""
+    (tmp_path / "points.csv").write_text("v,tau\n60,1\nnan,2\n-120,3\n")
+    signals = {"velocity": {"column": "v", "unit": "rpm"}, "torque": {"column": "tau", "unit": "N*m"}}
+    record = _record(tmp_path, signals=signals, runs=[{"files": "points.csv", "experiment": "points"}])
+    assert record.time.tolist() == [0, 1]
+    np.testing.assert_allclose(record.velocity, [2 * np.pi, -4 * np.pi])  # type: ignore[arg-type]  # velocity is there
+    assert (record.rows, record.dropped) == (3, 1)
+
+
+def test_own_signals_of_a_run(tmp_path: Path) -> None:
+    """A run's own signals replace the experiment's, one by one; a current replaces a torque."""
+    _log(tmp_path, p=np.degrees(np.sin(9 * _T)))
+    own = {"position": {"column": "p", "unit": "deg"}, "current": {"column": "tau", "unit": "A"}}
+    runs = [{"files": "log.csv", "experiment": "tracking", "signals": own}]
+    record = _record(tmp_path, runs=runs, motor={"torque_constant": "2 N*m/A"})
+    np.testing.assert_allclose(record.position, np.sin(9 * _T), atol=1e-12)  # type: ignore[arg-type]  # position is there
+    np.testing.assert_allclose(record.torque, 2 * np.cos(9 * _T), atol=1e-12)  # type: ignore[arg-type]  # torque is there
+
+
+@pytest.mark.parametrize(
+    ("unit", "wraps", "scale"),
+    [
+        ("rad", True, 1.0),
+        ("deg", True, 180 / np.pi),
+        ("deg", "360 deg", 180 / np.pi),
+        ("counts", True, 1000 / (2 * np.pi)),
+    ],
+)
+def test_wrapped_positions_are_unwrapped(tmp_path: Path, unit: str, wraps: bool | str, scale: float) -> None:
+    """A position that wraps at the full turn, in any unit, comes back whole; undeclared it is refused, naming the fix."""
+    truth = 40 * _T
+    _log(tmp_path, q=np.mod(truth, 2 * np.pi) * scale)
+    position = {"column": "q", "unit": unit, "wraps": wraps}
+    record = _record(tmp_path, signals=_signals(position=position), encoder_resolution="1000 counts/rev")
+    np.testing.assert_allclose(record.position, truth, atol=1e-9)  # type: ignore[arg-type]  # position is there
+    assert any("unwrapped 2 times" in note for note in record.notes)
+    del position["wraps"]
+    with pytest.raises(ValueError, match="declare wraps: true"):
+        _record(tmp_path, signals=_signals(position=position), encoder_resolution="1000 counts/rev")
+
+
+def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
+    """Repeated and backward stamps, rows that are not finite, and gaps: each dropped or refused as declared, counted and said."""
+    time, tau = np.array(_T), np.cos(9 * _T)
+    time[100], tau[50] = time[99], np.nan
+    time[200:] += 1.0
+    _log(tmp_path, t=time, tau=tau)
+    record = _record(tmp_path)
+    assert (record.rows, record.dropped, record.time.size) == (400, 2, 398)
+    assert record.starts == (0, 198)
+    assert [any(word in note for note in record.notes) for word in ("row 51", "row 101", "1 gap", "jitter")] == [
+        True
+    ] * 4
+    for key, says in (("non_finite", "row 51"), ("duplicates", "repeats .* row 101")):
+        with pytest.raises(ValueError, match=rf"log\.csv: .*{says}"):
+            _record(tmp_path, cleaning={key: "refuse"})
+    assert _record(tmp_path, cleaning={"gap": 2000}).starts == (0,)
+    time[300] = 0.0
+    _log(tmp_path, t=time)
+    with pytest.raises(ValueError, match=r"runs backward in 1 row, first at row 301"):
+        _record(tmp_path)
+    assert _record(tmp_path, cleaning={"backward": "drop"}).dropped == 2
+
+
+def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
+    """A ramp without velocity has it from its position, by the rate where there is no time, and the notes say so."""
+    q = 0.3 * _T + 1e-3 * np.sin(50 * _T)
+    _log(tmp_path, q=q)
+    record = _record(
+        tmp_path, signals=_signals(time={"rate": "1 kHz"}), runs=[{"files": "log.csv", "experiment": "ramp"}]
+    )
+    assert record.velocity is not None
+    assert float(np.median(record.velocity)) == pytest.approx(0.3, rel=0.2)
+    assert any("cut-off 10 Hz" in note for note in record.notes)
+    assert any("declared rate of 1000 Hz" in note for note in record.notes)
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"tau": np.full(400, np.nan)}, "torque holds no finite number"),
+        ({"q": np.zeros(400)}, "position is 0 .* in all 400 rows"),
+        ({"tau": np.ones(400)}, "torque is 1 .* in all 400 rows"),
+        ({"v": np.full(400, 2.0)}, "velocity is 2 .* leave velocity out"),
+        ({"t": np.zeros(400)}, "only 1 row left"),
+        ({"t": -_T}, "time runs backward"),
+    ],
+)
+def test_useless_data_are_refused(tmp_path: Path, columns: dict[str, Any], says: str) -> None:
+    """All-NaN, constant and timeless logs are one sentence that opens with the file."""
+    _log(tmp_path, **columns)
+    with pytest.raises(ValueError, match=says) as caught:
+        _record(tmp_path, signals=_signals(velocity={"column": "v", "unit": "rad/s"}))
+    assert str(caught.value).startswith("log.csv: ")
+
+
+def test_one_row_is_refused(tmp_path: Path) -> None:
+    """One sample is no experiment."""
+    (tmp_path / "log.csv").write_text("t,q,tau\n0,1,2\n")
+    with pytest.raises(ValueError, match="only 1 row"):
+        _record(tmp_path)
+
+
+def _measured() -> Path:
+    folder = os.environ.get("BRISTLE_DATA")
+    if not folder:
+        pytest.skip("BRISTLE_DATA is not set: the measured logs are not here")
+    return Path(folder)
+
+
+def test_measured_logs_are_read(tmp_path: Path) -> None:
+    """The wrist's ten runs, headerless and wrapped, and the linear drive's MAT-file come in whole."""
+    _measured()
+    wrist = {
+        "time": {"rate": "999 Hz"},
+        "position": {"column": 1, "unit": "rad", "wraps": True},
+        "velocity": {"column": 2, "unit": "rad/s"},
+        "torque": {"column": 5, "unit": "A", "scale": "7.6 N*m/A"},
+    }
+    runs = read_runs(
+        _experiment(
+            tmp_path,
+            signals=wrist,
+            runs=[{"files": "${BRISTLE_DATA}/kinova_gen3_joint7/velocity_*.csv", "experiment": "ramp"}],
+        )
+    )
+    assert [run.record.file.split("_")[-1][:4] for run in runs] == [
+        "0.03",
+        "0.05",
+        "0.09",
+        "0.10",
+        "0.30",
+        "0.50",
+        "0.70",
+        "0.90",
+        "1.30",
+        "1.50",
+    ]
+    for run in runs:
+        assert run.record.position is not None
+        assert np.abs(np.diff(run.record.position)).max() < 0.1
+        assert run.record.file.startswith("${BRISTLE_DATA}/")
+    drive = {
+        "time": {"column": "t", "unit": "s"},
+        "position": {"column": "qm", "unit": "m"},
+        "torque": {"column": "vir", "unit": "V", "scale": "35.15 N/V"},
+    }
+    files = "${BRISTLE_DATA}/emps/DATA_EMPS.mat"
+    record = _record(
+        tmp_path,
+        joint={"name": "x", "kind": "prismatic"},
+        signals=drive,
+        runs=[{"files": files, "experiment": "tracking"}],
+    )
+    assert (record.rows, record.dropped) == (24841, 0)
+    assert record.velocity is not None
+    assert 0.12 < np.abs(record.velocity).max() < 0.14

@@ -1,0 +1,96 @@
+"""Correlated noise and residuals."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.signal import lfilter
+
+from bristle.data.statistics import autocorrelation, inflation, lag_one, residual_doubts, standard_error
+from bristle.model.arrays import Array
+
+EMPTY = np.zeros(0)
+
+
+def ar1(rho: float, shape: tuple[int, ...], seed: int = 0) -> Array:
+    """AR(1) noise along the last axis, stationary."""
+    noise = np.random.default_rng(seed).normal(size=(*shape[:-1], shape[-1] + 500))
+    return np.asarray(lfilter([1.0], [1.0, -rho], noise)[..., 500:])
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_inflation_of_ar1(rho: float) -> None:
+    """AR(1) noise inflates the variance of a mean by (1 + rho) / (1 - rho)."""
+    measured = np.mean([inflation(x) for x in ar1(rho, (50, 10_000))])
+    assert measured == pytest.approx((1 + rho) / (1 - rho), rel=0.07)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_standard_error_is_the_deviation_of_means(rho: float) -> None:
+    """Over repetitions, the standard error's root mean square is the standard deviation of the means."""
+    x = ar1(rho, (400, 1000), seed=1)
+    errors = [standard_error(row) or np.inf for row in x]
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(x.mean(axis=1)), rel=0.12)
+
+
+@given(arrays(float, st.integers(1, 60), elements=st.floats(-1e6, 1e6)), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
+def test_inflation_is_bounded_and_ignores_sign(x: Array, scale: float, shift: float) -> None:
+    """1 <= inflation <= n for any data, short or constant; a change of sign changes nothing, nor does a change of unit by a power of two."""
+    tau = inflation(x)
+    assert 1.0 <= tau <= max(x.size, 1)
+    assert inflation(-x) == tau
+    assert inflation(x * 2.0**5) == tau
+    assert inflation(np.full(x.size, scale + shift)) == 1.0
+
+
+@given(arrays(float, st.integers(2, 60), elements=st.floats(-1e3, 1e3)))
+def test_autocorrelation_is_that_of_the_definition(x: Array) -> None:
+    """The FFT gives the sums of products of the definition; lag zero is one, and no lag exceeds it."""
+    rho, centred = autocorrelation(x), x - x.mean()
+    assert rho[0] == pytest.approx(1.0)
+    assert np.all(np.abs(rho) <= 1 + 1e-9)
+    if np.ptp(x) > 1e-3:
+        direct = [centred[k:] @ centred[: x.size - k] / (centred @ centred) for k in range(x.size)]
+        assert rho == pytest.approx(np.array(direct), abs=1e-9)
+
+
+def test_degenerate_series() -> None:
+    """No sample, one sample and a constant have no correlation, and a standard error that is unknown or zero."""
+    assert autocorrelation(EMPTY).size == 0
+    assert lag_one(np.ones(1)) == lag_one(np.full(9, 0.1)) == 0.0
+    assert standard_error(np.ones(1)) is None
+    assert standard_error(np.full(50, 0.1)) == pytest.approx(0.0, abs=1e-15)
+    assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
+
+
+@pytest.mark.parametrize(
+    ("axis", "word"), [(1, "trend over velocity"), (2, "trend over time"), (3, "ripple over position")]
+)
+def test_a_planted_trend_or_ripple_is_told(axis: int, word: str) -> None:
+    """A trend over time or velocity, or a ripple over position, of the size of the noise is told, and nothing else is."""
+    rng = np.random.default_rng(3)
+    noise, velocity, time, position = rng.normal(size=(4, 200))
+    signals = (noise, velocity, time, position)
+    shape = np.sin(2 * np.pi * 7 * position / np.ptp(position)) if axis == 3 else signals[axis]
+    told = residual_doubts(noise + 1.2 * shape, velocity, time, position)
+    assert [word in sentence for sentence in told] == [True]
+    assert "p = " in told[0]
+
+
+def test_noise_alone_is_rarely_told() -> None:
+    """White and correlated residuals without a trend give a doubt in no more than 2 % of cases, as the 1 % of the correction promises."""
+    rng = np.random.default_rng(4)
+    time = np.linspace(0, 1, 400)
+    cases = [*rng.normal(size=(150, 400)), *ar1(0.7, (150, 400), seed=5)]
+    told = [bool(residual_doubts(x, rng.uniform(0, 1, 400), time, rng.uniform(0, 1, 400))) for x in cases]
+    assert np.mean(told) <= 0.03
+
+
+def test_unknown_axes_and_exact_fits_are_not_told() -> None:
+    """Axes that are empty, or constant, and residuals that are all zero, or fewer than eight, give no doubt."""
+    x = np.linspace(0, 1, 30)
+    assert residual_doubts(x, EMPTY, EMPTY, EMPTY) == ()
+    assert residual_doubts(x, np.ones(30), np.ones(30), np.ones(30)) == ()
+    assert residual_doubts(np.zeros(30), x, x, x) == ()
+    assert residual_doubts(x[:7], x[:7], x[:7], x[:7]) == ()

@@ -1,0 +1,307 @@
+"""Constant-velocity segments: found, judged and explained."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import loadmat
+from scipy.signal import butter, filtfilt, lfilter
+
+from bristle.data.record import Record
+from bristle.data.steady import Segment, Thresholds, find_segments, nothing_left
+from bristle.model.arrays import Array, evaluate
+from bristle.model.functions import steady_torque
+
+RATE = 500.0
+LEVELS = (0.05, 0.1, 0.3, 0.6, 1.0, 1.5)
+NOISE = 0.02
+TRUE = (1.3, 0.2, 0.75, 0.1)
+
+
+def friction(velocity: Array) -> Array:
+    """Steady torque of the true parameters."""
+    return evaluate(steady_torque(), velocity, TRUE[0], TRUE[1], TRUE[2], TRUE[3])[0]
+
+
+def staircase(seed: int = 0, hold: float = 2.0, signs: tuple[int, ...] = (1, -1)) -> Record:
+    """Plateaus at LEVELS in each direction, joined by 0.3 s ramps through rest, with white velocity and torque noise; and inertia."""
+    rng = np.random.default_rng(seed)
+    knots, values, t = [0.0, 0.5], [0.0, 0.0], 0.5
+    for sign in signs:
+        for level in LEVELS:
+            knots += [t + 0.3, t + 0.3 + hold, t + 0.6 + hold]
+            values += [sign * level, sign * level, 0.0]
+            t += 0.6 + hold
+    time = np.arange(0, t + 0.5, 1 / RATE)
+    v = np.interp(time, knots, values)
+    torque = friction(v) + 0.1 * np.gradient(v, time) + NOISE * rng.normal(size=v.size)
+    position = np.cumsum(v) / RATE
+    noisy = v + 2e-3 * rng.normal(size=v.size)
+    return Record(file="staircase.csv", time=time, position=position, velocity=noisy, torque=torque)
+
+
+def quantised(record: Record, counts: int) -> Record:
+    """The record as an encoder of so many counts per turn sees it, its velocity from zero-phase filtered differences."""
+    assert record.position is not None
+    q = 2 * np.pi / counts
+    position = q * np.floor(record.position / q)
+    b, a = butter(2, 20 / (RATE / 2))
+    return replace(record, position=position, velocity=np.gradient(filtfilt(b, a, position), record.time))
+
+
+def accepted(segments: tuple[Segment, ...]) -> list[Segment]:
+    """Those that count."""
+    return [s for s in segments if s.accepted]
+
+
+def is_right(found: list[Segment], levels: list[float], rel: float = 0.02) -> bool:
+    """Whether the velocities are these, in this order."""
+    return [s.velocity for s in found] == pytest.approx(levels, rel=rel)
+
+
+BOTH = [*LEVELS, *(-v for v in LEVELS)]
+
+
+def test_every_plateau_of_a_staircase_is_found_once() -> None:
+    """Twelve plateaus in both directions: twelve accepted segments, with the right velocities, and torques within four standard errors."""
+    found = accepted(find_segments(staircase(), Thresholds()))
+    assert is_right(found, BOTH, rel=1e-3)
+    off = [(s.torque - friction(np.array([s.velocity]))[0]) / (s.standard_error or np.nan) for s in found]
+    assert np.abs(off).max() < 4
+    assert not any(s.stick_slip for s in found)
+
+
+@pytest.mark.parametrize("counts", [4096, 65536])
+def test_a_quantised_encoder_hides_no_plateau(counts: int) -> None:
+    """From 12 bits up, every plateau is found, in order, and quantisation is not taken for stick-slip."""
+    record = quantised(staircase(seed=1), counts)
+    found = accepted(find_segments(record, Thresholds(), 2 * np.pi / counts))
+    assert is_right(found, BOTH)
+    assert not any(s.stick_slip for s in found)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_the_standard_error_is_right_over_repetitions(rho: float) -> None:
+    """One plateau, known noise: the means scatter about the truth by the standard error, for white and for AR(1) noise."""
+    z, n = [], 800
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        noise = lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], rng.normal(size=n + 200))[200:]
+        v = 0.5 + 1e-3 * rng.normal(size=n)
+        record = Record(file="one.csv", time=np.arange(n) / RATE, velocity=v, torque=2.0 + 0.05 * noise)
+        (segment,) = accepted(find_segments(record, Thresholds()))
+        assert segment.standard_error is not None
+        z.append((segment.torque - 2.0) / segment.standard_error)
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
+
+
+@settings(deadline=None, max_examples=4)
+@given(st.tuples(*[st.floats(-4, 4)] * 3), st.sampled_from([1.0, -1.0]))
+def test_units_and_sign_change_no_decision(powers: tuple[float, float, float], sign: float) -> None:
+    """Time, velocity and torque in any other units, and motion in the other direction, leave every cut and every decision as it was."""
+    tick, speed, load = (2.0 ** round(3 * p) for p in powers)
+    record = staircase(seed=2, hold=0.5, signs=(1,))
+    assert record.position is not None
+    assert record.velocity is not None
+    assert record.torque is not None
+    other = replace(
+        record,
+        time=record.time * tick,
+        velocity=record.velocity * speed * sign,
+        position=record.position * speed * tick * sign,
+        torque=record.torque * load * sign,
+    )
+    before, after = find_segments(record, Thresholds()), find_segments(other, Thresholds())
+    assert [(s.start, s.stop, s.accepted) for s in before] == [(s.start, s.stop, s.accepted) for s in after]
+    assert [s.velocity * speed * sign for s in before] == pytest.approx([s.velocity for s in after])
+
+
+RECORDS = [staircase(seed=3, hold=0.5, signs=(1,)), quantised(staircase(seed=4, hold=0.5, signs=(-1,)), 4096)]
+limits = st.tuples(st.floats(0.0, 3.0), st.floats(1e-3, 1.0), st.floats(0.5, 4.0), st.floats(0.0, 2.0))
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.sampled_from(RECORDS), limits, limits)
+def test_loosening_a_threshold_never_rejects(
+    record: Record, one: tuple[float, float, float, float], two: tuple[float, float, float, float]
+) -> None:
+    """What tight thresholds accept, looser ones accept; and each candidate is either accepted or has a reason."""
+    least, most = np.minimum(one, two), np.maximum(one, two)
+    tight = Thresholds(
+        minimum_duration=most[0], velocity_tolerance=least[1], torque_limit=least[2], minimum_velocity=most[3]
+    )
+    loose = Thresholds(
+        minimum_duration=least[0], velocity_tolerance=most[1], torque_limit=most[2], minimum_velocity=least[3]
+    )
+    before, after = find_segments(record, tight), find_segments(record, loose)
+    assert [s.start for s in before] == [s.start for s in after]
+    assert all(b.accepted <= a.accepted for b, a in zip(before, after, strict=True))
+    assert all(s.accepted == (not s.reasons) for s in (*before, *after))
+
+
+def test_candidates_cover_the_run_and_cross_no_gap() -> None:
+    """The candidates follow one another through the whole run, and each gap is an edge between two of them."""
+    record = replace(staircase(seed=5), starts=(0, 700, 2100))
+    found = find_segments(record, Thresholds())
+    edges = [found[0].start, *(s.stop for s in found)]
+    assert edges[:-1] == [s.start for s in found]
+    assert edges[-1] == record.time.size
+    assert {700, 2100} <= set(edges)
+
+
+def motion(velocity: Array, torque: Array | None = None) -> Record:
+    """A run with this velocity, its friction and inertia or the torque given, and little noise."""
+    time = np.arange(velocity.size) / RATE
+    rng = np.random.default_rng(9)
+    torque = friction(velocity) + 0.1 * np.gradient(velocity, time) if torque is None else torque
+    noisy = velocity + 1e-4 * rng.normal(size=velocity.size)
+    return Record(
+        file="motion.csv",
+        time=time,
+        velocity=noisy,
+        torque=torque + 1e-3 * rng.normal(size=time.size),
+        position=np.cumsum(velocity) / RATE,
+    )
+
+
+N = 3000
+T = np.arange(N) / RATE
+
+
+@pytest.mark.parametrize(
+    ("velocity", "word"),
+    [
+        (np.abs(2 * (T / 3 % 1) - 1), "Accelerating"),
+        (np.sin(2 * np.pi * T), "Accelerating"),
+        (np.linspace(0.2, 1, N), "Accelerating"),
+        (np.zeros(N), "At rest"),
+    ],
+    ids=["triangle", "sine", "ramp", "rest"],
+)
+def test_motion_that_is_not_constant_is_rejected_with_its_reason(velocity: Array, word: str) -> None:
+    """Triangles, sines, ramps of velocity and rest hold no segment; the longest candidate says why."""
+    found = find_segments(motion(velocity), Thresholds())
+    assert not accepted(found)
+    longest = max(found, key=lambda s: s.stop - s.start)
+    assert any(reason.startswith(word) for reason in longest.reasons)
+
+
+def test_stick_slip_is_kept_with_its_doubt() -> None:
+    """A joint that rests half of the time and slips in between, many times at a steady mean, is one accepted segment, doubted."""
+    slips = 0.08 * np.maximum(np.sin(2 * np.pi * 4 * T), 0.0) * (1 + 0.1 * np.sin(2 * np.pi * 0.9 * T))
+    (segment,) = accepted(find_segments(motion(slips, 1.5 + 0.2 * np.cos(2 * np.pi * 4 * T)), Thresholds()))
+    assert segment.stick_slip
+    assert segment.velocity == pytest.approx(0.08 / np.pi, rel=0.05)
+    assert any(doubt.startswith("Stick-slip") for doubt in segment.doubts)
+
+
+def test_going_and_resting_is_not_stick_slip() -> None:
+    """Five plateaus with rests as long between them are five segments, none of which sticks."""
+    velocity = np.tile(np.r_[np.zeros(300), np.linspace(0, 0.5, 20), np.full(300, 0.5), np.linspace(0.5, 0, 20)], 5)
+    found = accepted(find_segments(motion(velocity), Thresholds()))
+    assert is_right(found, [0.5] * 5)
+    assert not any(s.stick_slip for s in found)
+
+
+def test_a_limit_cycle_that_reverses_is_rejected() -> None:
+    """A joint that hunts back and forth about a slow mean has no friction torque to give: rejected, as hunting."""
+    found = find_segments(motion(0.1 + 0.5 * np.sin(2 * np.pi * 4 * T)), Thresholds())
+    assert not accepted(found)
+    assert any(reason.startswith("Hunting") for s in found for reason in s.reasons)
+
+
+def test_saturation_is_told_with_and_without_a_declared_limit() -> None:
+    """A torque clipped for a third of a plateau is saturated; a declared limit below the torque says the same, one above it does not."""
+    rng = np.random.default_rng(1)
+    free = motion(np.full(N, 0.5), 1.8 + 0.1 * rng.normal(size=N))
+    assert free.torque is not None
+    clipped = replace(free, torque=np.minimum(free.torque, 1.84))
+    for record, limit in ((clipped, None), (free, 1.5)):
+        (segment,) = find_segments(record, Thresholds(torque_limit=limit))
+        assert any(reason.startswith("Saturated") for reason in segment.reasons)
+    assert accepted(find_segments(free, Thresholds()))
+    assert accepted(find_segments(free, Thresholds(torque_limit=4.0)))
+
+
+@pytest.mark.parametrize(
+    ("change", "thresholds", "words"),
+    [
+        ({"velocity": 180 / np.pi}, Thresholds(torque_limit=0.1), "deg/s read as rad/s"),
+        ({"velocity": 30 / np.pi}, Thresholds(torque_limit=0.1), "rpm read as rad/s"),
+        ({"time": 1000.0}, Thresholds(torque_limit=0.1), "ms read as s"),
+        ({}, Thresholds(minimum_duration=2000.0), "minimum_duration in ms"),
+        ({}, Thresholds(torque_limit=1e-3), "mN*m"),
+        ({}, Thresholds(minimum_velocity=100.0), "minimum_velocity in deg/s"),
+    ],
+)
+def test_the_message_names_the_unit_mistake(change: dict[str, float], thresholds: Thresholds, words: str) -> None:
+    """With nothing accepted, one message says how many candidates each threshold rejected, and what unit mistake it looks like."""
+    record = staircase(seed=6, hold=0.5, signs=(1,))
+    record = replace(record, **{name: getattr(record, name) * factor for name, factor in change.items()})
+    found = find_segments(record, thresholds)
+    assert not accepted(found)
+    message = nothing_left(found, (record,), thresholds)
+    assert words in message
+    assert f"{len(found)} candidates" in message
+    assert "\n" not in message
+
+
+def test_a_record_without_velocity_or_torque_is_refused() -> None:
+    """Segments need both signals; the sentence says which file and what to do."""
+    with pytest.raises(ValueError, match=r"bare\.csv.*under signals"):
+        find_segments(Record(file="bare.csv", time=np.arange(5.0)), Thresholds())
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 70])
+def test_short_runs_are_candidates_too(n: int) -> None:
+    """One sample or a few give one rejected candidate or more, and no warning."""
+    record = Record(file="short.csv", time=np.arange(n) * 1e-3, velocity=np.zeros(n), torque=np.zeros(n))
+    found = find_segments(record, Thresholds())
+    assert found
+    assert not accepted(found)
+    assert "No segment" in nothing_left(found, (record,), Thresholds())
+
+
+def measured(*parts: str) -> Path:
+    """A measured file; skips where there are none."""
+    folder = os.environ.get("BRISTLE_DATA")
+    if not folder:
+        pytest.skip("BRISTLE_DATA is not set: the measured logs are not part of the project")
+    return Path(folder, *parts)
+
+
+def test_kinova_gives_one_point_per_run() -> None:
+    """Measured: one accepted segment in each of ten runs, means as seen with the last two thirds; the two slowest stick and slip."""
+    seen = [(0.041, 1.52), (0.068, 1.49), (0.113, 1.48), (0.117, 1.43), (0.319, 1.57)]
+    seen += [(0.510, 1.72), (0.714, 1.85), (0.918, 2.01), (1.310, 2.31), (1.505, 2.47)]
+    files = sorted(measured("kinova_gen3_joint7").glob("velocity_*.csv"))
+    points = []
+    for file in files:
+        rows = np.loadtxt(file)
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        time, position = np.arange(len(rows)) / 999, np.unwrap(rows[:, 1])
+        record = Record(file=file.name, time=time, position=position, velocity=rows[:, 2], torque=7.6 * rows[:, 5])
+        points += accepted(find_segments(record, Thresholds()))
+    assert [s.velocity for s in points] == pytest.approx([v for v, _ in seen], rel=0.03)
+    assert [s.torque for s in points] == pytest.approx([torque for _, torque in seen], rel=0.03)
+    assert [s.stick_slip for s in points] == [True] * 2 + [False] * 8
+
+
+def test_emps_gives_its_three_plateaus_in_both_directions() -> None:
+    """Measured: every accepted segment lies at 0.042, 0.083 or 0.125 m/s, each level many times and in both directions."""
+    data = loadmat(measured("emps", "DATA_EMPS.mat"))
+    time, position = data["t"].ravel(), data["qm"].ravel()
+    velocity = np.gradient(filtfilt(*butter(4, 100 / 500), position), time)
+    torque = 35.15 * data["vir"].ravel()
+    record = Record(file="emps", time=time, position=position, velocity=velocity, torque=torque)
+    found = accepted(find_segments(record, Thresholds()))
+    levels = np.array([0.042, 0.083, 0.125])
+    nearest = np.argmin(np.abs(np.abs([s.velocity for s in found])[:, None] - levels), axis=1)
+    assert np.abs([s.velocity for s in found]) == pytest.approx(levels[nearest], rel=0.02)
+    counts = {(int(k), s.velocity > 0) for k, s in zip(nearest, found, strict=True)}
+    assert len(counts) == 6
+    assert 24 <= len(found) <= 40
