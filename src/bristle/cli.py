@@ -166,7 +166,7 @@ def new(
     """Draft a commented experiment file from a data file."""
     from bristle.data.draft import draft_experiment
 
-    text, unknown = draft_experiment(data)
+    text, unknown = draft_experiment(data, None if output is None else output.parent)
     if output is None:
         print(text)
     elif output.exists():
@@ -223,7 +223,7 @@ def _progress() -> "Iterator[Progress]":
 
 
 def _write(path: Path, text: str) -> None:
-    from bristle.report.page import write_text
+    from bristle.report.files import write_text
 
     write_text(path, text)
 

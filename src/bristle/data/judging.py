@@ -28,8 +28,13 @@ class Thresholds:
 
 def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[str, ...]:
     """Why a stretch does not count, one sentence each, with what would have let it in; empty where it does."""
-    noise = 5 * e.velocity_error  # means little where the velocity drifts: that is told first
-    steady = _at_rest(e, usual, t, 0.0) or _accelerating(e, t) or _at_rest(e, usual, t, noise) or _unsteady(e, t)
+    steady = (
+        _at_rest(e, usual, t, 0.0)
+        or _accelerating(e, t)
+        or _hunting(e)
+        or _at_rest(e, usual, t, 5 * e.velocity_error)  # which means little where the velocity drifts or swings
+        or _unsteady(e, t)
+    )
     found = (_too_short(e, usual, t), steady, _saturated(e, t))
     return tuple(reason for reason in found if reason)
 
@@ -104,10 +109,14 @@ def _accelerating(e: Evidence, t: Thresholds) -> str | None:
     )
 
 
+def _hunting(e: Evidence) -> str | None:
+    if e.backward <= 0.1:
+        return None
+    return f"Hunting: it moves backward {e.backward:.0%} of the time, and 10 % is allowed; a controller that does not oscillate would let it in."
+
+
 def _unsteady(e: Evidence, t: Thresholds) -> str | None:
     speed = abs(e.velocity)
-    if e.backward > 0.1:
-        return f"Hunting: it moves backward {e.backward:.0%} of the time, and 10 % is allowed; a controller that does not oscillate would let it in."
     allowed = max(_SWING, t.velocity_tolerance or 0.0) * speed
     if e.scatter <= allowed:
         return None

@@ -18,7 +18,9 @@ _SHORTEST = 6
 """Blocks in a plateau: enough to tell a drift from noise."""
 _SMALLEST = 4
 """Samples in a block."""
-_BLOCKS = (16, 32, 64, 128, 256, 512)
+_BLOCKS = (16, 32, 64, 128, 256, 512, 2048)
+_ENOUGH = 512
+"""Blocks beyond which one looks only where no more than half is explained: the work grows with their square."""
 _COLUMNS = 64
 """Ends of lines whose costs are found at once."""
 _TRIMS = 64
@@ -49,7 +51,7 @@ def stretches(velocity: Array, torque: Array, start: int, stop: int) -> list[Str
     """
     found = [_without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))]
     if not found and stop - start >= _BLOCKS[0] * _SMALLEST:
-        return _cut(velocity, torque, start, stop, min(_BLOCKS[-2], (stop - start) // _SMALLEST))
+        return _cut(velocity, torque, start, stop, min(_ENOUGH // 2, (stop - start) // _SMALLEST))
     edges = [start, *(edge for s in found for edge in (s.start, s.stop)), stop]
     between = [Stretch(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
     return sorted([*found, *between], key=lambda s: s.start)
@@ -58,11 +60,17 @@ def stretches(velocity: Array, torque: Array, start: int, stop: int) -> list[Str
 def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Stretch]:
     if stop - start < _BLOCKS[0] * _SMALLEST:
         return []
-    cuts = [_cut(velocity, torque, start, stop, n) for n in _BLOCKS if stop - start >= n * _SMALLEST]
-    totals = [sum(s.score for s in cut) for cut in cuts]
-    if max(totals) == 0:
+    best: list[Stretch] = []
+    most = 0.0
+    for blocks in _BLOCKS:
+        if stop - start < blocks * _SMALLEST or (blocks > _ENOUGH and most > 0.5 * (stop - start)):
+            break
+        cut = _cut(velocity, torque, start, stop, blocks)
+        total = sum(s.score for s in cut)
+        if total > 1.05 * most:
+            best, most = cut, total
+    if not best:
         return []
-    best = cuts[int(np.argmax(np.array(totals) > 0.95 * max(totals)))]
     found: list[Stretch] = []
     edge = start
     for plateau in (s for s in best if s.plateau):
@@ -110,7 +118,7 @@ def _lines(u: Array) -> list[tuple[int, int]]:
 def _line_costs(sums: Array, noise: float) -> Array:
     """Minus twice the log marginal likelihood of lines through blocks, noise integrated out, but for terms in their number alone.
 
-    The prior scale is the noise between neighbouring blocks, and no less than 1 % of the line's mean: what is flatter than that is flat.
+    The prior scale is the noise between neighbouring blocks, and no less than 0.3 % of the line's mean: what is flatter than that is flat.
 
     Args:
         sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no meaning.
@@ -121,7 +129,7 @@ def _line_costs(sums: Array, noise: float) -> Array:
     spread, covariance = skk - sk * sk / m, sku - sk * su / m
     covariance[m < 2] = 0.0
     residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
-    scale = noise**2 + (0.01 * su / m) ** 2
+    scale = noise**2 + (0.003 * su / m) ** 2
     return np.asarray((m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale))
 
 

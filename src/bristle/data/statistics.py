@@ -24,7 +24,7 @@ def autocorrelation(x: Array) -> Array:
     centred = x - x.mean()
     largest = np.abs(centred).max()
     if largest <= 1e-12 * np.abs(x).max():
-        return np.r_[1.0, np.zeros(n - 1)]
+        return np.asarray(np.arange(n) == 0, dtype=np.float64)
     length = next_fast_len(2 * n, real=True)
     covariance = irfft(np.abs(rfft(centred / largest, length)) ** 2, length)[:n]
     return np.asarray(covariance / covariance[0], dtype=np.float64)
@@ -41,10 +41,10 @@ def inflation(x: Array) -> float:
     The sum ends at the first lag of five tau (Sokal, 1997) and is corrected for the mean being taken from the same data (Wolff, 2004,
     eq. 49). At least 1, at most n; 1 for fewer than four samples or a constant. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
     """
-    n = x.size
-    if n < 4:
+    n, rho = x.size, autocorrelation(x)
+    if n < 4 or not rho[1:].any():
         return 1.0
-    partial = 2 * np.cumsum(autocorrelation(x)) - 1
+    partial = 2 * np.cumsum(rho) - 1
     far = np.flatnonzero(np.arange(n) >= _WINDOW * partial)
     cut = min(int(far[0]) if far.size else n - 1, n // 2)
     return float(np.clip(partial[cut] * (1 + (2 * cut + 1) / n), 1.0, n))
@@ -71,29 +71,34 @@ def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Ar
     n = residuals.size
     trends = {"time": time, "velocity": velocity, "position": position}
     known = {name: x for name, x in trends.items() if x.size == n and n >= 8 and np.ptp(x) > 0}
-    harmonics = np.arange(1, min(n // 4, _HARMONICS) + 1) if "position" in known else np.zeros(0)
-    looks = len(known) + harmonics.size
-    found = []
-    for name, x in known.items():
-        s = 2 * (x - x.min()) / np.ptp(x) - 1
-        p, share = _f_test(residuals, np.stack([s, s * s]))
+    bases = {f"trend over {name}": _parabola(x) for name, x in known.items()}
+    count = min(n // 4, _HARMONICS) if "position" in known else 0
+    if count:
+        period, bases["ripple over position"] = _strongest_harmonic(residuals, known["position"], count)
+    looks, found = len(known) + count, []
+    for what, basis in bases.items():
+        p, share = _f_test(residuals, basis)
         if p * looks < _SIGNIFICANT:
-            found.append(f"Residuals have a trend over {name} {_told(p, looks, share)}")
-    ripples = [(*_f_test(residuals, _harmonic(known["position"], k)), int(k)) for k in harmonics]
-    p, share, k = min(ripples, default=(1.0, 0.0, 0))
-    if p * looks < _SIGNIFICANT:
-        period = float(np.ptp(known["position"])) / k
-        found.append(f"Residuals have a ripple over position of period {period:.3g} {_told(p, looks, share)}")
+            where = f"{what}, of period {period:.3g}," if what.startswith("ripple") else what
+            found.append(
+                f"Residuals have a {where} (p = {p * looks:.1g}, corrected for {looks} looks) that holds {share:.0%} of their variance."
+            )
     return tuple(found)
 
 
-def _told(p: float, looks: int, share: float) -> str:
-    return f"(p = {p * looks:.1g}, corrected for {looks} looks; it holds {share:.0%} of their variance)."
+def _parabola(x: Array) -> Array:
+    s = 2 * (x - x.min()) / np.ptp(x) - 1
+    return np.stack([s, s * s])
 
 
-def _harmonic(position: Array, k: float) -> Array:
-    phase = 2 * np.pi * k * (position - position.min()) / np.ptp(position)
-    return np.stack([np.cos(phase), np.sin(phase)])
+def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, Array]:
+    """Of the first `count` harmonics of the range of positions, the one that explains most of y: its period and cosine and sine."""
+    reach = float(np.ptp(position))
+    phase = 2 * np.pi * np.arange(1, count + 1)[:, None] * (position - position.min()) / reach
+    bases = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    directions = np.linalg.qr(np.swapaxes(bases - bases.mean(axis=2, keepdims=True), 1, 2))[0]
+    best = int(np.argmax((((y - y.mean()) @ directions) ** 2).sum(axis=1)))
+    return reach / (best + 1), bases[best]
 
 
 def _f_test(y: Array, basis: Array) -> tuple[float, float]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from bristle.identification.estimate import Crosscheck
 from bristle.identification.regression import Regression
+from bristle.identification.static import GRID, log_grid
 from bristle.model import law
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
@@ -18,11 +19,8 @@ STARTS = 8
 SEED = 0
 _SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
-_OPTIONS = {
-    "print_time": False,
-    "error_on_fail": False,
-    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0},
-}
+_IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
+_OPTIONS: dict[str, object] = {"print_time": False, "error_on_fail": False, "ipopt": _IPOPT}
 
 
 def full_fit(
@@ -45,27 +43,21 @@ def full_fit(
     x = ca.MX.sym("x", len(problem.names))
     linear = len(problem.names) - count
     theta = ca.vertcat(x[:linear] * scale[:linear], ca.exp(x[linear:]))
-    residual = (problem.torque - _model(problem, theta)) / torque_scale
-    options = (
-        _OPTIONS
-        if problem.smooth is None
-        else _OPTIONS | {"ipopt": {**_OPTIONS["ipopt"], "hessian_approximation": "limited-memory"}}
-    )
-    solver = ca.nlpsol("full", "ipopt", {"x": x, "f": ca.dot(residual, residual)}, options)
+    residual = _residuals(problem, theta, v_s_range) / torque_scale
+    solver = ca.nlpsol("full", "ipopt", {"x": x, "f": ca.dot(residual, residual)}, _options(x, residual, points=problem.smooth is None))
     log_range = np.log(v_s_range)
     lower = np.concatenate([problem.lower, np.zeros(count), np.full(count, log_range[0])])
     upper = np.concatenate([np.full(linear, np.inf), np.full(count, log_range[1])])
     rng = np.random.default_rng(seed)
-    ends, costs = [], []
+    ends = []
     for _ in range(starts):
         x0 = rng.uniform(0.0, 1.0, len(problem.names))
         x0[linear:] = rng.uniform(*log_range, count)
-        found = solver(x0=x0, lbx=lower, ubx=upper)
-        values = np.asarray(found["x"]).ravel()
+        values = np.asarray(solver(x0=x0, lbx=lower, ubx=upper)["x"]).ravel()
         ends.append(np.append(values[:linear] * scale[:linear], np.exp(values[linear:])))
-        costs.append(float(found["f"]) * torque_scale**2)
-    best = int(np.argmin(costs))
-    return ends[best], costs[best], np.array(costs)
+    costs = np.array([float(np.sum(problem.residuals(end) ** 2)) for end in ends])
+    best = int(costs.argmin())
+    return ends[best], float(costs[best]), costs
 
 
 def crosscheck(
@@ -126,34 +118,46 @@ def _scale(problem: Regression, torque_scale: float) -> Array:
     return np.concatenate([torque_scale / columns, np.full(count, torque_scale), np.ones(count)])
 
 
-def _model(problem: Regression, theta: ca.MX) -> ca.MX:
-    """The modelled torque as a CasADi expression, shape (n, 1)."""
+def _options(x: ca.MX, residual: ca.MX, *, points: bool) -> dict[str, object]:
+    """Exact Hessians for points; for many moving samples the exact Gauss-Newton Hessian, 2 J'J, which costs a hundredth."""
+    if points:
+        return _OPTIONS
+    jacobian = ca.jacobian(residual, x)
+    weight, unused = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
+    hessian = ca.triu(2 * weight * ca.mtimes(jacobian.T, jacobian))
+    return _OPTIONS | {"hess_lag": ca.Function("hess_lag", [x, ca.MX.sym("p", 0), weight, unused], [hessian])}
+
+
+def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]) -> ca.MX:
+    """Measured minus modelled torque as a CasADi expression.
+
+    Smoothed equations are first rotated into the few directions in which the model can move at all; what is left of the cost is a constant.
+    """
     value = dict(zip(problem.names, ca.vertsplit(theta), strict=True))
     velocity = ca.DM(problem.velocity)
-    raw = ca.MX.zeros(problem.velocity.size)
+    friction = ca.MX.zeros(problem.velocity.size)
     for direction in problem.directions:
         tag = "" if len(problem.directions) == 1 else direction
-        p = Lugre(
-            value["alpha_0" + tag],
-            value.get("alpha_1" + tag, 0.0),
-            value["alpha_2" + tag],
-            value.get("v_s" + tag, 1.0),
-            1.0,
-            0.0,
-        )
-        moving = (
-            1.0 if not tag else ca.DM(np.where(problem.velocity > 0 if tag == "+" else problem.velocity < 0, 1.0, 0.0))
-        )
-        raw += moving * law.steady_torque(velocity, p)
-    torque = raw if problem.smooth is None else ca.mtimes(_sparse(problem), raw)
-    if problem.root_weight is not None:
-        torque *= problem.root_weight
-    friction = 2 * len(problem.directions)
-    extra = [value[name] for name in problem.linear_names[friction:]]
-    return torque + ca.mtimes(ca.DM(problem.linear[:, friction:]), ca.vertcat(*extra)) if extra else torque
+        alpha_1, v_s = value.get("alpha_1" + tag, 0.0), value.get("v_s" + tag, 1.0)
+        p = Lugre(value["alpha_0" + tag], alpha_1, value["alpha_2" + tag], v_s, 1.0, 0.0)
+        moving = np.where(problem.velocity > 0 if tag == "+" else problem.velocity < 0, 1.0, 0.0) if tag else np.ones(velocity.numel())
+        friction += ca.DM(moving) * law.steady_torque(velocity, p)
+    known = 2 * len(problem.directions)
+    columns = problem.linear[:, known:]
+    extra = ca.vertcat(*(value[name] for name in problem.linear_names[known:]))
+    if problem.smooth is None:
+        weight = 1.0 if problem.root_weight is None else ca.DM(problem.root_weight)
+        return ca.DM(problem.torque) - weight * friction - ca.mtimes(ca.DM(columns), extra)
+    basis = _basis(problem, v_s_range)
+    to_basis = (problem.smooth.T @ (basis if problem.root_weight is None else basis * problem.root_weight[:, None])).T
+    return ca.DM(basis.T @ problem.torque) - ca.mtimes(ca.DM(to_basis), friction) - ca.mtimes(ca.DM(basis.T @ columns), extra)
 
 
-def _sparse(problem: Regression) -> ca.DM:
-    matrix = problem.smooth.tocsc()  # type: ignore[union-attr]  # only called where there is one
-    pattern = ca.Sparsity(*matrix.shape, matrix.indptr.tolist(), matrix.indices.tolist())
-    return ca.DM(pattern, matrix.data)
+def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
+    """Orthonormal directions, (n, r), that span the model's columns for every v_s in the range, to 1e-8."""
+    values = log_grid(v_s_range, GRID)
+    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
+    columns = np.column_stack([problem.linear, *shapes, problem.torque])
+    left, lengths, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    kept: Array = left[:, lengths > 1e-8 * lengths[0]]
+    return kept

@@ -6,9 +6,8 @@ from time import perf_counter
 
 import numpy as np
 
-from bristle.data.experiment import FitOptions
-from bristle.data.statistics import inflation
-from bristle.data.steady import residual_doubts
+from bristle.data.options import FitOptions
+from bristle.data.statistics import inflation, residual_doubts
 from bristle.identification import uncertainty
 from bristle.identification.crosscheck import crosscheck
 from bristle.identification.doubts import fit_doubts, huber_doubts, in_direction, is_closed
@@ -98,6 +97,11 @@ def fit_static(
     return fits, {label: checked}
 
 
+def estimate_static(problem: Regression, options: FitOptions, kind: Kind) -> Mapping[str, Estimate]:
+    """The parameters alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
+    return _core(problem, options, kind, options.v_s_range or default_range(problem.velocity)).parameters
+
+
 def _parts(problem: Regression) -> tuple[str, ...]:
     return problem.directions if len(problem.directions) == 1 else (*problem.directions, "shared")
 
@@ -165,24 +169,41 @@ def _core(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
 
 
 def _unsupported(problem: Regression, solution: Solution) -> dict[str, str]:
+    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the sentence that says so."""
     stretch = inflation(problem.residuals(solution.theta)) if problem.smooth is not None else 1.0
     projected = Projected(problem)
+    noise = 1e-20 * float(problem.torque @ problem.torque)
     dropped = {}
     for k, direction in enumerate(problem.peaks):
         off, _, length = projected.columns(solution.grid, k)
         gain = max(solution.base_costs[k] - solution.cost, 0.0)
-        noise = 1e-20 * float(problem.torque @ problem.torque)
-        p = (
-            uncertainty.stribeck_p_value(off, length, projected.q, gain / max(solution.cost, noise) / stretch)
-            if gain > noise
-            else 1.0
-        )
+        ratio = gain / max(solution.cost, noise) / stretch
+        p = uncertainty.stribeck_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
+        why = ""
         if p > SUPPORTED:
+            why = f"noise alone would look as much like a peak in {100 * p:.0f} % of cases"
+        elif _only_rises(problem, solution, direction, stretch):
+            why = "the fitted curve rises at every speed, so it is a bend over the whole range and not a drop at low speed"
+        if why:
             dropped[direction] = (
-                f"Stribeck not identifiable{in_direction(direction)}: noise alone would look as much like a peak in {100 * p:.0f} % of cases; "
-                "Coulomb and viscous friction alone are fitted."
+                f"Stribeck not identifiable{in_direction(direction)}: {why}; Coulomb and viscous friction alone are fitted."
             )
     return dropped
+
+
+def _only_rises(problem: Regression, solution: Solution, direction: str, stretch: float) -> bool:
+    """Whether the fitted curve has no falling part, beyond two standard errors.
+
+    The steepest fall of alpha_1 exp(-(v / v_s)**2) is sqrt(2 / e) alpha_1 / v_s, at v = v_s / sqrt(2); viscous friction must not outweigh it.
+    """
+    tag = "" if len(problem.directions) == 1 else direction
+    at = [problem.names.index(name + tag) for name in ("alpha_1", "alpha_2", "v_s")]
+    alpha_1, alpha_2, v_s = solution.theta[at]
+    steepest = np.sqrt(2 / np.e)
+    gradient = np.zeros(solution.theta.size)
+    gradient[at] = steepest / v_s, -1.0, -steepest * alpha_1 / v_s**2
+    covariance, _ = uncertainty.covariance(problem.jacobian(solution.theta), solution.cost, stretch)
+    return bool(steepest * alpha_1 / v_s - alpha_2 + 2 * np.sqrt(gradient @ covariance @ gradient) < 0)
 
 
 def _profiles(

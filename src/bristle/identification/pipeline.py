@@ -180,7 +180,7 @@ def _where(points: Sequence[Segment]) -> Where:
 
 def _regressors(experiment: Experiment) -> tuple[str, ...]:
     """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
-    asked = experiment.fit.regressors
+    asked: tuple[str, ...] | None = experiment.fit.regressors
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
     fixed = experiment.inertia is not None and not experiment.inertia.standard_error

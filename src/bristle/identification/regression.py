@@ -8,8 +8,9 @@ Moving data pass both sides through the same linear smoothing; points at constan
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+import casadi as ca
 import numpy as np
 from scipy import signal, sparse
 
@@ -41,6 +42,8 @@ class Regression:
     """The decimation filter as a matrix, shape (n, N)."""
     root_weight: Array | None = None
     """Square root of each equation's weight, shape (n,)."""
+    memory: dict[tuple[object, str, bytes], Array] = field(default_factory=dict, repr=False)
+    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same grid."""
     priors: int = 0
     """How many of the last equations are priors, not measurements."""
     known: Array | None = None
@@ -109,16 +112,22 @@ class Regression:
     def _per_direction(self, name: str) -> tuple[str, ...]:
         return tuple(name + ("" if len(self.directions) == 1 else d) for d in self.peaks)
 
-    def _columns(self, function: object, v_s: Array, direction: int) -> Array:
+    def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Array:
         if self.smooth is None:
-            columns = self._masked(function, v_s, direction)
-        else:  # column by column: N samples times k values need not stand in memory at once
-            columns = np.column_stack([self.smooth @ self._masked(function, s[None], direction) for s in v_s])
+            columns = self._raw(function, v_s, self.peaks[peak])
+        else:
+            columns = self._smoothed(function, v_s, self.peaks[peak], self.smooth)
         return columns if self.root_weight is None else columns * self.root_weight[:, None]
 
-    def _masked(self, function: object, v_s: Array, direction: int) -> Array:
+    def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Array:
+        key = (function, direction, v_s.tobytes())
+        if key not in self.memory:  # column by column: N samples times k values need not stand in memory at once
+            self.memory[key] = np.column_stack([smooth @ self._raw(function, s[None], direction) for s in v_s])
+        return self.memory[key]
+
+    def _raw(self, function: ca.Function, v_s: Array, direction: str) -> Array:
         (columns,) = evaluate(function, self.velocity[:, None], v_s[None, :])
-        return columns if len(self.directions) == 1 else columns * _moves(self.velocity, self.peaks[direction])[:, None]
+        return columns if len(self.directions) == 1 else columns * _moves(self.velocity, direction)[:, None]
 
 
 def from_points(
@@ -179,6 +188,7 @@ def with_prior(problem: Regression, name: str, value: float, standard_error: flo
         known=None if problem.known is None else np.append(problem.known, 0.0),
         linear=np.vstack([problem.linear, row]),
         smooth=sparse.csr_array(sparse.vstack([smooth, blank])),
+        memory={},
         priors=problem.priors + 1,
     )
 
@@ -236,29 +246,25 @@ def gravity(position: Array) -> dict[str, Array]:
 
 
 def _decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+    """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost."""
+    lengths = np.concatenate(stretches).astype(int)
+    samples = int(lengths.sum())
     if decimation == 1:
-        return sparse.eye_array(int(np.concatenate(stretches).sum()), format="csr"), 0
+        return sparse.eye_array(samples, format="csr"), 0
     kernel = _kernel(decimation)
     half = kernel.size // 2
-    blocks, dropped = [], 0
-    for length in np.concatenate(stretches):
-        centres = np.arange(half, length - half, decimation)
-        dropped += int(min(length, 2 * half))
-        if centres.size == 0:
-            blocks.append(sparse.csr_array((0, length)))
-            continue
-        columns = centres[:, None] + np.arange(-half, half + 1)
-        pointers = np.arange(0, columns.size + 1, kernel.size)
-        blocks.append(
-            sparse.csr_array((np.tile(kernel, centres.size), columns.ravel(), pointers), shape=(centres.size, length))
-        )
-    smooth = sparse.csr_array(sparse.block_diag(blocks, format="csr"))
-    if smooth.shape[0] == 0:
+    ends = np.cumsum(lengths)
+    pairs = zip(ends - lengths, ends, strict=True)
+    centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
+    if centres.size == 0:
         raise ValueError(
             f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
             f"log longer, or set fit.decimation below {decimation}"
         )
-    return smooth, dropped
+    columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()
+    pointers = np.arange(0, columns.size + 1, kernel.size)
+    smooth = sparse.csr_array((np.tile(kernel, centres.size), columns, pointers), shape=(centres.size, samples))
+    return smooth, int(np.minimum(lengths, 2 * half).sum())
 
 
 def _kernel(decimation: int) -> Array:

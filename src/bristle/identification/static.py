@@ -50,12 +50,15 @@ class Solution:
 
 
 def default_range(velocity: Array) -> tuple[float, float]:
-    """Where v_s is searched: from a third of the slowest speed to three times the fastest, rad/s.
+    """Where v_s is searched: from a third of the slowest speed to the fastest, rad/s.
 
-    Below, the Stribeck term touches no point (exp(-9)); above, it is a parabola over all of them.
+    Below, the Stribeck term touches no point (exp(-9)); above, it is a bend over all of them and not a peak. Moving data pass through every
+    speed down to noise: nothing slower than a thousandth of the fastest counts.
     """
     speed = np.abs(velocity[velocity != 0])
-    return float(speed.min()) / 3, float(speed.max()) * 3
+    high = float(speed.max())
+    low = max(float(speed.min()), 1e-3 * high) / 3
+    return low, high
 
 
 def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:

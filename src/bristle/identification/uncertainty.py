@@ -93,13 +93,16 @@ def stribeck_p_value(off: Array, length: Array, q: Array, ratio: float, *, draws
         length: their squared lengths, (k,).
         q: orthonormal basis of the linear columns, (n, m).
         ratio: the ratio seen (with autocorrelated residuals, divided by their inflation).
-        draws: repetitions; fewer where n is large.
+        draws: repetitions.
         seed: of the generator.
     """
-    n = off.shape[0]
-    draws = int(np.clip(5e6 / n, 200, draws))
-    noise = np.random.default_rng(seed).standard_normal((n, draws))
-    noise -= q @ (q.T @ noise)
-    gain = (np.maximum(off.T @ noise, 0.0) ** 2 / length[:, None]).max(axis=0)
-    drawn = gain / (np.einsum("nk,nk->k", noise, noise) - gain)
+    rng = np.random.default_rng(seed)
+    _, reach, directions = np.linalg.svd(off, full_matrices=False)  # noise matters only along the columns; elsewhere only its length does
+    alive = reach > 1e-9 * reach[0]
+    along = rng.standard_normal((int(alive.sum()), draws))
+    rest = off.shape[0] - q.shape[1] - along.shape[0]
+    total = np.einsum("rd,rd->d", along, along) + (rng.chisquare(rest, draws) if rest > 0 else 0.0)
+    products = (directions[alive].T * reach[alive]) @ along
+    gain = (np.maximum(products, 0.0) ** 2 / length[:, None]).max(axis=0)
+    drawn = gain / np.maximum(total - gain, 1e-300)
     return float((1 + np.count_nonzero(drawn >= ratio)) / (draws + 1))

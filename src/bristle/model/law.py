@@ -81,7 +81,7 @@ def bristle_step(v0: Expression, v1: Expression, h: Expression, p: Lugre[Any]) -
     g0, g1 = stribeck(v0, p), stribeck(v1, p)
     gm = stribeck((v0 + v1) / 2, p)
     speed0, speed1 = ca.fabs(v0), ca.fabs(v1)
-    x = h * p.sigma_0 / 6 * (speed0 / g0 + 2 * (speed0 + speed1) / gm + speed1 / g1) + _TINY
+    x = h * (p.sigma_0 / 6) * (speed0 / g0 + 2 * (speed0 + speed1) / gm + speed1 / g1) + _TINY
     forgotten = -ca.expm1(-x)
     a = 1 - forgotten
     phi = forgotten / x

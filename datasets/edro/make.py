@@ -1,0 +1,63 @@
+"""Makes the embedded data set again, byte for byte: `python datasets/edro/make.py [FOLDER]` (default: where this script is)."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from bristle import edro
+from bristle.model.parameters import Lugre, unit
+
+HEADER = "# SIMULATED by make.py from Table 1 of the paper; README.md marks what is assumed.\n"
+
+
+def truth(p: Lugre[float]) -> dict[str, str]:
+    """The true parameters, each with its unit."""
+    return {name: f"{value} {unit(name)}" for name, value in p._asdict().items()}
+
+
+def experiment(stem: str) -> str:
+    """The experiment file of one joint, as YAML."""
+    name = edro.SETTINGS[stem].name
+    pair, motor = edro.TABLE_1[name], edro.motor(name)
+    document = {
+        "joint": {"name": name, "kind": "revolute"},
+        "motor": {"torque_constant": f"{motor.k_t} N*m/A", "resistance": f"{motor.R} ohm"},
+        "encoder_resolution": f"{edro.RESOLUTION:.10e} rad",
+        "signals": {
+            "time": {"column": "time", "unit": "s"},
+            "position": {"column": "position", "unit": "rad"},
+            "voltage": {"column": "voltage", "unit": "V"},
+        },
+        "runs": [{"files": f"{stem}.csv", "experiment": "ramp"}],
+        "simulated": True,
+        "truth": {"+": truth(pair.positive), "-": truth(pair.negative)},
+        "assumptions": list(edro.ASSUMPTIONS),
+    }
+    return HEADER + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
+
+
+def table(stem: str) -> str:
+    """The log of one joint, seed 0, as CSV: time (s), position (rad), voltage (V)."""
+    logs = edro.logs(stem, [0])
+    rows = np.column_stack([logs.time, logs.position[0], logs.voltage[0]])
+    return "time,position,voltage\n" + "".join(f"{t:.2f},{y:.6f},{V:.5f}\n" for t, y, V in rows.tolist())
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_suffix(path.suffix + ".tmp")
+    temporary.write_bytes(text.encode())
+    temporary.replace(path)
+
+
+def main(folder: Path) -> None:
+    """Write the four experiment files and their logs."""
+    for stem in edro.SETTINGS:
+        write(folder / f"{stem}.yaml", experiment(stem))
+        write(folder / f"{stem}.csv", table(stem))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent)

@@ -1,0 +1,5 @@
+"""`python -m bristle`."""
+
+from bristle.cli import main
+
+main()

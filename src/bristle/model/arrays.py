@@ -1,0 +1,283 @@
+"""Evaluates any scalar CasADi function over NumPy arrays, and scans linear recurrences: no compiler, no Python loop over samples."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from operator import itemgetter
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+from scipy.linalg import lapack
+
+Array = NDArray[np.float64]
+
+_Operation = Callable[..., object]
+"""A ufunc: takes operands and, last, the array to write to; without that one, returns a scalar."""
+
+_BLOCK = 16_384
+"""Elements worked on at a time: a function's dozen buffers then stay in the cache."""
+
+
+def _where(condition: Array, value: Array, out: Array | None = None) -> object:
+    chosen = np.where(condition, value, 0.0)
+    if out is None:
+        return chosen
+    np.copyto(out, chosen)
+    return out
+
+
+def _twice(x: Array, *out: Array) -> object:
+    return np.add(x, x, *out)
+
+
+_OPERATIONS: dict[int, _Operation] = {
+    ca.OP_ASSIGN: np.positive,
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.true_divide,
+    ca.OP_NEG: np.negative,
+    ca.OP_EXP: np.exp,
+    ca.OP_EXPM1: np.expm1,
+    ca.OP_LOG: np.log,
+    ca.OP_LOG1P: np.log1p,
+    ca.OP_POW: np.power,
+    ca.OP_CONSTPOW: np.power,
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_SQ: np.square,
+    ca.OP_TWICE: _twice,
+    ca.OP_INV: np.reciprocal,
+    ca.OP_SIN: np.sin,
+    ca.OP_COS: np.cos,
+    ca.OP_TAN: np.tan,
+    ca.OP_ASIN: np.arcsin,
+    ca.OP_ACOS: np.arccos,
+    ca.OP_ATAN: np.arctan,
+    ca.OP_ATAN2: np.arctan2,
+    ca.OP_SINH: np.sinh,
+    ca.OP_COSH: np.cosh,
+    ca.OP_TANH: np.tanh,
+    ca.OP_ASINH: np.arcsinh,
+    ca.OP_ACOSH: np.arccosh,
+    ca.OP_ATANH: np.arctanh,
+    ca.OP_HYPOT: np.hypot,
+    ca.OP_ERF: special.erf,
+    ca.OP_FABS: np.absolute,
+    ca.OP_SIGN: np.sign,
+    ca.OP_COPYSIGN: np.copysign,
+    ca.OP_FMOD: np.fmod,
+    ca.OP_FMIN: np.fmin,
+    ca.OP_FMAX: np.fmax,
+    ca.OP_FLOOR: np.floor,
+    ca.OP_CEIL: np.ceil,
+    ca.OP_LT: np.less,
+    ca.OP_LE: np.less_equal,
+    ca.OP_EQ: np.equal,
+    ca.OP_NE: np.not_equal,
+    ca.OP_AND: np.logical_and,
+    ca.OP_OR: np.logical_or,
+    ca.OP_NOT: np.logical_not,
+    ca.OP_IF_ELSE_ZERO: _where,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Instruction:
+    operation: _Operation
+    value: int
+    operands: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What to do for one choice of which inputs are arrays. Registers hold scalars, blocks of inputs, outputs, or buffers."""
+
+    size: int
+    """Number of registers."""
+    scalars: tuple[_Instruction, ...]
+    """Done once per call: they depend on no array."""
+    steps: tuple[tuple[_Operation, Callable[[Sequence[Any]], Any]], ...]
+    """Done once per block: the operation, and what picks its registers, the one written to last."""
+    buffers: tuple[int, ...]
+    """Registers that need a buffer."""
+    rows: dict[int, int]
+    """Register -> the output row that it is."""
+    copies: tuple[tuple[int, int], ...]
+    """(output row, register): outputs that are an input, a constant, a scalar or another output."""
+
+
+class Vectorised:
+    """A scalar `ca.Function` as a list of ufunc calls in static single assignment; made by `vectorised`."""
+
+    def __init__(self, function: ca.Function) -> None:
+        name, (n_in, self._n_out) = function.name(), (function.n_in(), function.n_out())
+        sizes = [function.size_in(i) for i in range(n_in)] + [function.size_out(i) for i in range(self._n_out)]
+        if any(size != (1, 1) for size in sizes):
+            raise ValueError(
+                f"{name}: inputs and outputs have sizes {sizes}; expected 1x1 each: split vectors into scalars"
+            )
+        self._name, self._n_in = name, n_in
+        self._read(function if function.is_a("SXFunction") else function.expand())
+        self._plans: dict[tuple[bool, ...], _Plan] = {}
+
+    def _read(self, function: ca.Function) -> None:
+        """Walk the instructions; values 0..n_in-1 are the inputs, each other value is assigned once."""
+        self._constants: dict[int, float] = {}
+        self._program: list[_Instruction] = []
+        self._outputs: dict[int, int] = {}
+        work: dict[int, int] = {}
+        value = self._n_in
+        for k in range(function.n_instructions()):
+            code, read, write = (
+                function.instruction_id(k),
+                function.instruction_input(k),
+                function.instruction_output(k),
+            )
+            if code == ca.OP_INPUT:
+                work[write[0]] = read[0]
+                continue
+            if code == ca.OP_OUTPUT:
+                self._outputs[write[0]] = work[read[0]]
+                continue
+            if code == ca.OP_CONST:
+                self._constants[value] = float(function.instruction_constant(k))
+            elif code in _OPERATIONS:
+                self._program.append(_Instruction(_OPERATIONS[code], value, tuple(work[r] for r in read)))
+            else:
+                raise ValueError(
+                    f"{self._name}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
+                )
+            work[write[0]] = value
+            value += 1
+        for row in range(self._n_out):  # a structurally zero output has no instruction
+            if row not in self._outputs:
+                self._outputs[row], self._constants[value] = value, 0.0
+                value += 1
+        self._n_values = value
+
+    def __call__(self, *inputs: float | Array, out: Sequence[Array] | None = None) -> Sequence[Array]:
+        """Evaluate at inputs of shapes that broadcast; one array of the common shape per output.
+
+        `out`, contiguous arrays of the common shape, one per output, receives the results where it is given. Raises ValueError where the
+        number of inputs is wrong or their shapes do not broadcast.
+        """
+        if len(inputs) != self._n_in:
+            raise ValueError(f"{self._name}: got {len(inputs)} inputs; expected {self._n_in}")
+        arrays = [np.asarray(x, dtype=np.float64) for x in inputs]
+        shape = np.broadcast_shapes(*(x.shape for x in arrays))
+        is_array = tuple(x.size != 1 for x in arrays)
+        if is_array not in self._plans:
+            self._plans[is_array] = self._plan(is_array)
+        plan = self._plans[is_array]
+        registers: list[Any] = [None] * plan.size
+        for register, constant in self._constants.items():
+            registers[register] = constant
+        flat: list[tuple[int, Array]] = []
+        for i, x in enumerate(arrays):
+            if is_array[i]:
+                flat.append((i, (x if x.shape == shape else np.broadcast_to(x, shape)).reshape(-1)))
+            else:
+                registers[i] = x.item()
+        if out is None:
+            out = tuple(np.empty(shape) for _ in range(self._n_out))
+        self._run(plan, registers, flat, [row.reshape(-1) for row in out])
+        return out
+
+    def _run(
+        self, plan: _Plan, registers: list[Any], inputs: Sequence[tuple[int, Array]], out: Sequence[Array]
+    ) -> None:
+        for instruction in plan.scalars:
+            registers[instruction.value] = instruction.operation(*(registers[r] for r in instruction.operands))
+        size = out[0].size
+        buffers = np.empty((len(plan.buffers), min(size, _BLOCK)))
+        for start in range(0, size, _BLOCK):
+            stop = min(start + _BLOCK, size)
+            for register, buffer in zip(plan.buffers, buffers, strict=True):
+                registers[register] = buffer[: stop - start]
+            for register, array in inputs:
+                registers[register] = array[start:stop]
+            for register, row in plan.rows.items():
+                registers[register] = out[row][start:stop]
+            for operation, pick in plan.steps:
+                operation(*pick(registers))
+            for row, register in plan.copies:
+                out[row][start:stop] = registers[register]
+
+    def _plan(self, is_array: tuple[bool, ...]) -> _Plan:
+        """Sort instructions by whether they depend on an array, and give each array value a register that is free.
+
+        An array divided by a scalar is multiplied by its reciprocal, which is faster.
+        """
+        varies = {i for i, array in enumerate(is_array) if array}
+        for instruction in self._program:
+            if not varies.isdisjoint(instruction.operands):
+                varies.add(instruction.value)
+        scalars = [i for i in self._program if i.value not in varies]
+        program = [i for i in self._program if i.value in varies]
+        n_values = self._n_values
+        for k, instruction in enumerate(program):
+            if instruction.operation is np.true_divide and instruction.operands[1] not in varies:
+                scalars.append(_Instruction(np.reciprocal, n_values, instruction.operands[1:]))
+                program[k] = _Instruction(np.multiply, instruction.value, (instruction.operands[0], n_values))
+                n_values += 1
+        last = {operand: k for k, instruction in enumerate(program) for operand in instruction.operands}
+        computed = {instruction.value for instruction in program}
+        rows = {value: row for row, value in self._outputs.items() if value in computed}
+        copies = tuple((row, value) for row, value in self._outputs.items() if rows.get(value) != row)
+        registers = {value: value for value in range(n_values)}
+        free: list[int] = []
+        buffers: list[int] = []
+        steps = []
+        for k, instruction in enumerate(program):
+            operands = tuple(registers[operand] for operand in instruction.operands)
+            free += [
+                registers[o] for o in set(instruction.operands) if last[o] == k and o in computed and o not in rows
+            ]
+            if instruction.value not in rows:
+                if not free:
+                    free.append(instruction.value)
+                    buffers.append(instruction.value)
+                registers[instruction.value] = free.pop()
+            steps.append((instruction.operation, itemgetter(*operands, registers[instruction.value])))
+        return _Plan(n_values, tuple(scalars), tuple(steps), tuple(buffers), rows, copies)
+
+
+@cache
+def vectorised(function: ca.Function) -> Vectorised:
+    """The function ready to be called with arrays: `vectorised(f)(x, y)`; compiled once per function.
+
+    Raises ValueError where an input or output is not 1x1, or an operation has no NumPy counterpart.
+    """
+    return Vectorised(function)
+
+
+def evaluate(function: ca.Function, *inputs: float | Array) -> tuple[Array, ...]:
+    """Evaluate a scalar CasADi function (1x1 in, 1x1 out) over arrays whose shapes broadcast.
+
+    Returns one array per output, all of the common shape, equal to CasADi's own evaluation to rounding. Raises ValueError as `vectorised`
+    and `Vectorised.__call__` do.
+    """
+    return tuple(vectorised(function)(*inputs))
+
+
+def scan(a: Array, b: Array, z0: float | Array) -> Array:
+    """All z of z[k + 1] = a[k] z[k] + b[k], by LAPACK's solver for the bidiagonal system that they satisfy.
+
+    Args:
+        a: shape (n,), with |a| <= 1 for a stable scan.
+        b: shape (n,), or (m, n) for m recurrences that share a.
+        z0: first value, scalar or (m,).
+
+    Returns:
+        z, shape (n + 1,) or (m, n + 1), z[..., 0] = z0.
+    """
+    n = a.size
+    z = np.empty((*b.shape[:-1], n + 1))
+    z[..., 0], z[..., 1:] = z0, b
+    band = np.empty((n + 1, 2))
+    np.negative(a, out=band[:n, 1])
+    lapack.dtbtrs(band.T, z.T if z.ndim > 1 else z[:, None], uplo="L", diag="U", overwrite_b=True)
+    return z

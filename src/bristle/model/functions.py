@@ -1,0 +1,146 @@
+"""The one place that builds `ca.Function`: every curve, step and derivative the package evaluates, made from `law` and `motor`.
+
+Each function is scalar (1x1 inputs and outputs, all named), is built once, and carries derivatives that CasADi wrote. `arrays.evaluate` maps
+it over NumPy arrays. Parameters enter in the order of `Lugre`; a `Pair` enters as the positive set, then the negative one.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+from bristle.model import law, motor
+from bristle.model.parameters import Lugre, Motor, Pair
+
+_STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+
+
+@cache
+def steady_torque() -> ca.Function:
+    """(v, alpha_0, alpha_1, alpha_2, v_s) -> T: the steady curve T_ss(v) of (9), N*m."""
+    v, p, T = _steady()
+    return _function("steady_torque", {"v": v, **p}, {"T": T})
+
+
+@cache
+def steady_jacobian() -> ca.Function:
+    """(v, alpha_0, alpha_1, alpha_2, v_s) -> the derivative of T_ss(v) (9) with respect to each, named `T_alpha_0` and so on."""
+    v, p, T = _steady()
+    return _function("steady_jacobian", {"v": v, **p}, _derivatives("T", T, p))
+
+
+@cache
+def stribeck_shape() -> ca.Function:
+    """(v, v_s) -> s: what multiplies alpha_1 in (9), dimensionless."""
+    v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
+    return _function("stribeck_shape", {"v": v, "v_s": v_s}, {"s": law.stribeck_shape(v, v_s)})
+
+
+@cache
+def stribeck_shape_slope() -> ca.Function:
+    """(v, v_s) -> s_v_s: the derivative of `stribeck_shape` with respect to v_s, s/rad."""
+    v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
+    return _function(
+        "stribeck_shape_slope", {"v": v, "v_s": v_s}, _derivatives("s", law.stribeck_shape(v, v_s), {"v_s": v_s})
+    )
+
+
+@cache
+def drive_torque() -> ca.Function:
+    """(V, w, k_t, R) -> T: the torque that voltage V drives at velocity w (7)-(8), N*m."""
+    s = _symbols("V", "w", "k_t", "R")
+    return _function("drive_torque", s, {"T": motor.drive_torque(s["V"], s["w"], Motor(s["k_t"], s["R"], 0.0, 0.0))})
+
+
+@cache
+def voltage() -> ca.Function:
+    """(T, w, k_t, R) -> V: the voltage that drives torque T at velocity w, the inverse of (7)-(8), V."""
+    s = _symbols("T", "w", "k_t", "R")
+    return _function("voltage", s, {"V": motor.voltage(s["T"], s["w"], Motor(s["k_t"], s["R"], 0.0, 0.0))})
+
+
+@cache
+def torque() -> ca.Function:
+    """(z, v, *Lugre) -> T: the friction torque T_f of (3)-(5), N*m."""
+    s, p = _symbols("z", "v"), _lugre()
+    return _function("torque", {**s, **p._asdict()}, {"T": law.torque(s["z"], s["v"], p)})
+
+
+@cache
+def torque_sensitivity() -> ca.Function:
+    """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1): T_f with its partial derivatives, each at fixed other arguments."""
+    s, p = _symbols("z", "v"), _lugre()
+    T = law.torque(s["z"], s["v"], p)
+    return _function(
+        "torque_sensitivity", {**s, **p._asdict()}, {"T": T, **_derivatives("T", T, {"z": s["z"], **p._asdict()})}
+    )
+
+
+@cache
+def steady_deflection() -> ca.Function:
+    """(v, *Lugre) -> (z, z_alpha_0, ..., z_sigma_1): the deflection where dz/dt = 0, rad, with its derivatives."""
+    v, p = ca.SX.sym("v"), _lugre()
+    z = law.steady_deflection(v, p)
+    return _function("steady_deflection", {"v": v, **p._asdict()}, {"z": z, **_derivatives("z", z, p._asdict())})
+
+
+@cache
+def step() -> ca.Function:
+    """(v0, v1, h, *Lugre) -> (a, b): the bristle step z(t + h) = a z(t) + b of `law.bristle_step`."""
+    inputs, _, outputs = _step()
+    return _function("step", inputs, outputs)
+
+
+@cache
+def step_parameters() -> tuple[str, ...]:
+    """Names of the parameters on which the bristle step depends, in the order of `Lugre`: sigma_1 and alpha_2 do not enter z."""
+    _, p, outputs = _step()
+    depends = ca.which_depends(ca.vertcat(*outputs.values()), ca.vertcat(*p), 1, False)
+    return tuple(name for name, enters in zip(Lugre._fields, depends, strict=True) if enters)
+
+
+@cache
+def step_sensitivity() -> ca.Function:
+    """(v0, v1, h, *Lugre) -> (a, b, a_p..., b_p...): the step with its derivatives, p running over `step_parameters`."""
+    inputs, p, outputs = _step()
+    free = {name: getattr(p, name) for name in step_parameters()}
+    slopes = {key: slope for name, value in outputs.items() for key, slope in _derivatives(name, value, free).items()}
+    return _function("step_sensitivity", inputs, outputs | slopes)
+
+
+@cache
+def active() -> ca.Function:
+    """(z, v, *positive, *negative) -> *Lugre: the set of a pair that acts at (z, v), by `law.active`."""
+    s, pair = _symbols("z", "v"), Pair(_lugre("_positive"), _lugre("_negative"))
+    inputs = {x.name(): x for x in (*s.values(), *pair.positive, *pair.negative)}
+    return _function("active", inputs, law.active(s["z"], s["v"], pair)._asdict())
+
+
+def _symbols(*names: str) -> dict[str, Any]:
+    return {name: ca.SX.sym(name) for name in names}
+
+
+def _lugre(suffix: str = "") -> Lugre[Any]:
+    return Lugre(*(ca.SX.sym(name + suffix) for name in Lugre._fields))
+
+
+def _step() -> tuple[dict[str, Any], Lugre[Any], dict[str, Any]]:
+    s, p = _symbols("v0", "v1", "h"), _lugre()
+    a, b = law.bristle_step(s["v0"], s["v1"], s["h"], p)
+    return s | p._asdict(), p, {"a": a, "b": b}
+
+
+def _steady() -> tuple[Any, dict[str, Any], Any]:
+    v, p = ca.SX.sym("v"), _symbols(*_STATIC)
+    return v, p, law.steady_torque(v, Lugre(**p, sigma_0=1.0, sigma_1=0.0))
+
+
+def _derivatives(name: str, expression: Any, by: Mapping[str, Any]) -> dict[str, Any]:
+    jacobian = ca.jacobian(expression, ca.vertcat(*by.values()))
+    return {f"{name}_{parameter}": jacobian[i] for i, parameter in enumerate(by)}
+
+
+def _function(name: str, inputs: Mapping[str, Any], outputs: Mapping[str, Any]) -> ca.Function:
+    expressions = ca.cse([ca.densify(expression) for expression in outputs.values()])
+    return ca.Function(name, list(inputs.values()), expressions, list(inputs), list(outputs))

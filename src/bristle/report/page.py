@@ -1,0 +1,151 @@
+"""The report as one self-contained HTML page with its results, figures and tables beside it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+from matplotlib.figure import Figure
+
+from bristle.identification.estimate import Joint
+from bristle.report import figures, sections, summary, tables, wording
+from bristle.report.files import replace_files, write_bytes, write_text
+from bristle.report.style import inline, render, render_as
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["save_figure", "write_report", "write_text"]
+
+Progress = Callable[[str, int, int], None]
+_DRAW: dict[str, Callable[[Joint], Figure | None]] = {
+    "curve": figures.curve_figure,
+    "profile": figures.profile_figure,
+    "residuals": figures.residuals_figure,
+}
+
+
+def write_report(
+    joints: Sequence[Joint], folder: Path, *, title: str, seed: int | None, progress: Progress | None = None
+) -> Path:
+    """Write index.html, results.json, figures/ and tables/ into a folder; returns the path of index.html.
+
+    The same joints give the same bytes. Everything is written before anything is moved to its place; only what bristle made there before
+    is replaced.
+
+    Args:
+        joints: at least one; names differ.
+        folder: made where it does not exist.
+        title: of the page.
+        seed: of whatever random numbers the results rest on; None where there are none.
+        progress: called with what is being done, how many steps are done, and how many there are.
+
+    Raises:
+        ValueError: no joint, two joints of one name, the folder is a file, or files in it that bristle did not make are in the way.
+        OSError: the folder cannot be written; nothing in it is changed.
+    """
+    names = [joint.name for joint in joints]
+    if not joints or len(set(names)) < len(names):
+        raise ValueError(f"a report needs joints of different names; got {', '.join(names) or 'none'}")
+    files: dict[str, bytes] = {}
+    drawn = _figures(joints, files, progress)
+    frames = tables.all_tables(joints)
+    files |= {f"tables/{name}.csv": _csv(frame) for name, frame in frames.items()}
+    files["results.json"] = _encoded(summary.to_json(joints))
+    files["index.html"] = _encoded(_html(joints, title, seed, drawn))
+    if progress:
+        progress("writing the report", len(_DRAW) * len(joints) + 1, len(_DRAW) * len(joints) + 1)
+    replace_files(folder, files)
+    return folder / "index.html"
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as the .svg or .png file that its path names.
+
+    Raises ValueError for another suffix, and as `write_text` does.
+    """
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in {"svg", "png"}:
+        raise ValueError(f"{path}: figures are written as .svg or .png; end the name with one of them")
+    write_bytes(path, render_as(figure, kind))
+
+
+def _figures(
+    joints: Sequence[Joint], files: dict[str, bytes], progress: Progress | None
+) -> dict[str, dict[str, Markup]]:
+    """Draw everything into `files`; returns the inline SVG by joint (`` for none) and figure."""
+    slugs = wording.slugs([joint.name for joint in joints])
+    drawn: dict[str, dict[str, Markup]] = {"": {}}
+    total, done = len(_DRAW) * len(joints) + 1, 0
+    for joint, slug in [(None, "fig1"), *zip(joints, slugs, strict=True)]:
+        own = drawn.setdefault(joint.name if joint else "", {})
+        for kind in _DRAW if joint else ("stribeck",):
+            if progress:
+                progress(f"drawing {kind} {joint.name if joint else ''}".rstrip(), done, total)
+            done += 1
+            figure = _DRAW[kind](joint) if joint else figures.stribeck_figure()
+            if figure is None:
+                continue
+            name = f"{slug}-{kind}"
+            files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
+            label = escape(f"{kind} of {wording.printable(joint.name)}" if joint else "the steady-state curve")
+            own[kind] = Markup(inline(files[f"figures/{name}.svg"], name, label))  # noqa: S704 # matplotlib escaped every text in it
+    return drawn
+
+
+def _html(joints: Sequence[Joint], title: str, seed: int | None, drawn: Mapping[str, Mapping[str, Markup]]) -> str:
+    environment = Environment(
+        loader=PackageLoader("bristle.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"cell": _cell, "heading": _heading, "direction": wording.direction, "symbol": symbol_html}
+    return environment.get_template("index.html").render(sections.page(joints, title, seed, drawn))
+
+
+def symbol_html(name: str) -> Markup:
+    """A parameter's symbol as HTML: alpha_0 -> α with subscript 0."""
+    text = wording.symbol(name)
+    for character, plain in zip("₀₁₂ₛ", "012s", strict=True):
+        text = text.replace(character, f"_{plain}")
+    parts = text.split("_", 1)
+    if len(parts) == 1 or parts[0] not in {"α", "σ", "v"}:
+        return escape(name)
+    return Markup("<i>{}</i><sub>{}</sub>{}").format(parts[0], parts[1][0], parts[1][1:])
+
+
+_HEADINGS = {
+    "standard_error": "standard error", "error_percent": "error (%)", "inside": "inside its interval?", "lower": "95 % from",
+    "upper": "95 % to", "plain_grid": "plain grid", "without_stick_slip": "without stick-slip", "huber": "Huber",
+    "without_standard_error": "its standard error", "difference_in_se": "difference (standard errors)", "grid": "refined grid",
+    "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
+    "start": "from row", "stop": "to row",
+}  # fmt: skip  # a table of words
+
+
+def _heading(column: str) -> str:
+    return _HEADINGS.get(column, column)
+
+
+def _cell(value: Any, column: str) -> str | Markup:
+    """How one value of a table's column stands in the page."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return wording.MISSING
+    if isinstance(value, float):
+        return wording.number(value, {"difference_in_se": 2, "error_percent": 3, "standard_error": 3}.get(column, 5))
+    if column == "parameter":
+        return symbol_html(str(value))
+    return {"unit": wording.pretty, "direction": wording.direction}.get(column, str)(str(value))
+
+
+def _csv(frame: "pd.DataFrame") -> bytes:
+    return _encoded(frame.to_csv(index=False, lineterminator="\n"))
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "backslashreplace")

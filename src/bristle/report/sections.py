@@ -1,0 +1,175 @@
+"""What each section of the page shows: one function per section, results -> the values that its template names."""
+
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from bristle import __version__
+from bristle.identification.estimate import Joint, StaticFit
+from bristle.report import figures, tables
+from bristle.report.advice import next_measurements
+from bristle.report.curves import band
+from bristle.report.wording import direction, measured, pretty, slugs, span
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "matplotlib", "pint", "pydantic", "jinja2")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table as the page shows it."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+
+def page(
+    joints: Sequence[Joint], title: str, seed: int | None, drawn: Mapping[str, Mapping[str, Markup]]
+) -> dict[str, Any]:
+    """Everything that the page's template names."""
+    return {
+        "title": title,
+        "simulated": any(joint.simulated for joint in joints),
+        "all_simulated": all(joint.simulated for joint in joints),
+        "version": __version__,
+        "joints": [
+            _joint(joint, slug, drawn[joint.name])
+            for joint, slug in zip(joints, slugs([j.name for j in joints]), strict=True)
+        ],
+        "stribeck": drawn[""]["stribeck"],
+        "fig_1": {"p": figures.FIG_1, "v_s": figures.FIG_1_V_S},
+        "versions": _versions(),
+        "seed": seed,
+    }
+
+
+def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, Any]:
+    return {
+        "joint": joint,
+        "slug": slug,
+        "figures": drawn,
+        "summary": _summary(joint),
+        "inputs": _inputs(joint),
+        "segments": _segments(joint),
+        "parameters": _parameters(joint),
+        "comparison": _comparison(joint),
+        "crosscheck": _crosscheck(joint),
+        "hold_out": _shown(tables.hold_out([joint])),
+        "shared": _shared(joint),
+        "doubts": _doubts(joint),
+        "next": next_measurements(joint),
+        "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > figures.MOST_POINTS,
+        "most_points": figures.MOST_POINTS,
+        "banded": any(band(fit.velocity[:1], fit) is not None for d, fit in joint.static.items() if d != "shared"),
+    }
+
+
+def _summary(joint: Joint) -> dict[str, Any]:
+    """The verdict: per direction the outcome and the static parameters; for simulated data how many intervals hold the truth."""
+    fits = [
+        {
+            "direction": d,
+            "outcome": fit.outcome.value,
+            "n": fit.n,
+            "relative_error": fit.relative_error,
+            "doubts": len(fit.doubts),
+            "estimates": [
+                (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
+                for name, e in fit.parameters.items()
+            ],
+        }
+        for d, fit in joint.static.items()
+    ]
+    inside = tables.parameters([joint])["inside"].dropna()
+    covered = (int(inside.astype(bool).sum()), len(inside)) if len(inside) else None
+    return {"fits": fits, "covered": covered, "verdicts": [(d, c.verdict) for d, c in joint.crosscheck.items()]}
+
+
+def _inputs(joint: Joint) -> dict[str, Any]:
+    return {
+        "files": joint.inputs,
+        "rows": sum(x.rows for x in joint.inputs),
+        "dropped": sum(x.dropped for x in joint.inputs),
+        "labelled": any(x.labels for x in joint.inputs),
+    }
+
+
+def _segments(joint: Joint) -> dict[str, Any]:
+    frame = tables.segments([joint])
+    kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip"])
+    rejected = frame[~frame["accepted"]][["file", "start", "stop", "velocity", "torque", "reasons"]]
+    return {"kept": _shown(kept), "rejected": _shown(rejected), "sticking": int(frame["stick_slip"].sum())}
+
+
+def _parameters(joint: Joint) -> Table:
+    frame = tables.parameters([joint])
+    return _shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"]))
+
+
+def _comparison(joint: Joint) -> Table:
+    frame = tables.comparison([joint])
+    if frame["without_stick_slip"].isna().all():
+        frame = frame.drop(columns=["without_stick_slip", "without_standard_error"])
+    return _shown(frame)
+
+
+def _crosscheck(joint: Joint) -> list[dict[str, Any]]:
+    frame = tables.crosscheck([joint])
+    return [
+        {"direction": d, "check": check, "table": _shown(frame[frame["direction"] == d].drop(columns="direction"))}
+        for d, check in joint.crosscheck.items()
+    ]
+
+
+def _shared(joint: Joint) -> dict[str, Any]:
+    """Regressors beside friction, and what two directions share."""
+    extra = sorted(
+        {name for fit in joint.static.values() for name in fit.parameters if not name.startswith(("alpha_", "v_s"))}
+    )
+    return {"extra": extra, "shared": "shared" in joint.static}
+
+
+def _doubts(joint: Joint) -> list[tuple[str, str]]:
+    """Each doubt once, with what it is about."""
+    found: dict[str, list[str]] = {}
+    for where, sentence in _all_doubts(joint):
+        found.setdefault(sentence, []).append(where)
+    return [(", ".join(dict.fromkeys(where)), sentence) for sentence, where in found.items()]
+
+
+def _all_doubts(joint: Joint) -> Iterable[tuple[str, str]]:
+    yield from (("", doubt) for doubt in joint.doubts)
+    for d, fit in joint.static.items():
+        yield from ((direction(d), doubt) for doubt in fit.doubts)
+        yield from _parameter_doubts(d, fit)
+    yield from ((f"{s.file} rows {s.start}-{s.stop}", doubt) for s in joint.segments for doubt in s.doubts)
+
+
+def _parameter_doubts(d: str, fit: StaticFit) -> Iterable[tuple[str, str]]:
+    said = set(fit.doubts)
+    for name, e in fit.parameters.items():
+        yield from ((f"{direction(d)} {name}", doubt) for doubt in e.doubts if doubt not in said)
+
+
+def _versions() -> list[tuple[str, str]]:
+    return [
+        ("bristle", __version__),
+        ("Python", platform.python_version()),
+        *((x, metadata.version(x)) for x in _LIBRARIES),
+    ]
+
+
+def _shown(frame: "pd.DataFrame") -> Table:
+    """A frame of one joint, without its name and without columns that say nothing."""
+    empty = [
+        c for c in ("doubts", "labels", "joint") if c in frame and (c == "joint" or not frame[c].astype(bool).any())
+    ]
+    frame = frame.drop(columns=empty)
+    rows = frame.astype(object).itertuples(index=False, name=None)
+    return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))

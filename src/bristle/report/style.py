@@ -1,0 +1,130 @@
+"""How figures look: colours told apart by colour-blind readers, markers and lines that survive grey print, no mathtext, fixed salt."""
+
+import io
+import re
+import warnings
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from bristle.report.wording import shortened
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_STYLE: Any = {  # matplotlib types each key singly
+    "text.parse_math": False,  # a $ in a joint's name is a $
+    "svg.fonttype": "none",  # text stays text: small, searchable, sharp
+    "svg.hashsalt": "bristle",
+    "font.family": ["DejaVu Sans"],
+    "font.size": 10.5,
+    "axes.titlesize": 10.5,
+    "axes.labelsize": 10.5,
+    "legend.fontsize": 9.0,
+    "legend.framealpha": 0.85,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+}
+LINES = ("-", "--", ":")
+WIDTH = 5.8
+"""Inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone."""
+DPI = 120
+
+
+class Look(NamedTuple):
+    """How one direction is drawn."""
+
+    colour: str
+    marker: str
+    line: str
+
+
+DIRECTION = {
+    "+": Look("#0072B2", "o", "-"),
+    "-": Look("#D55E00", "s", "--"),
+    "both": Look("#0072B2", "o", "-"),
+}
+"""Okabe and Ito's blue and vermilion."""
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Run a function that draws or renders in bristle's style, whatever the caller's rcParams are."""
+
+    @wraps(draw)
+    def inside(*args: P.args, **kwargs: P.kwargs) -> R:
+        with mpl.rc_context(), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing from")  # a name in a script that the font lacks
+            mpl.rcdefaults()
+            mpl.rcParams.update(_STYLE)
+            return draw(*args, **kwargs)
+
+    return inside
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure, inches, with fixed margins: a layout engine would take as long as the drawing."""
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(
+        left=0.95 / width,
+        right=1 - 0.15 / width,
+        bottom=0.55 / height,
+        top=1 - 0.45 / height,
+        hspace=0.36,
+        wspace=0.36,
+    )
+    return figure
+
+
+def title(ax: Axes, name: str, simulated: bool) -> None:
+    """The joint's name, and whether its data are simulated: figures travel without their captions."""
+    ax.set_title(f"{shortened(name, 40)}{' (SIMULATED data)' if simulated else ''}", loc="left", pad=14)
+
+
+def decimal_log(ax: Axes) -> None:
+    """A logarithmic x axis with plain decimal labels at 1, 2 and 5."""
+    ax.set_xscale("log")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_locator(NullLocator())
+
+
+@styled
+def render(figure: Figure) -> tuple[bytes, bytes]:
+    """A figure as SVG and as PNG: the same bytes for the same data, with no date and no program name."""
+    return render_as(figure, "svg"), render_as(figure, "png")
+
+
+@styled
+def render_as(figure: Figure, kind: str) -> bytes:
+    """A figure as bytes of one kind, `svg` or `png`."""
+    metadata = {"Date": None, "Creator": None} if kind == "svg" else {"Software": None}
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata)
+    data = buffer.getvalue()
+    return data.replace(b"'DejaVu Sans'", b"'DejaVu Sans', Verdana, sans-serif") if kind == "svg" else data
+
+
+def inline(svg: bytes, prefix: str, label: str) -> str:
+    """An SVG file as an element of an HTML page: no prologue, ids that no other figure has, width left to the page.
+
+    `label`, already escaped, names the figure for a reader who does not see it.
+    """
+    text = svg.decode("utf-8")
+    text = text[text.index("<svg") :]
+    text = re.sub(r'(<[^>]*?\sid=")', rf"\g<1>{prefix}-", text)
+    text = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}-", text)
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    return re.sub(
+        r'^<svg (.*?)width="[^"]*" height="[^"]*"', rf'<svg role="img" aria-label="{label}" \1', text, count=1
+    )

@@ -1,0 +1,162 @@
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from bristle.bench import ramp_gains
+from bristle.control.loop import Clock, Loop, State, exponential, plant_step, simulate
+from bristle.control.pid import AT_REST, pid
+from bristle.data.sensor import quantise
+from bristle.model import law, motor
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre, Motor, Pair
+
+GRIPPER = Pair(
+    Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184), Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
+)
+BASE = Pair(
+    Lugre(0.2371, 0.0285, 0.1394, 0.0750, 70.5845, 0.4673), Lugre(0.1731, 0.1098, 0.1338, 0.0620, 50.2721, 0.3908)
+)
+MOTOR = Motor(0.35, 2.1, 0.0, 1.27e-3)
+
+
+@lru_cache
+def stepper(pair: Pair[float], m: Motor[float]) -> ca.Function:
+    """(position, velocity, deflection), voltage, load, h -> the next three, by one plant step."""
+    s, V, load, h = ca.SX.sym("s", 3), ca.SX.sym("V"), ca.SX.sym("load"), ca.SX.sym("h")
+    return ca.Function("step", [s, V, load, h], [ca.vertcat(*plant_step(State(*ca.vertsplit(s)), V, load, h, pair, m))])
+
+
+@lru_cache
+def rates(pair: Pair[float], m: Motor[float]) -> ca.Function:
+    """The plant's derivative, straight from the law and the motor."""
+    s, V, load = ca.SX.sym("s", 3), ca.SX.sym("V"), ca.SX.sym("load")
+    _, v, z = ca.vertsplit(s)
+    p = law.active(z, v, pair)
+    a = motor.acceleration(motor.current(V, v, m), law.torque(z, v, p) - load, m)
+    return ca.Function("rates", [s, V, load], [ca.vertcat(v, a, law.bristle_rate(z, v, p))])
+
+
+def radau(state: Array, V: float, load: float, h: float, pair: Pair[float], m: Motor[float]) -> Array:
+    """The plant after h, by a tight stiff solution."""
+    f = rates(pair, m)
+    out = solve_ivp(lambda _, s: f(s, V, load).full().ravel(), (0, h), state, "Radau", rtol=1e-7, atol=1e-10)
+    assert out.success
+    return np.asarray(out.y[:, -1])
+
+
+def roll(state: Array, V: float, h: float, n: int, pair: Pair[float], m: Motor[float] = MOTOR) -> Array:
+    """The plant after n steps at constant voltage, no load."""
+    chain = stepper(pair, m).mapaccum(n)
+    return np.asarray(chain(state, V, 0.0, h).full()[:, -1])
+
+
+A_SYMBOL, H_SYMBOL = ca.SX.sym("A", 2, 2), ca.SX.sym("h")
+EXPONENTIAL = ca.Function("exponential", [A_SYMBOL, H_SYMBOL], [exponential(A_SYMBOL, H_SYMBOL)])
+negative = st.floats(-1e6, -1e-6)
+
+
+@settings(deadline=None, max_examples=100)
+@given(negative, negative, st.floats(-1e6, 1e6), st.floats(-1e3, 1e3), st.floats(1e-6, 1.0))
+def test_exponential_is_that_of_scipy(a: float, d: float, b: float, c: float, h: float) -> None:
+    """The closed form equals SciPy's matrix exponential for real, complex and stiff stable matrices."""
+    A = np.array([[a, b], [c, d]])
+    if np.linalg.eigvals(A).real.max() > 0:
+        A[1, 0] = -c if b * c > 0 else c
+    ours = EXPONENTIAL(A, h).full()
+    reference = expm(A * h)
+    scale = np.abs(A * h).max() + 1
+    np.testing.assert_allclose(ours, reference, rtol=1e-9, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("A", [[[-2.0, 0.0], [0.0, -2.0]], [[-2.0, 1.0], [0.0, -2.0]], [[-3.0, 1.0], [-1.0, -1.0]]])
+def test_equal_eigenvalues_need_no_case(A: list[list[float]]) -> None:
+    """At a double eigenvalue, with one eigenvector or two, the closed form is still exact."""
+    ours = ca.evalf(exponential(ca.SX(ca.DM(A)), 0.7)).full()
+    np.testing.assert_allclose(ours, expm(0.7 * np.array(A)), rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("pair", [GRIPPER, BASE])
+@pytest.mark.parametrize("v", [-1.0, -0.05, 0.01, 0.3])
+def test_steady_sliding_is_a_fixed_point(pair: Pair[float], v: float) -> None:
+    """At the voltage that (8) gives for the torque of (9), velocity and bristle stay as they are and the joint moves by v h."""
+    p, h = pair[int(v < 0)], 1e-3
+    z, T = float(law.steady_deflection(v, p)), float(law.steady_torque(v, p))
+    new = stepper(pair, MOTOR)([0.2, v, z], motor.voltage(T, v, MOTOR), 0.0, h).full().ravel()
+    np.testing.assert_allclose(new, [0.2 + v * h, v, z], rtol=1e-10)
+
+
+@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.01, 10), st.floats(0.01, 100))
+def test_voltage_and_torque_invert_each_other(T: float, w: float, k_t: float, R: float) -> None:
+    """(8) and its inverse are inverses, and at standstill V = R T / k_t."""
+    m = Motor(k_t, R, 0.0, 1.0)
+    assert motor.drive_torque(motor.voltage(T, w, m), w, m) == pytest.approx(T, rel=1e-9, abs=1e-9)
+    assert motor.voltage(T, 0.0, m) == pytest.approx(R * T / k_t)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.sampled_from([1.0, 6.0, 1e3, 1e4, 1e5]), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_stick_gains_no_energy(sigma_0: float, stretch: float, kick: float) -> None:
+    """Left alone in stick, kinetic plus bristle energy never grows from one 1 ms step to the next, however stiff the bristle."""
+    p = GRIPPER.positive._replace(sigma_0=sigma_0)
+    level = p.alpha_0 * stretch
+    start = np.array([0.0, kick * p.alpha_0 / np.sqrt(MOTOR.J * sigma_0), level / sigma_0])
+    states = stepper(Pair(p, p), MOTOR).mapaccum(300)(start, 0.0, 0.0, 1e-3).full()
+    states = np.column_stack([start, states])
+    energy = MOTOR.J * states[1] ** 2 / 2 + sigma_0 * states[2] ** 2 / 2
+    assert (np.diff(energy) <= 1e-12 * energy[0]).all()
+
+
+def test_step_is_second_order() -> None:
+    """Where the motion is smooth, halving the step divides the error against a tight Radau solution by about four."""
+    start, V, duration = np.array([0.0, 0.05, 0.002]), 0.4, 0.128
+    exact = radau(start, V, 0.0, duration, GRIPPER, MOTOR)
+    errors = [np.abs(roll(start, V, duration / n, n, GRIPPER) - exact)[1] for n in (32, 64, 128)]
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert errors[-1] < 2e-5 * abs(exact[1])
+    assert (orders > 1.8).all()
+
+
+def test_sampled_loop_agrees_with_radau() -> None:
+    """Through a start and a reversal, the loop stays with a Radau solution of the same sampled, quantised loop to a few counts."""
+    loop = Loop(GRIPPER, MOTOR, ramp_gains(MOTOR.J, 60.0), 1.0, 2.4e-5, Clock(2e-3, 1, 1))
+    t = 2e-3 * np.arange(60)
+    reference, speed = 0.01 * np.sin(40 * t), 0.4 * np.cos(40 * t)
+    log = simulate(loop, reference, speed, np.full((1, t.size), 1e-3))
+    state, memory, truth = np.zeros(3), AT_REST, []
+    for r, w in zip(reference, speed, strict=True):
+        truth.append([quantise(state[0], loop.resolution), *state[1:]])
+        demand, memory = pid(memory, r - truth[-1][0], 2e-3, loop.gains, loop.torque_limit)
+        state = radau(state, motor.voltage(demand, w, MOTOR), 1e-3, 2e-3, GRIPPER, MOTOR)
+    position, velocity, deflection = np.array(truth).T
+    assert np.abs(log.position[0] - position).max() <= 4 * loop.resolution
+    assert np.abs(log.velocity[0] - velocity).max() < 0.02 * np.abs(velocity).max()
+    assert np.abs(log.deflection[0] - deflection).max() < 0.01 * np.abs(deflection).max()
+
+
+def test_scenarios_do_not_meet() -> None:
+    """Each scenario of a batch gives the same numbers as alone."""
+    loop = Loop(BASE, MOTOR._replace(J=0.077), ramp_gains(0.077, 60.0), 2.0, 2.4e-5, Clock(2e-3, 1, 5))
+    t = np.arange(1030, dtype=np.float64) * 2e-3
+    reference, speed = 0.05 * t, np.full(t.size, 0.05)
+    load = 0.005 * np.random.default_rng(3).standard_normal((3, t.size))
+    together = simulate(loop, reference, speed, load)
+    for k in range(3):
+        alone = simulate(loop, reference, speed, load[k : k + 1])
+        for name in ("position", "voltage", "velocity", "deflection"):
+            np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name)[0])
+    assert np.ptp(together.velocity[:, -1]) > 0
+
+
+def test_wrong_length_is_refused() -> None:
+    """A run that does not fill its last logged sample, or whose signals differ in length, is refused in one sentence."""
+    loop = Loop(GRIPPER, MOTOR, ramp_gains(MOTOR.J, 60.0), 1.0, 2.4e-5, Clock(2e-3, 1, 5))
+    with pytest.raises(ValueError, match="multiple of the decimation 5"):
+        simulate(loop, np.zeros(12), np.zeros(12), np.zeros((1, 12)))
+    with pytest.raises(ValueError, match="same number"):
+        simulate(loop, np.zeros(10), np.zeros(5), np.zeros((1, 10)))

@@ -1,0 +1,27 @@
+"""Static problems to fit: the paper's Table 1 and the points one would measure."""
+
+import numpy as np
+import pytest
+
+from bristle.model.arrays import Array, evaluate
+from bristle.model.functions import steady_torque
+from bristle.model.parameters import Lugre
+
+GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
+
+
+def curve(velocity: Array, p: Lugre[float]) -> Array:
+    """Equation (9)."""
+    return evaluate(steady_torque(), velocity, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)[0]
+
+
+@pytest.fixture
+def gripper() -> Lugre[float]:
+    """Gripper rotation (+) of Table 1."""
+    return GRIPPER
+
+
+@pytest.fixture
+def speeds() -> Array:
+    """A design that sees the Stribeck region: 16 speeds from 0.15 v_s to 11 v_s."""
+    return np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)

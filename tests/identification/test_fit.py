@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+
+from bristle.data.options import FitOptions
+from bristle.identification.estimate import Outcome
+from bristle.identification.fit import Where, estimate_static, fit_static
+from bristle.identification.regression import from_points
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+from .conftest import GRIPPER, curve
+
+STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+
+
+def points(velocity: Array, torque: Array, stick_slip: Array | None = None, direction: str = "+") -> dict[str, object]:
+    where = Where(
+        names=tuple(f"point {k}" for k in range(velocity.size)),
+        stick_slip=np.zeros(velocity.size, dtype=bool) if stick_slip is None else stick_slip,
+    )
+    return dict(fit_static(from_points(velocity, torque, (direction,)), FitOptions(), "revolute", where)[0])
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say(gripper: Lugre[float], speeds: Array) -> None:
+    """95 % intervals cover each true parameter in 95 % of 300 repetitions, within three binomial deviations; `benchmarks/coverage.py` does 1000."""
+    rng = np.random.default_rng(0)
+    hits = dict.fromkeys(STATIC, 0)
+    for _ in range(300):
+        torque = curve(speeds, gripper) + 0.01 * gripper.alpha_0 * rng.standard_normal(speeds.size)
+        found = estimate_static(from_points(speeds, torque, ("+",)), FitOptions(), "revolute")
+        for name in STATIC:
+            interval = found[name].interval
+            hits[name] += interval is not None and interval[0] <= getattr(gripper, name) <= interval[1]
+    assert all(abs(count / 300 - 0.95) < 3 * np.sqrt(0.95 * 0.05 / 300) for count in hits.values()), hits
+
+
+def test_no_peak_is_invented(speeds: Array) -> None:
+    """From Coulomb and viscous friction alone, alpha_1 and v_s do not exist and say why; the other two are there and right."""
+    torque = 0.02 + 0.04 * speeds + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
+    fit = points(speeds, torque)["+"]
+    assert fit.outcome is Outcome.NO_STRIBECK
+    for name in ("alpha_1", "v_s"):
+        estimate = fit.parameters[name]
+        assert estimate.value is None
+        assert "Stribeck not identifiable" in estimate.doubts[0]
+    for name, true in (("alpha_0", 0.02), ("alpha_2", 0.04)):
+        low, high = fit.parameters[name].interval
+        assert low < true < high
+
+
+def test_a_bend_over_all_speeds_is_not_called_stribeck() -> None:
+    """A significant concave bend with no falling part, as worn or lubricated drives show it, is not fitted by a Stribeck term."""
+    velocity = np.linspace(0.01, 0.12, 40)
+    torque = 20 + 200 * velocity - 400 * velocity**2 + 0.02 * np.random.default_rng(4).standard_normal(40)
+    fit = points(velocity, torque)["+"]
+    assert fit.outcome is Outcome.NO_STRIBECK
+    assert any("rises at every speed" in doubt or "noise alone" in doubt for doubt in fit.doubts)
+
+
+def test_an_outlier_is_named(gripper: Lugre[float], speeds: Array) -> None:
+    """One bad point moves least squares and not Huber; the doubt names it."""
+    torque = curve(speeds, gripper) + 2e-5 * np.random.default_rng(5).standard_normal(speeds.size)
+    torque[11] += 2e-3
+    fit = points(speeds, torque)["+"]
+    named = [doubt for doubt in fit.doubts if "Huber" in doubt]
+    assert "point 11" in named[0]
+    assert abs(fit.robust["alpha_0"] - gripper.alpha_0) < abs(fit.parameters["alpha_0"].value - gripper.alpha_0)
+
+
+def test_stick_slip_points_are_fitted_without_as_well(gripper: Lugre[float], speeds: Array) -> None:
+    """With flagged points the fit without them stands beside, from the other points alone."""
+    flags = speeds < 0.02
+    torque = curve(speeds, gripper) + 1e-4 * np.random.default_rng(6).standard_normal(speeds.size)
+    fit = points(speeds, torque, flags)["+"]
+    alone = points(speeds[~flags], torque[~flags])["+"]
+    assert fit.without_stick_slip["alpha_0"].value == pytest.approx(alone.parameters["alpha_0"].value)
+    assert any("stick and slip" in doubt for doubt in fit.doubts)
+
+
+@pytest.mark.parametrize(("count", "outcome"), [(1, Outcome.TOO_FEW), (2, Outcome.TOO_FEW), (4, Outcome.NO_STRIBECK)])
+def test_few_points_give_few_parameters(count: int, outcome: Outcome, gripper: Lugre[float]) -> None:
+    """Never more parameters than the points carry: none from two, two from four, each absence with its reason."""
+    velocity = np.linspace(0.05, 0.5, count)
+    fit = points(velocity, curve(velocity, gripper))["+"]
+    assert fit.outcome is outcome
+    assert all(estimate.value is not None or estimate.doubts for estimate in fit.parameters.values())
+
+
+def test_one_speed_only_is_refused_with_the_reason(gripper: Lugre[float]) -> None:
+    """Ten points at one speed cannot tell Coulomb from viscous friction, and say so."""
+    velocity = np.full(10, 0.2)
+    fit = points(velocity, curve(velocity, gripper))["+"]
+    assert fit.outcome is Outcome.TOO_FEW
+    assert "one speed" in fit.doubts[0]
+
+
+def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> None:
+    """With no speed below v_s the Stribeck term is dropped, or its interval is open and a doubt asks for slower speeds."""
+    velocity = np.geomspace(1.2 * gripper.v_s, 0.8, 14)
+    torque = curve(velocity, gripper) + 2e-5 * np.random.default_rng(8).standard_normal(14)
+    fit = points(velocity, torque)["+"]
+    if fit.parameters["v_s"].value is None:
+        assert fit.outcome is Outcome.NO_STRIBECK
+    else:
+        assert any("measure slower" in doubt for doubt in fit.doubts)
+
+
+def test_huber_loss_is_the_huber_refit(gripper: Lugre[float], speeds: Array) -> None:
+    """`loss: huber` makes the robust refit the fit itself."""
+    torque = curve(speeds, gripper) + 5e-5 * np.random.default_rng(9).standard_normal(speeds.size)
+    torque[3] += 1e-3
+    beside = points(speeds, torque)["+"].robust
+    problem = from_points(speeds, torque, ("+",))
+    itself = estimate_static(problem, FitOptions(loss="huber"), "revolute")
+    assert itself["alpha_0"].value == pytest.approx(beside["alpha_0"], rel=1e-4)
+
+
+def test_prismatic_joints_have_their_units(speeds: Array) -> None:
+    """The same fit of a prismatic joint is in N, N*s/m and m/s."""
+    torque = curve(speeds, GRIPPER) + 1e-5 * np.random.default_rng(10).standard_normal(speeds.size)
+    found = estimate_static(from_points(speeds, torque, ("both",)), FitOptions(), "prismatic")
+    assert [found[name].unit for name in STATIC] == ["N", "N", "N*s/m", "m/s"]

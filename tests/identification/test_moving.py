@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+
+from bristle.data.options import FitOptions
+from bristle.data.record import Record
+from bristle.identification.crosscheck import full_fit
+from bristle.identification.fit import Where, fit_static
+from bristle.identification.regression import from_records, with_prior
+from bristle.identification.static import default_range, solve
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+from .conftest import curve
+
+STRONG = Lugre(0.02, 0.03, 0.04, 0.15, 1.0, 0.0)
+INERTIA = 0.004
+
+
+def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -> Record:
+    """Eight seconds of a two-tone motion at 1 kHz with exact derivatives, friction (9), inertia, and noise on torque."""
+    time = np.arange(8000) / 1000
+    w1, w2 = 2 * np.pi * 0.4, 2 * np.pi * 1.1
+    velocity = 0.6 * np.sin(w1 * time) + 0.3 * np.sin(w2 * time)
+    acceleration = 0.6 * w1 * np.cos(w1 * time) + 0.3 * w2 * np.cos(w2 * time)
+    torque = curve(velocity, STRONG) + INERTIA * acceleration + noise * np.random.default_rng(seed).standard_normal(time.size)
+    return Record(file="motion.csv", time=time, velocity=velocity, acceleration=acceleration, torque=torque, starts=starts)
+
+
+def values(record: Record, directions: tuple[str, ...], regressors: tuple[str, ...], **known: float) -> dict[str, float]:
+    problem, _, _ = from_records([record], directions, regressors, 10, **known)
+    return dict(zip(problem.names, solve(problem, default_range(problem.velocity)).theta, strict=True))
+
+
+def test_inertia_and_friction_are_told_apart() -> None:
+    """From moving data the same solve gives inertia, offset (zero) and all four static parameters, within 2 % of the truth."""
+    found = values(moving(), ("both",), ("inertia", "offset"))
+    assert found["inertia"] == pytest.approx(INERTIA, rel=0.01)
+    assert found["offset"] == pytest.approx(0.0, abs=1e-4)
+    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
+        assert found[name] == pytest.approx(getattr(STRONG, name), rel=0.02)
+
+
+def test_filtering_both_sides_is_unbiased() -> None:
+    """sgn(v) and the Stribeck shape are formed before the filter, so noise-free data give back the exact parameters although both are smoothed."""
+    found = values(moving(noise=0.0), ("+", "-"), ("inertia",))
+    assert found["inertia"] == pytest.approx(INERTIA, rel=1e-5)
+    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
+        assert [found[name + "+"], found[name + "-"]] == pytest.approx([getattr(STRONG, name)] * 2, rel=1e-4)
+
+
+def test_a_known_inertia_is_taken_off() -> None:
+    """With the inertia fixed the rest comes out as when it is estimated, and it is no parameter any more."""
+    fixed = values(moving(), ("both",), ("offset",), inertia=INERTIA)
+    free = values(moving(), ("both",), ("inertia", "offset"))
+    assert "inertia" not in fixed
+    assert fixed["alpha_2"] == pytest.approx(free["alpha_2"], rel=0.01)
+
+
+def test_a_prior_pulls_as_its_standard_error_says() -> None:
+    """An absurdly tight prior decides the inertia; a loose one leaves it alone."""
+    problem, _, _ = from_records([moving()], ("both",), ("inertia",), 10)
+    position = problem.names.index("inertia")
+    tight = with_prior(problem, "inertia", 0.005, 1e-9, 1e-4)
+    loose = with_prior(problem, "inertia", 0.005, 1.0, 1e-4)
+    v_s_range = default_range(problem.velocity)
+    assert solve(tight, v_s_range).theta[position] == pytest.approx(0.005, rel=1e-4)
+    assert solve(loose, v_s_range).theta[position] == pytest.approx(solve(problem, v_s_range).theta[position], rel=1e-5)
+
+
+def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
+    """Each equation's kernel sums to one, and takes its samples from one stretch only."""
+    record = moving(starts=(0, 3000))
+    problem, (time, _), dropped = from_records([record], ("both",), ("inertia",), 10)
+    smooth = problem.smooth
+    assert smooth is not None
+    assert smooth @ np.ones(record.time.size) == pytest.approx(np.ones(smooth.shape[0]), abs=1e-12)
+    first = (smooth[:, :3000] != 0).sum(axis=1) > 0
+    second = (smooth[:, 3000:] != 0).sum(axis=1) > 0
+    assert not (np.asarray(first).ravel() & np.asarray(second).ravel()).any()
+    assert time.size == smooth.shape[0]
+    assert dropped > 0
+
+
+def test_too_short_a_stretch_names_the_length_it_needs() -> None:
+    """A record shorter than the filter's transient is refused with the number of samples that it takes."""
+    whole = moving()
+    short = Record(
+        file="short.csv",
+        time=whole.time[:100],
+        velocity=whole.velocity[:100],
+        acceleration=whole.acceleration[:100],
+        torque=whole.torque[:100],
+    )
+    with pytest.raises(ValueError, match=r"short\.csv: no stretch without gaps is longer than \d+ samples"):
+        from_records([short], ("both",), ("inertia",), 10)
+
+
+def test_missing_acceleration_is_named() -> None:
+    """A regressor whose signal the run does not have is refused, naming the file and the signal."""
+    whole = moving()
+    bare = Record(file="bare.csv", time=whole.time, velocity=whole.velocity, torque=whole.torque)
+    with pytest.raises(ValueError, match=r"bare\.csv: the fit needs acceleration"):
+        from_records([bare], ("both",), ("inertia",), 10)
+
+
+def test_the_full_fit_on_moving_data_ends_where_the_grid_does() -> None:
+    """Two routes agree: IPOPT on the law itself, through the same filter, and the grid; costs within 1e-6 relative."""
+    problem, _, _ = from_records([moving()], ("both",), ("inertia", "offset"), 10)
+    v_s_range = default_range(problem.velocity)
+    grid = solve(problem, v_s_range)
+    theta, cost, _ = full_fit(problem, v_s_range, starts=3)
+    assert cost == pytest.approx(grid.cost, rel=1e-6)
+    assert theta == pytest.approx(grid.theta, rel=2e-3, abs=1e-5)
+
+
+def test_hold_out_is_judged_and_never_fitted() -> None:
+    """The relative error on a held-out run is 100 * norm(residual) / norm(torque) with the training run's parameters."""
+    training, (time, position), _ = from_records([moving(0)], ("both",), ("inertia",), 10)
+    other, _, _ = from_records([moving(1)], ("both",), ("inertia",), 10)
+    where = Where(time=time, position=position)
+    fits, _ = fit_static(training, FitOptions(), "revolute", where, [("other.csv", other)])
+    fit = fits["both"]
+    theta: Array = solve(training, default_range(training.velocity)).theta
+    by_hand = 100 * np.linalg.norm(other.residuals(theta)) / np.linalg.norm(other.torque)
+    assert fit.hold_out[0].file == "other.csv"
+    assert fit.hold_out[0].relative_error == pytest.approx(by_hand, rel=1e-9)

@@ -1,0 +1,164 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import curve_fit, nnls
+
+from bristle.identification.regression import from_points, gravity
+from bristle.identification.static import Projected, default_range, plain_grid, solve, solve_at, solve_batch
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+from .conftest import GRIPPER, curve
+
+positive = st.floats(0.1, 10.0)
+
+
+def named(velocity: Array, torque: Array, direction: str = "both") -> dict[str, float]:
+    problem = from_points(velocity, torque, (direction,))
+    return dict(zip(problem.names, solve(problem, default_range(velocity)).theta, strict=True))
+
+
+@settings(max_examples=40, deadline=None)
+@given(positive, positive, positive, st.floats(0.3, 3.0))
+def test_noise_free_points_give_back_the_parameters(a0: float, a1: float, a2: float, reach: float) -> None:
+    """Without noise the minimum of the profile is the truth, whatever the parameters, to 1e-5 relative (the profile is flat to rounding there)."""
+    p = Lugre(a0, a1, a2, reach, 1.0, 0.0)
+    velocity = np.geomspace(0.1, 10.0, 25)
+    found = named(velocity, curve(velocity, p))
+    assert [found[n] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")] == pytest.approx(p[:4], rel=1e-5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_refined_minimum_is_below_every_value_of_the_plain_grid(seed: int) -> None:
+    """The continuous minimum costs no more than any of the paper's 500 values of v_s."""
+    velocity = np.geomspace(0.01, 0.8, 14)
+    torque = curve(velocity, GRIPPER) + 5e-4 * np.random.default_rng(seed).standard_normal(14)
+    problem = from_points(velocity, torque, ("both",))
+    v_s_range = default_range(velocity)
+    _, costs, _ = plain_grid(problem, v_s_range)
+    assert solve(problem, v_s_range).cost <= costs.min() * (1 + 1e-9)
+
+
+def test_agrees_with_curve_fit_to_six_digits(gripper: Lugre[float], speeds: Array) -> None:
+    """On noisy points an independent least-squares solver ends in the same minimum."""
+    torque = curve(speeds, gripper) + 2e-4 * np.random.default_rng(3).standard_normal(speeds.size)
+    found = named(speeds, torque)
+
+    def model(v: Array, a0: float, a1: float, a2: float, v_s: float) -> Array:
+        return curve(v, Lugre(a0, a1, a2, v_s, 1.0, 0.0))
+
+    other, _ = curve_fit(model, speeds, torque, p0=gripper[:4], xtol=1e-14, ftol=1e-14)
+    assert [found[n] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")] == pytest.approx(other, rel=1e-6)
+
+
+def test_projected_cost_is_the_bounded_least_squares_cost(speeds: Array) -> None:
+    """At each v_s of the grid the cost equals that of Lawson and Hanson's NNLS on the same columns, also where a bound is active."""
+    rng = np.random.default_rng(1)
+    torque = 0.02 - 0.01 * speeds + 2e-3 * rng.standard_normal(speeds.size)  # negative viscous friction: alpha_2 goes to its bound
+    problem = from_points(speeds, torque, ("both",))
+    values = np.geomspace(*default_range(speeds), 30)
+    expected = [nnls(problem.design([v]), problem.torque)[1] ** 2 for v in values]
+    assert Projected(problem).costs(values) == pytest.approx(expected, rel=1e-8)
+
+
+def test_a_valley_instead_of_a_peak_gives_alpha_1_zero(speeds: Array) -> None:
+    """Where friction is lower near standstill (a negative amplitude at this v_s), alpha_1 ends at its bound of zero, and is said to."""
+    torque = curve(speeds, GRIPPER._replace(alpha_1=-0.005))
+    problem = from_points(speeds, torque, ("both",))
+    theta, cost, held = solve_at(problem, [GRIPPER.v_s])
+    assert dict(zip(problem.names, theta, strict=True))["alpha_1"] == 0.0
+    assert held == ("alpha_1",)
+    assert cost == pytest.approx(Projected(problem).base_cost, rel=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(1e-6, 1e6), st.floats(1e-3, 1e3))
+def test_units_scale_through(torque_unit: float, velocity_unit: float) -> None:
+    """Measuring in other units rescales the parameters and changes nothing else: alpha with torque, v_s with velocity."""
+    velocity = np.geomspace(0.01, 0.8, 16)
+    torque = curve(velocity, GRIPPER) + 3e-4 * np.random.default_rng(5).standard_normal(16)
+    one = named(velocity, torque)
+    two = named(velocity * velocity_unit, torque * torque_unit)
+    assert two["alpha_0"] / torque_unit == pytest.approx(one["alpha_0"], rel=1e-7)
+    assert two["alpha_1"] / torque_unit == pytest.approx(one["alpha_1"], rel=1e-7)
+    assert two["alpha_2"] / torque_unit * velocity_unit == pytest.approx(one["alpha_2"], rel=1e-7)
+    assert two["v_s"] / velocity_unit == pytest.approx(one["v_s"], rel=1e-7)
+
+
+def test_negative_velocities_give_the_same_positive_parameters(gripper: Lugre[float], speeds: Array) -> None:
+    """Friction is odd: (-v, -T) has the parameters of (v, T), positive in both directions."""
+    torque = curve(speeds, gripper) + 2e-4 * np.random.default_rng(7).standard_normal(speeds.size)
+    assert named(-speeds, -torque, "-") == pytest.approx(named(speeds, torque, "+"), rel=1e-9)
+
+
+def test_slope_of_the_profile_is_the_envelope_theorem(gripper: Lugre[float], speeds: Array) -> None:
+    """d(cost)/d(v_s) at the inner optimum equals -2 times the Jacobian's v_s column times the residuals: CasADi's slope is right."""
+    torque = curve(speeds, gripper) + 5e-4 * np.random.default_rng(9).standard_normal(speeds.size)
+    problem = from_points(speeds, torque, ("both",))
+    v_s, h = 0.05, 1e-6
+    theta, _, _ = solve_at(problem, [v_s])
+    envelope = -2 * problem.jacobian(theta)[:, -1] @ problem.residuals(theta)
+    central = (solve_at(problem, [v_s + h])[1] - solve_at(problem, [v_s - h])[1]) / (2 * h)
+    assert envelope == pytest.approx(central, rel=1e-5)
+
+
+def test_jacobian_is_the_derivative_of_the_model(gripper: Lugre[float], speeds: Array) -> None:
+    """Residuals move against the Jacobian for a small change of each parameter (central differences, 1e-7 relative)."""
+    both = np.concatenate([speeds, -speeds])
+    problem = from_points(both, curve(both, gripper), ("+", "-"), gravity(both))
+    theta = solve(problem, default_range(both)).theta * 1.1
+    jacobian = problem.jacobian(theta)
+    for k in range(theta.size):
+        step = np.zeros(theta.size)
+        step[k] = 1e-5 * max(abs(theta[k]), 1e-3)
+        central = -(problem.residuals(theta + step) - problem.residuals(theta - step)) / (2 * step[k])
+        assert jacobian[:, k] == pytest.approx(central, rel=1e-6, abs=1e-9)
+
+
+def test_two_directions_in_one_solve_equal_two_solves(gripper: Lugre[float], speeds: Array) -> None:
+    """Without anything shared, the joint problem of both directions is two problems."""
+    rng = np.random.default_rng(11)
+    both = np.concatenate([speeds, -speeds])
+    other = gripper._replace(alpha_0=0.0148, alpha_1=0.0040, alpha_2=0.0307, v_s=0.05)
+    torque = np.concatenate([curve(speeds, gripper), curve(-speeds, other)]) + 2e-4 * rng.standard_normal(both.size)
+    v_s_range = default_range(both)
+    joint = from_points(both, torque, ("+", "-"))
+    found = dict(zip(joint.names, solve(joint, v_s_range).theta, strict=True))
+    n = speeds.size
+    for sign, rows in (("+", slice(0, n)), ("-", slice(n, 2 * n))):
+        single = from_points(both[rows], torque[rows], (sign,))
+        for name, value in zip(single.names, solve(single, v_s_range).theta, strict=True):
+            assert found[name + sign] == pytest.approx(value, rel=1e-5)
+
+
+def test_known_regressors_are_told_from_friction(gripper: Lugre[float], speeds: Array) -> None:
+    """An offset and gravity in the same linear solve come back exactly, and leave the friction exact."""
+    both = np.concatenate([speeds, -speeds])
+    position = np.linspace(0, 5, both.size)
+    torque = curve(both, gripper) + 0.003 + 0.01 * np.sin(position) - 0.004 * np.cos(position)
+    problem = from_points(both, torque, ("both",), {"offset": np.ones(both.size)} | gravity(position))
+    found = dict(zip(problem.names, solve(problem, default_range(both)).theta, strict=True))
+    assert (found["offset"], found["gravity_sin"], found["gravity_cos"]) == pytest.approx((0.003, 0.01, -0.004), rel=1e-6)
+    assert [found[n] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")] == pytest.approx(gripper[:4], rel=1e-6)
+
+
+def test_a_batch_is_its_sets_one_by_one(gripper: Lugre[float], speeds: Array) -> None:
+    """Sets that share their velocities, solved together, end within 1 % of a standard error of v_s of the single solve, at the same cost."""
+    rng = np.random.default_rng(13)
+    torques = curve(speeds, gripper)[:, None] + 3e-4 * rng.standard_normal((speeds.size, 200))
+    v_s_range = default_range(speeds)
+    theta, cost = solve_batch(speeds, torques, v_s_range)
+    single = [solve(from_points(speeds, torque, ("both",)), v_s_range) for torque in torques.T]
+    spread = theta.std(axis=1)
+    assert (np.abs(theta - np.array([s.theta for s in single]).T) <= 0.01 * spread[:, None]).all()
+    assert cost == pytest.approx([s.cost for s in single], rel=1e-3)
+
+
+def test_an_unbracketed_minimum_ends_at_the_edge(gripper: Lugre[float]) -> None:
+    """Where all speeds lie far above v_s, nothing limits v_s below, and the answer is at the grid's lower edge or flat there."""
+    velocity = np.linspace(5 * gripper.v_s, 20 * gripper.v_s, 12)
+    problem = from_points(velocity, curve(velocity, gripper), ("both",))
+    solution = solve(problem, default_range(velocity))
+    assert solution.profiles[0][0] <= solution.base_costs[0] * (1 + 1e-9) + 1e-18

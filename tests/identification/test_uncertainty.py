@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from bristle.identification import uncertainty
+from bristle.identification.regression import from_points
+from bristle.identification.static import Projected, default_range, solve
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+from .conftest import curve
+
+
+def test_covariance_of_a_straight_line_is_the_textbook_one() -> None:
+    """For a linear model the covariance is s**2 (X'X)**-1 in closed form, and equals linregress' standard errors."""
+    rng = np.random.default_rng(0)
+    x = np.linspace(0, 1, 20)
+    y = 1 + 2 * x + 0.1 * rng.standard_normal(20)
+    line = stats.linregress(x, y)
+    design = np.column_stack([x, np.ones(20)])
+    residuals = y - design @ [line.slope, line.intercept]
+    covariance, freedom = uncertainty.covariance(design, float(residuals @ residuals))
+    assert np.sqrt(np.diag(covariance)) == pytest.approx([line.stderr, line.intercept_stderr], rel=1e-10)
+    assert freedom == 18
+
+
+def test_student_and_f_quantiles_agree() -> None:
+    """t**2 with n degrees of freedom is F with 1 and n: the profile's threshold and the Student interval belong together."""
+    for freedom in (1, 4, 12, 200):
+        threshold = uncertainty.profile_threshold(1.0, freedom + 4, 4)
+        assert (threshold - 1) * freedom == pytest.approx(uncertainty.student(freedom) ** 2, rel=1e-9)
+        assert uncertainty.student(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-9)
+
+
+def test_inflation_widens_as_fewer_points_would() -> None:
+    """Residuals correlated over tau samples count as n / tau points: the variance grows by tau, freedom shrinks by it."""
+    design = np.random.default_rng(1).standard_normal((100, 3))
+    plain, _ = uncertainty.covariance(design, 2.0)
+    wide, freedom = uncertainty.covariance(design, 2.0, 4.0)
+    assert wide == pytest.approx(4 * plain)
+    assert freedom == pytest.approx(100 / 4 - 3)
+
+
+def test_profile_interval_ends_on_the_threshold(gripper: Lugre[float], speeds: Array) -> None:
+    """At each end of a finite interval the profile costs exactly the threshold; inside it costs less."""
+    torque = curve(speeds, gripper) + 3e-4 * np.random.default_rng(2).standard_normal(speeds.size)
+    problem = from_points(speeds, torque, ("both",))
+    solution = solve(problem, default_range(speeds))
+    projected = Projected(problem)
+    threshold = uncertainty.profile_threshold(solution.cost, speeds.size, 4)
+    low, high = uncertainty.profile_interval(projected.costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold)
+    assert projected.costs(np.array([low, high])) == pytest.approx([threshold] * 2, rel=1e-6)
+    assert low < solution.theta[-1] < high
+    assert (projected.costs(np.linspace(low, high, 50)[1:-1]) < threshold).all()
+
+
+def test_profile_without_limit_is_open(gripper: Lugre[float]) -> None:
+    """Where no speed is near v_s, the interval reaches to zero or to infinity instead of ending at the grid."""
+    velocity = np.linspace(4 * gripper.v_s, 20 * gripper.v_s, 10)
+    torque = curve(velocity, gripper) + 3e-4 * np.random.default_rng(3).standard_normal(10)
+    problem = from_points(velocity, torque, ("both",))
+    solution = solve(problem, default_range(velocity))
+    threshold = uncertainty.profile_threshold(solution.cost, 10, 4)
+    low, high = uncertainty.profile_interval(
+        Projected(problem).costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold
+    )
+    assert low == 0 or np.isinf(high)
+
+
+def test_p_value_is_uniform_where_there_is_no_peak(speeds: Array) -> None:
+    """Without a Stribeck term the p-value falls below any level about that often: at 5 % and 20 %, over 400 sets, within 3 binomial deviations."""
+    rng = np.random.default_rng(4)
+    flat = 0.02 + 0.04 * speeds
+    values = np.geomspace(*default_range(speeds), 48)
+    p_values = []
+    for _ in range(400):
+        problem = from_points(speeds, flat + 1e-4 * rng.standard_normal(speeds.size), ("both",))
+        projected = Projected(problem)
+        off, _, length = projected.columns(values)
+        cost = projected.costs(values).min()
+        p_values.append(
+            uncertainty.stribeck_p_value(off, length, projected.q, (projected.base_cost - cost) / cost, draws=1000)
+        )
+    for level in (0.05, 0.20):
+        seen = np.mean(np.array(p_values) <= level)
+        assert abs(seen - level) <= 3 * np.sqrt(level * (1 - level) / 400) + 0.002

@@ -1,0 +1,76 @@
+from pathlib import Path
+
+import pytest
+
+import bristle
+from bristle.identification.estimate import Joint, Outcome
+
+KINOVA = """
+joint: {name: kinova joint 7, kind: revolute}
+signals:
+  time:     {rate: 999 Hz}
+  position: {column: 1, unit: rad, wraps: true}
+  velocity: {column: 2, unit: rad/s}
+  torque:   {column: 5, unit: A, scale: 7.6 N*m/A}
+runs:
+  - {files: "${BRISTLE_DATA}/kinova_gen3_joint7/velocity_*.csv", experiment: ramp}
+"""
+EMPS = """
+joint: {name: EMPS, kind: prismatic}
+signals:
+  time:     {column: t, unit: s}
+  position: {column: qm, unit: m}
+  torque:   {column: vir, unit: V, scale: 35.15 N/V}
+runs:
+  - {files: "${BRISTLE_DATA}/emps/DATA_EMPS.mat", experiment: tracking}
+  - {files: "${BRISTLE_DATA}/emps/DATA_EMPS_PULSES.mat", experiment: tracking, hold_out: true}
+fit: {directions: DIRECTIONS}
+"""
+
+
+def identified(folder: Path, text: str) -> Joint:
+    file = folder / "experiment.yaml"
+    file.write_text(text)
+    return bristle.identify(file).joints[0]
+
+
+def test_kinova_is_identified_as_it_is(measured_data: Path, tmp_path: Path) -> None:
+    """Ten constant-velocity runs, wrapped positions and inf rows included: the known curve, slow runs kept with a doubt, wide intervals."""
+    assert measured_data.is_dir()
+    joint = identified(tmp_path, KINOVA)
+    fit = joint.static["+"]
+    assert fit.n == 10
+    assert fit.rms is not None
+    assert fit.rms <= 0.013
+    assert fit.parameters["alpha_0"].value == pytest.approx(1.325, abs=0.075)
+    assert fit.parameters["alpha_2"].value == pytest.approx(0.75, abs=0.05)
+    assert any(s.stick_slip and s.accepted for s in joint.segments)
+    assert fit.without_stick_slip
+    low, high = fit.parameters["v_s"].interval or (0.0, 0.0)
+    assert high > 1.5 * low
+    assert any("wrap" in note for one in joint.inputs for note in one.notes)
+
+
+def test_emps_symmetric_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
+    """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019); relative errors as published; no Stribeck peak."""
+    assert measured_data.is_dir()
+    fit = identified(tmp_path, EMPS.replace("DIRECTIONS", "symmetric")).static["both"]
+    published = {"inertia": 95.109, "alpha_2": 203.50, "alpha_0": 20.394, "offset": -3.165}
+    assert {n: fit.parameters[n].value for n in published} == pytest.approx(published, rel=0.01)
+    assert fit.relative_error is not None
+    assert fit.relative_error <= 4.15
+    assert fit.hold_out[0].relative_error <= 6.1
+    assert fit.outcome is Outcome.NO_STRIBECK
+
+
+def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
+    """With a law per direction: mass 95.154 kg, viscous 166.71 and 240.42, Coulomb 20.144 and 20.628, within 1 %; errors below the published."""
+    assert measured_data.is_dir()
+    static = identified(tmp_path, EMPS.replace("DIRECTIONS", "separate")).static
+    assert static["shared"].parameters["inertia"].value == pytest.approx(95.154, rel=0.01)
+    assert [static[d].parameters["alpha_2"].value for d in "+-"] == pytest.approx([166.71, 240.42], rel=0.01)
+    assert [static[d].parameters["alpha_0"].value for d in "+-"] == pytest.approx([20.144, 20.628], rel=0.01)
+    assert static["shared"].relative_error is not None
+    assert static["shared"].relative_error <= 3.25
+    assert static["shared"].hold_out[0].relative_error <= 5.5
+    assert static["+"].outcome is static["-"].outcome is Outcome.NO_STRIBECK

@@ -1,0 +1,149 @@
+"""Direction-dependent sets: torque is continuous, the bristle gives back no more than it took; and passivity of single sets."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from bristle.model import functions, law
+from bristle.model.arrays import Array, evaluate
+from bristle.model.parameters import Lugre, Pair, is_passive
+from bristle.model.rollout import rollout
+
+
+def acting_torque(z: float, v: float, pair: Pair[float]) -> float:
+    """T_f at a point of the plane (z, v)."""
+    return float(law.torque(z, v, law.active(z, v, pair)))
+
+
+def power(z: Array, v: Array, pair: Pair[float]) -> Array:
+    """Power into the bristle spring, sigma_0 z v, W."""
+    stiffness = evaluate(functions.active(), z, v, *pair.positive, *pair.negative)[4]
+    return stiffness * z * v
+
+
+def stored(z: float, pair: Pair[float]) -> float:
+    """Energy of the bristle spring, J."""
+    return 0.5 * (pair.positive if z > 0 else pair.negative).sigma_0 * z**2
+
+
+def integral(values: Array, step: float) -> Array:
+    """Running integral by the trapezoidal rule, from 0."""
+    return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2)]) * step
+
+
+@given(z=st.floats(-1e-2, 1e-2), v=st.floats(-1, 1))
+def test_torque_is_continuous_where_sets_switch(pair_at: Pair[float], z: float, v: float) -> None:
+    """T_f has the same limit from both sides of v = 0 and of z = 0; a switch of the whole set at v = 0 would jump."""
+    tiny = 1e-12
+    assert acting_torque(z, tiny, pair_at) == pytest.approx(acting_torque(z, -tiny, pair_at), abs=1e-10)
+    assert acting_torque(tiny, v, pair_at) == pytest.approx(acting_torque(-tiny, v, pair_at), abs=1e-6)
+    jump = float(law.torque(z, tiny, pair_at.positive) - law.torque(z, -tiny, pair_at.negative))
+    assert jump == pytest.approx((pair_at.positive.sigma_0 - pair_at.negative.sigma_0) * z, abs=1e-10)
+
+
+@pytest.fixture(scope="module")
+def pair_at() -> Pair[float]:
+    """The gripper's two sets."""
+    return Pair(
+        Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184), Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
+    )
+
+
+def test_torque_is_continuous_through_reversals(pair: Pair[float]) -> None:
+    """Along a motion with reversals the largest change of T_f between samples halves with the step: there is no jump."""
+    largest = []
+    for n in (2000, 4000, 8000):
+        t = np.arange(n) * 2 / n
+        torque = rollout(0.1 * np.sin(2 * np.pi * t) + 0.05 * np.sin(2 * np.pi * 3.3 * t), 2 / n, pair).torque
+        largest.append(np.abs(np.diff(torque)).max())
+    np.testing.assert_allclose(np.divide(largest[:-1], largest[1:]), 2.0, rtol=0.05)
+
+
+@pytest.mark.parametrize("amplitude", [1e-5, 1e-3, 1.0], ids=["presliding", "mixed", "sliding"])
+def test_no_energy_is_gained_over_closed_cycles(pair: Pair[float], amplitude: float) -> None:
+    """Over cycles of position that close, the spring gives back no more than it took: work >= change of stored energy, at every time."""
+    n = 4000
+    t = np.arange(4 * n) / n
+    v = 2 * np.pi * amplitude * (np.cos(2 * np.pi * t) + 0.5 * np.cos(6 * np.pi * t + 1) - 0.5 * np.cos(1))
+    z = rollout(v, 1 / n, pair, z0=0.0).z
+    taken = integral(power(z, v, pair), 1 / n)
+    kept = np.array([stored(x, pair) for x in z])
+    assert np.all(taken - kept >= -1e-5 * kept.max())
+    per_cycle = np.diff(taken[::n] - kept[::n])
+    assert np.all(per_cycle >= -1e-5 * kept.max())
+
+
+def test_switching_all_by_the_sign_of_v_would_gain_energy(pair_at: Pair[float]) -> None:
+    """With w = sigma_0 z as the state and all switched by the sign of v, small closed cycles give energy: the test above can fail."""
+    t = np.arange(4001) / 4000
+    v = 2 * np.pi * 1e-5 * np.sin(2 * np.pi * t)  # so little that z follows position
+    force = integral(np.where(v < 0, pair_at.negative.sigma_0, pair_at.positive.sigma_0) * v, 1 / 4000)
+    z = rollout(v, 1 / 4000, pair_at, z0=0.0).z
+    assert integral(force * v, 1 / 4000)[-1] < -0.1 * pair_at.positive.sigma_0 * 1e-10
+    assert integral(power(z, v, pair_at), 1 / 4000)[-1] > 0
+
+
+def test_pair_equals_radau(pair: Pair[float]) -> None:
+    """Torque of a pair is within 1e-4 of a tight Radau solution of the switched equation through two reversals."""
+    h, n = 1e-3, 121
+    v = 0.1 * np.sin(2 * np.pi * (0.47 + np.arange(n) * h * 4.4))
+    z = np.zeros(n)
+    for k in range(n - 1):
+        slope = (v[k + 1] - v[k]) / h
+
+        def rate(t: float, y: Array, k: int = k, slope: float = slope) -> Array:
+            u = v[k] + slope * t
+            p = pair.positive if u >= 0 else pair.negative
+            stiffness = (pair.positive if y[0] >= 0 else pair.negative).sigma_0
+            return u - stiffness * abs(u) / (p.alpha_0 + p.alpha_1 * np.exp(-((u / p.v_s) ** 2))) * y
+
+        z[k + 1] = solve_ivp(rate, (0, h), z[k : k + 1], method="Radau", rtol=1e-9, atol=1e-12).y[0, -1]
+    expected = np.array([acting_torque(*point, pair) for point in zip(z, v, strict=True)])
+    assert np.ptp(np.sign(z)) == 2
+    assert np.abs(rollout(v, h, pair, z0=0.0).torque - expected).max() <= 1e-4 * np.abs(expected).max()
+
+
+def test_stiff_pair_takes_the_side_it_moves_to(pair: Pair[float]) -> None:
+    """However stiff, one sample after a reversal T_f is the steady torque of the new direction."""
+    stiff = Pair(*(p._replace(sigma_0=1e7 * p.sigma_0, sigma_1=0.0) for p in pair))
+    v = np.array([-0.05, -0.05, 0.05, 0.05, -0.05])
+    torque = rollout(v, 1e-3, stiff).torque
+    expected = [float(law.steady_torque(u, stiff.positive if u > 0 else stiff.negative)) for u in v]
+    np.testing.assert_allclose(torque, expected, rtol=1e-3)
+
+
+motions = st.lists(st.tuples(st.floats(0.05, 5), st.floats(-1, 1), st.floats(0, 6)), min_size=1, max_size=4)
+
+
+@given(parts=motions)
+def test_a_passive_set_only_takes_energy(parts: list[tuple[float, float, float]]) -> None:
+    """Where alpha_2 > sigma_1 alpha_1 / alpha_0, the running work of T_f from z = 0 is never negative, whatever the motion."""
+    p = Lugre(0.1018, 0.0514, 0.2216, 0.1230, 59.3440, 0.2579)
+    assert is_passive(p)
+    t = np.arange(4000) * 1e-3
+    v = np.sum([a * np.sin(2 * np.pi * f * t + phase) for f, a, phase in parts], axis=0)
+    work = integral(rollout(v, 1e-3, p, z0=0.0).torque * v, 1e-3)
+    assert np.all(work >= -1e-4 * np.abs(work).max())
+
+
+def test_only_a_set_that_is_not_passive_can_push_forward(table_set: Lugre[float]) -> None:
+    """A full bristle at sudden high speed opposes motion in every passive set, and drives it in base rotation (-)."""
+    p = table_set
+    v = np.geomspace(0.1, 1e4, 200)
+    full = np.full(v.size, (p.alpha_0 + p.alpha_1) / p.sigma_0)
+    (torque,) = evaluate(functions.torque(), full, v, *p)
+    assert bool(np.all(torque > 0)) == is_passive(p)
+
+
+def test_work_is_stored_or_lost(gripper: Lugre[float]) -> None:
+    """Energy balance: the work on the spring is the change of sigma_0 z^2 / 2 plus what relaxation loses, lambda sigma_0 z^2."""
+    h = 1e-4
+    t = np.arange(20001) * h
+    v = 0.1 * np.sin(2 * np.pi * t) + 0.04 * np.sin(2 * np.pi * 2.7 * t)
+    z = rollout(v, h, gripper, z0=0.0).z
+    g = gripper.alpha_0 + gripper.alpha_1 * np.exp(-((v / gripper.v_s) ** 2))
+    lost = integral(gripper.sigma_0**2 * np.abs(v) / g * z**2, h)
+    taken = integral(gripper.sigma_0 * z * v, h)
+    np.testing.assert_allclose(taken, 0.5 * gripper.sigma_0 * z**2 + lost, atol=1e-6 * taken.max())

@@ -1,0 +1,234 @@
+"""The rollout against a tight solution of the same piecewise-linear velocity, and what must hold of it exactly."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from scipy.integrate import solve_ivp
+
+from bristle.model import functions, rollout as module
+from bristle.model.arrays import Array, evaluate
+from bristle.model.parameters import Lugre
+from bristle.model.rollout import rollout
+
+STIFFNESS = np.array([1.0, 6.1843, 1e2, 1e3, 1e4, 1e5, 1e6])
+
+
+def slow(t: Array) -> Array:
+    """0.1 rad/s at 1 Hz."""
+    return 0.1 * np.sin(2 * np.pi * t)
+
+
+def fast(t: Array) -> Array:
+    """0.5 rad/s at 1.3 Hz plus 0.2 at 3.7 Hz."""
+    return 0.5 * np.sin(2 * np.pi * 1.3 * t) + 0.2 * np.sin(2 * np.pi * 3.7 * t)
+
+
+def radau(velocity: Array, step: Array, p: Lugre[float], sigma_0: Array) -> Array:
+    """Deflection from rest by SciPy's Radau at rtol 1e-10, for several stiffnesses at once: (n, len(sigma_0)).
+
+    The velocity is linear between samples; the integration restarts at each sample and at each zero crossing, so that it meets no kink.
+    """
+
+    def decay(v: float) -> Array:
+        return sigma_0 * abs(v) / (p.alpha_0 + p.alpha_1 * np.exp(-((v / p.v_s) ** 2)))
+
+    z = np.zeros((velocity.size, sigma_0.size))
+    for k, (v0, v1, h) in enumerate(zip(velocity[:-1], velocity[1:], step, strict=True)):
+        slope, y = (v1 - v0) / h, z[k]
+        stops = [0.0, h * v0 / (v0 - v1), h] if v0 * v1 < 0 else [0.0, h]
+        for start, stop in zip(stops[:-1], stops[1:], strict=True):
+            y = solve_ivp(
+                lambda t, y, v0=v0, slope=slope: v0 + slope * t - decay(v0 + slope * t) * y,
+                (start, stop),
+                y,
+                method="Radau",
+                rtol=1e-10,
+                atol=1e-10 * p.alpha_0 / sigma_0,
+                jac=lambda t, _, v0=v0, slope=slope: np.diag(-decay(v0 + slope * t)),
+            ).y[:, -1]
+        z[k + 1] = y
+    return z
+
+
+def torque_error(velocity: Array, step: Array, p: Lugre[float], sigma_0: float, z: Array) -> float:
+    """Largest error of the rollout's torque from the one that z gives, relative to the largest torque."""
+    p = p._replace(sigma_0=sigma_0)
+    (expected,) = evaluate(functions.torque(), z, velocity, *p)
+    return float(np.abs(rollout(velocity, step, p, z0=0.0).torque - expected).max() / np.abs(expected).max())
+
+
+GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
+WINDOWS: dict[str, tuple[Callable[[Array], Array], float, float]] = {
+    "slow": (slow, 0.46, 1e-5),
+    "fast": (fast, 0.36, 5e-5),
+}
+
+
+@pytest.fixture(scope="module", params=list(WINDOWS))
+def solved(request: pytest.FixtureRequest) -> tuple[Array, Array, float, Array]:
+    """A window of each trace with a reversal in it, at 1 kHz: velocity, step, the error allowed, and Radau's deflections."""
+    trace, start, allowed = WINDOWS[request.param]
+    velocity = trace(start + np.arange(90) * 1e-3)
+    assert np.ptp(np.sign(velocity)) == 2
+    step = np.full(velocity.size - 1, 1e-3)
+    return velocity, step, allowed, radau(velocity, step, GRIPPER, STIFFNESS)
+
+
+@pytest.mark.parametrize("k", range(STIFFNESS.size), ids=[f"{s:g}" for s in STIFFNESS])
+def test_error_at_1_khz_is_small_at_any_stiffness(solved: tuple[Array, Array, float, Array], k: int) -> None:
+    """From sigma_0 = 1 to 1e6 the torque is within 1e-5 (slow trace) or 5e-5 (fast trace) of Radau's, relative to the largest torque."""
+    velocity, step, allowed, z = solved
+    assert torque_error(velocity, step, GRIPPER, STIFFNESS[k], z[:, k]) <= allowed
+
+
+def test_error_on_irregular_steps() -> None:
+    """Irregular sampling changes nothing: the error is as small."""
+    rng = np.random.default_rng(3)
+    step = rng.uniform(2e-4, 1.8e-3, 60)
+    velocity = slow(0.47 + np.concatenate([[0.0], np.cumsum(step)]))
+    sigma_0 = np.array([6.1843, 1e4])
+    z = radau(velocity, step, GRIPPER, sigma_0)
+    assert max(torque_error(velocity, step, GRIPPER, s, z[:, k]) for k, s in enumerate(sigma_0)) <= 1e-5
+
+
+def test_second_order_where_the_bristle_is_resolved() -> None:
+    """Where lambda h <~ 1, halving the nodes of one and the same piecewise-linear velocity divides the error by about four."""
+    coarse = 0.03 * np.sin(2 * np.pi * (0.44 + np.arange(16) * 8e-3))
+    sigma_0 = 20.0
+    z = radau(coarse, np.full(15, 8e-3), GRIPPER, np.array([sigma_0]))[:, 0]
+    p, errors = GRIPPER._replace(sigma_0=sigma_0), []
+    for parts in (1, 2, 4, 8):
+        fine = np.interp(np.arange(15 * parts + 1) / parts, np.arange(16), coarse)
+        errors.append(np.abs(rollout(fine, 8e-3 / parts, p, z0=0.0).z[::parts] - z).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert sigma_0 * 0.03 / GRIPPER.alpha_0 * 8e-3 < 1
+    np.testing.assert_allclose(orders, 2.0, atol=0.25)
+
+
+anything = st.floats(-10, 10)
+scaled = st.builds(
+    Lugre,
+    st.floats(0.01, 10),
+    st.floats(0, 10),
+    st.floats(0, 10),
+    st.floats(0.01, 1),
+    st.floats(-2, 8).map(lambda e: 10.0**e),
+    st.floats(0, 1),
+)
+speeds = hnp.arrays(float, st.integers(0, 60), elements=anything)
+
+
+@given(velocity=speeds, p=scaled, h=st.floats(1e-5, 1.0), start=st.floats(-1, 1))
+def test_deflection_is_bounded(velocity: Array, p: Lugre[float], h: float, start: float) -> None:
+    """abs(z) never exceeds (alpha_0 + alpha_1) / sigma_0 once below it, at any stiffness, step and velocity."""
+    bound = (p.alpha_0 + p.alpha_1) / p.sigma_0
+    z = rollout(velocity, h, p, z0=start * bound).z
+    assert np.all(np.abs(z) <= bound * (1 + 1e-12))
+
+
+@given(velocity=speeds, p=scaled, h=st.floats(1e-5, 1.0))
+def test_rollout_is_odd(velocity: Array, p: Lugre[float], h: float) -> None:
+    """The opposite motion gives the opposite deflection and torque."""
+    there, back = rollout(velocity, h, p), rollout(-velocity, h, p)
+    np.testing.assert_allclose(back.torque, -there.torque, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(back.z, -there.z, rtol=1e-9, atol=1e-15)
+
+
+@given(v=st.floats(1e-3, 10), sign=st.sampled_from([-1, 1]), p=scaled, h=st.floats(1e-5, 1.0))
+def test_constant_velocity_stays_in_steady_state(v: float, sign: int, p: Lugre[float], h: float) -> None:
+    """At constant velocity the default start is the steady state, and T_f is T_ss (9) throughout."""
+    (expected,) = evaluate(functions.steady_torque(), sign * v, *p[:4])
+    torque = rollout(np.full(20, sign * v), h, p).torque
+    np.testing.assert_allclose(torque, float(expected), rtol=1e-9 * (1 + p.sigma_1 * v / p.alpha_0))
+
+
+def test_steady_state_is_reached_from_rest(table_set: Lugre[float]) -> None:
+    """From z = 0, after many relaxation times, T_f is T_ss."""
+    v = 0.05
+    time = 40 * (table_set.alpha_0 + table_set.alpha_1) / (table_set.sigma_0 * v)
+    torque = rollout(np.full(1001, v), time / 1000, table_set, z0=0.0).torque
+    assert torque[-1] == pytest.approx(float(evaluate(functions.steady_torque(), v, *table_set[:4])[0]), rel=1e-12)
+
+
+def test_at_rest_the_bristle_holds(gripper: Lugre[float]) -> None:
+    """With v = 0 throughout, z stays at z0 and T_f = sigma_0 z0; by default z0 = 0."""
+    held = rollout(np.zeros(10), 1e-3, gripper, z0=1e-3)
+    np.testing.assert_array_equal(held.z, np.full(10, 1e-3))
+    np.testing.assert_allclose(held.torque, gripper.sigma_0 * 1e-3, rtol=1e-15)
+    np.testing.assert_array_equal(rollout(np.zeros(10), 1e-3, gripper).torque, np.zeros(10))
+
+
+def test_presliding_is_a_spring(gripper: Lugre[float]) -> None:
+    """For motion much smaller than g / sigma_0, z follows position: T_f is sigma_0 y + (sigma_1 + alpha_2) v."""
+    t = np.arange(1001) * 1e-3
+    v = 1e-7 * np.sin(2 * np.pi * t)
+    y = 1e-7 * (1 - np.cos(2 * np.pi * t)) / (2 * np.pi)
+    expected = gripper.sigma_0 * y + (gripper.sigma_1 + gripper.alpha_2) * v
+    np.testing.assert_allclose(rollout(v, 1e-3, gripper, z0=0.0).torque, expected, atol=1e-4 * np.abs(expected).max())
+
+
+def test_empty_and_single_sample(gripper: Lugre[float]) -> None:
+    """No sample gives empty arrays; one sample is the start, steady or given."""
+    assert rollout(np.zeros(0), 1e-3, gripper).torque.shape == (0,)
+    one = rollout(np.array([0.05]), np.zeros(0), gripper)
+    assert one.torque == pytest.approx(float(evaluate(functions.steady_torque(), 0.05, *gripper[:4])[0]), rel=1e-12)
+    assert rollout(np.array([0.05]), 1e-3, gripper, z0=2e-3).z[0] == 2e-3
+
+
+def test_chunks_leave_no_seam(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The result does not depend on how many samples are worked on at a time, and neither does continuing from the last z."""
+    v = fast(np.arange(800) * 2e-3)
+    whole = rollout(v, 2e-3, gripper)
+    for chunk in (1, 7, 799, 800):
+        monkeypatch.setattr(module, "_CHUNK", chunk)
+        np.testing.assert_allclose(rollout(v, 2e-3, gripper).torque, whole.torque, rtol=1e-12, atol=1e-15)
+    second = rollout(v[300:], np.full(499, 2e-3), gripper, z0=float(whole.z[300]))
+    np.testing.assert_allclose(second.torque, whole.torque[300:], rtol=1e-12, atol=1e-15)
+
+
+def test_a_step_cut_where_velocity_is_linear_changes_little(gripper: Lugre[float]) -> None:
+    """More samples on the same piecewise-linear velocity give the same torque at the old ones, within the error of the scheme."""
+    v = slow(np.arange(1001) * 1e-3)
+    finer = np.interp(np.arange(3001) / 3, np.arange(1001), v)
+    difference = rollout(v, 1e-3, gripper).torque - rollout(finer, 1e-3 / 3, gripper).torque[::3]
+    assert np.abs(difference).max() <= 1e-5 * 0.025
+
+
+def test_fast_reversals_need_the_extra_nodes(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where velocity steps across the whole Stribeck region between samples, the nodes in between bring the error down tenfold."""
+    rng = np.random.default_rng(0)
+    v = rng.normal(0, 0.2, 200)
+    finer = np.interp(np.arange(199 * 200 + 1) / 200, np.arange(200), v)
+    exact = rollout(finer, 1e-3 / 200, gripper, z0=0.0).torque[::200]
+    error = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
+    monkeypatch.setattr(module, "_FINE", np.inf)
+    without = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
+    assert error < 0.1 * without
+
+
+@pytest.mark.parametrize(
+    ("velocity", "step", "message"),
+    [
+        (np.zeros((2, 2)), 1e-3, "velocity has shape"),
+        (np.array([0.0, np.nan]), 1e-3, "not finite"),
+        (np.zeros(3), 0.0, "not positive"),
+        (np.zeros(3), np.array([1e-3]), "expected one positive number or 2"),
+        (np.zeros(3), np.array([1e-3, -1e-3]), "not positive"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(
+    gripper: Lugre[float], velocity: Array, step: float | Array, message: str
+) -> None:
+    """Wrong shapes, values that are not finite and steps that are not positive are ValueErrors that name what was got."""
+    with pytest.raises(ValueError, match=message):
+        rollout(velocity, step, gripper)
+
+
+def test_result_is_read_only(gripper: Lugre[float]) -> None:
+    """A result cannot be changed."""
+    with pytest.raises(ValueError, match="read-only"):
+        rollout(np.zeros(3), 1e-3, gripper).torque[0] = 1.0

@@ -1,0 +1,166 @@
+"""Joints built by hand from simulated points, so that the report is tested without the pipeline."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from bristle.data.record import Record
+from bristle.data.steady import Segment
+from bristle.identification.estimate import Crosscheck, Estimate, HoldOut, Input, Joint, Outcome, Profile, StaticFit
+from bristle.model.arrays import Array, evaluate
+from bristle.model.functions import stribeck_shape
+from bristle.model.parameters import Lugre, unit
+from bristle.report.curves import curve
+
+NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+TABLE_1 = {
+    "+": Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184),
+    "-": Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146),
+}
+NOISE = 2e-4
+HOSTILE = """<script>alert("$x$")</script>&amp; 'q' $\\frac{$ --> ]]>"""
+
+
+def fitted(direction: str, seed: int = 0) -> StaticFit:
+    """A least-squares fit of one direction of Table 1's gripper, with the profile on a coarse and a plain grid."""
+    truth = TABLE_1[direction]
+    v = np.geomspace(0.015, 0.8, 14) * (1 if direction == "+" else -1)
+    torque = curve(v, truth) + NOISE * np.random.default_rng(seed).standard_normal(v.size)
+
+    def residuals(x: Array) -> Array:
+        return torque - curve(v, Lugre(x[0], x[1], x[2], x[3], 1.0, 0.0))
+
+    found = least_squares(residuals, truth[:4], x_scale=truth[:4], xtol=1e-14, ftol=1e-14)
+    cost, dof = 2 * found.cost, v.size - 4
+    jacobian = np.asarray(found.jac)
+    covariance = np.linalg.inv(jacobian.T @ jacobian) * cost / dof
+    error, reach = np.sqrt(np.diag(covariance)), student.ppf(0.975, dof)
+    values = dict(zip(NAMES, map(float, found.x), strict=True))
+    grid, plain = np.geomspace(0.02, 0.4, 24), np.linspace(0.02, 0.4, 60)
+    return StaticFit(
+        direction=direction,
+        parameters={
+            n: Estimate(value=x, unit=unit(n), standard_error=float(s), interval=(x - reach * s, x + reach * s))
+            for (n, x), s in zip(values.items(), error, strict=True)
+        },
+        rms=float(np.sqrt(cost / v.size)),
+        relative_error=float(100 * np.sqrt(cost) / np.linalg.norm(torque)),
+        n=v.size,
+        outcome=Outcome.CONVERGED,
+        doubts=("Only 2 of 14 points lie below v_s; measure slower.",) if direction == "+" else (),
+        hold_out=(HoldOut(file="held.csv", relative_error=1.25),),
+        names=NAMES,
+        covariance=covariance,
+        dof=dof,
+        profile=Profile(
+            v_s=grid,
+            cost=costs(v, torque, grid),
+            plain_v_s=plain,
+            plain_cost=costs(v, torque, plain),
+            best=values["v_s"],
+            best_cost=cost,
+            threshold=cost * (1 + 4.96 / dof),
+        ),
+        plain=values,
+        robust=values,
+        velocity=v,
+        torque=torque,
+        residuals=residuals(found.x),
+        time=np.arange(v.size, dtype=float),
+        position=np.linspace(-1, 1, v.size),
+    )
+
+
+def costs(v: Array, torque: Array, grid: Array) -> Array:
+    """The profile of the cost over v_s."""
+    shapes = [np.column_stack([np.sign(v), evaluate(stribeck_shape(), v, s)[0], v]) for s in grid.tolist()]
+    return np.array([np.linalg.lstsq(a, torque, rcond=None)[1][0] for a in shapes])
+
+
+def segments(fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
+    """The points as segments; one sticks and slips, one is rejected, one has no standard error."""
+    kept = [
+        Segment(
+            file=f"run_{k}.csv", start=100, stop=900, velocity=float(v), torque=float(T), standard_error=NOISE if k else None,
+            accepted=True, stick_slip=k == 1, doubts=("It sticks and slips.",) if k == 1 else (), labels={"load": "1 kg"},
+        )
+        for fit in fits.values()
+        for k, (v, T) in enumerate(zip(fit.velocity, fit.torque, strict=True))
+    ]  # fmt: skip  # one point, one line
+    wild = Segment(
+        file="wild.csv", start=0, stop=20, velocity=30.0, torque=2.0, standard_error=0.1, accepted=False,
+        reasons=("Too short: 0.02 s; 0.2 s or more would be let in.",),
+    )  # fmt: skip  # as above
+    return (*kept, wild)
+
+
+def checked(fit: StaticFit) -> Crosscheck:
+    """A cross-check that agrees."""
+    cost = fit.profile.best_cost if fit.profile else 0.0
+    return Crosscheck(
+        cost_grid=cost, cost_full=cost, starts=8, reached=7, parameters={n: e.value or 0.0 for n, e in fit.parameters.items()},
+        difference_in_se=dict.fromkeys(fit.parameters, 1e-7), verdict="Grid and full nonlinear fit agree.",
+    )  # fmt: skip  # as above
+
+
+def gripper(name: str = "gripper rotation") -> Joint:
+    """Both directions of a simulated joint."""
+    fits = {d: fitted(d, seed) for seed, d in enumerate(("+", "-"))}
+    return Joint(
+        name=name,
+        kind="revolute",
+        inputs=(
+            Input(
+                file="run_0.csv",
+                sha256="ab" * 32,
+                rows=1000,
+                dropped=3,
+                notes=("3 rows are not finite.",),
+                labels={"load": "1 kg"},
+            ),
+        ),
+        segments=segments(fits),
+        static=fits,
+        crosscheck={d: checked(fit) for d, fit in fits.items()},
+        truth=TABLE_1,
+        simulated=True,
+        assumptions=("Torque constant 0.35 N*m/A: the paper gives none.",),
+        settings={"directions": "separate"},
+    )
+
+
+def bare() -> Joint:
+    """A prismatic joint of which nearly nothing is known: no value, no error, infinite bounds, nan."""
+    doubts = ("Too few points.",)
+    missing = Estimate(value=None, unit="N", doubts=doubts)
+    wide = Estimate(value=1.0, unit="N*s/m", standard_error=float("nan"), interval=(-float("inf"), float("inf")))
+    nothing = StaticFit(
+        direction="both", parameters={"alpha_0": missing, "alpha_1": missing, "alpha_2": wide, "v_s": replace(missing, unit="m/s")},
+        rms=None, relative_error=None, n=0, outcome=Outcome.TOO_FEW, doubts=doubts,
+    )  # fmt: skip  # as above
+    return Joint(
+        name="slide", kind="prismatic", inputs=(), segments=(), static={"both": nothing}, crosscheck={},
+    )  # fmt: skip  # as above
+
+
+@pytest.fixture(scope="session")
+def joint() -> Joint:
+    """Gripper rotation."""
+    return gripper()
+
+
+@pytest.fixture(scope="session")
+def slide() -> Joint:
+    """The bare prismatic joint."""
+    return bare()
+
+
+@pytest.fixture(scope="session")
+def record() -> Record:
+    """A ramp run of 10 s."""
+    t = np.linspace(0.0, 10.0, 1001)
+    return Record(file="run_0.csv", time=t, velocity=np.where(t < 1, t, 1.0), torque=None, rows=1001)

@@ -1,0 +1,105 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from bristle.data.record import Record
+from bristle.identification.estimate import Joint
+from bristle.model.arrays import evaluate
+from bristle.model.functions import steady_jacobian
+from bristle.report import figures
+from bristle.report.curves import band
+from bristle.report.style import render_as
+
+from .conftest import HOSTILE
+
+_UNIT = re.compile(r"\([^()]+\)|\(\([^()]+\)²\)$")
+
+
+def _all(joint: Joint, slide: Joint, record: Record) -> list[Figure]:
+    drawn = [
+        figures.stribeck_figure(),
+        *(draw(joint) for draw in (figures.curve_figure, figures.profile_figure, figures.residuals_figure)),
+        figures.curve_figure(slide),
+        figures.inspect_figure([record], joint.segments, "revolute"),
+        figures.inspect_figure([], [], "prismatic"),
+    ]
+    return [figure for figure in drawn if figure is not None]
+
+
+def test_every_axis_has_a_quantity_and_a_unit(joint: Joint, slide: Joint, record: Record) -> None:
+    """No axis of any figure is left without a label that ends in a unit (an empty frame of no runs aside)."""
+    labels = [
+        label
+        for figure in _all(joint, slide, record)[:-1]
+        for ax in figure.axes
+        for label in (ax.get_xlabel(), ax.get_ylabel())
+    ]
+    assert len(labels) == 2 * (1 + 2 + 2 + 3 + 2 + 2)
+    assert [label for label in labels if not _UNIT.search(label)] == []
+
+
+def test_a_prismatic_joint_has_forces_in_newton(slide: Joint) -> None:
+    """No N*m and no rad on a slide's axes."""
+    ax = figures.curve_figure(slide).axes[0]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Velocity (m/s)", "Friction force (N)")
+
+
+def test_what_does_not_exist_is_not_drawn(slide: Joint) -> None:
+    """Without a profile and without residuals there is no such figure."""
+    assert figures.profile_figure(slide) is None
+    assert figures.residuals_figure(slide) is None
+
+
+def test_band_is_the_delta_method(joint: Joint) -> None:
+    """The band's half-width at one speed is Student's t times the root of j C j', with j CasADi's derivative there."""
+    fit = joint.static["+"]
+    p = fit.values()
+    half = band(np.array([0.05]), fit)
+    assert p is not None
+    assert half is not None
+    j = np.array(evaluate(steady_jacobian(), np.array([0.05]), *p[:4]))[:, 0]
+    assert half[0] == pytest.approx(2.2281388519649385 * np.sqrt(j @ fit.covariance @ j), rel=1e-9)  # t(0.975; 10)
+
+
+def test_band_ignores_regressors_and_refuses_a_covariance_that_is_not_finite(joint: Joint) -> None:
+    """An extra regressor does not widen the friction curve; an infinite covariance gives no band."""
+    fit = joint.static["+"]
+    wide = np.full((5, 5), 7.0)
+    wide[:4, :4] = fit.covariance
+    v = np.array([0.03, 0.3])
+    alone, beside = band(v, fit), band(v, replace(fit, names=(*fit.names, "offset"), covariance=wide))
+    assert alone is not None
+    assert beside is not None
+    np.testing.assert_allclose(beside, alone)
+    assert band(v, replace(fit, covariance=fit.covariance * np.inf)) is None
+
+
+def test_a_wild_rejected_segment_does_not_flatten_the_curve(joint: Joint) -> None:
+    """The frame follows what was fitted, not the rejected segment at 30 rad/s."""
+    low, high = figures.curve_figure(joint).axes[0].get_xlim()
+    assert -1.0 < low < high < 1.0
+
+
+def test_simulated_data_say_so_in_the_figure(joint: Joint) -> None:
+    """A figure that travels alone still says that its data are simulated."""
+    assert b"SIMULATED" in render_as(figures.curve_figure(joint), "svg")
+    assert b"SIMULATED" not in render_as(figures.curve_figure(replace(joint, simulated=False)), "svg")
+
+
+def test_hostile_names_are_text(joint: Joint) -> None:
+    """Markup in a name is escaped in the SVG, and a dollar sign starts no formula."""
+    svg = render_as(figures.residuals_figure(replace(joint, name=HOSTILE)) or Figure(), "svg").decode()
+    assert "<script" not in svg
+    assert "&lt;script&gt;" in svg
+    assert '"$x$"' in svg
+
+
+def test_dense_data_are_thinned() -> None:
+    """At most MOST_POINTS of many points are drawn, the first and last among them; few points all are."""
+    many = figures.thinned(100_000)
+    assert (many.size, many[0], many[-1]) == (figures.MOST_POINTS, 0, 99_999)
+    np.testing.assert_array_equal(figures.thinned(7), np.arange(7))
+    assert figures.thinned(0).size == 0

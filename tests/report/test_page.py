@@ -1,0 +1,147 @@
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+from bristle.data.record import Record
+from bristle.identification.estimate import Joint, Outcome
+from bristle.report import figures, page
+from bristle.report.advice import next_measurements
+
+from .conftest import HOSTILE, gripper
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint) -> Path:
+    """The folder of a report of a bare joint and one with a hostile name and file name."""
+    joint = gripper(HOSTILE)
+    joint = replace(joint, inputs=tuple(replace(x, file=HOSTILE) for x in joint.inputs))
+    folder = tmp_path_factory.mktemp("report")
+    page.write_report([slide, joint], folder, title=HOSTILE, seed=0)
+    return folder
+
+
+class Elements(HTMLParser):
+    """Every element with its attributes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep it."""
+        self.found.append((tag, dict(attrs)))
+
+
+@pytest.fixture(scope="module")
+def elements(written: Path) -> list[tuple[str, dict[str, str | None]]]:
+    """Of index.html."""
+    parser = Elements()
+    parser.feed((written / "index.html").read_text(encoding="utf-8"))
+    return parser.found
+
+
+def test_two_writes_give_the_same_bytes_and_progress_ends_at_its_total(tmp_path: Path, slide: Joint) -> None:
+    """A report is a function of its joints: no time, no path, no random id in it. Steps count up to the total that was promised."""
+    seen: list[tuple[int, int]] = []
+    small = replace(slide, segments=gripper().segments)
+    trees = []
+    for name in ("a", "b"):
+        path = page.write_report(
+            [small], tmp_path / name, title="t", seed=1, progress=lambda _, done, total: seen.append((done, total))
+        )
+        assert path == tmp_path / name / "index.html"
+        trees.append(
+            {p.relative_to(tmp_path / name): p.read_bytes() for p in (tmp_path / name).rglob("*") if p.is_file()}
+        )
+    assert trees[0] == trees[1]
+    assert seen == 2 * [(k, 4) for k in range(5)]
+    assert not [p for p, data in trees[0].items() if str(tmp_path).encode() in data]
+
+
+def test_nothing_is_fetched(elements: list[tuple[str, dict[str, str | None]]]) -> None:
+    """The page stands alone: no script, no image, no style sheet; links stay in the page or in its folder."""
+    assert not {tag for tag, _ in elements} & {"script", "link", "img", "iframe", "object", "image"}
+    refs = [v or "" for _, attrs in elements for k, v in attrs.items() if k in {"src", "href", "xlink:href"}]
+    assert refs
+    assert [ref for ref in refs if not ref.startswith("#") and ref != "results.json"] == []
+
+
+def test_ids_are_unique_and_links_land(elements: list[tuple[str, dict[str, str | None]]]) -> None:
+    """Inline figures share no id, and every link and every reused shape has a target."""
+    ids = [attrs["id"] for _, attrs in elements if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    refs = {
+        (v or "")[1:]
+        for _, attrs in elements
+        for k, v in attrs.items()
+        if k in {"href", "xlink:href"} and (v or "")[:1] == "#"
+    }
+    assert refs - set(ids) == set()
+
+
+def test_hostile_names_come_out_escaped(written: Path) -> None:
+    """Markup in a joint's name, a title or a file name is text everywhere, in the page and in the SVG files, which stay well-formed."""
+    text = (written / "index.html").read_text(encoding="utf-8")
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;") > 5
+    for path in (written / "figures").glob("*.svg"):
+        assert ET.fromstring(path.read_bytes()).tag.endswith("svg")  # noqa: S314 # our own file
+
+
+def test_sections_and_simulated_notes(written: Path) -> None:
+    """The page has each section of the report, and says SIMULATED at the top and in each caption of such a joint."""
+    text = (written / "index.html").read_text(encoding="utf-8")
+    for heading in ("Verdict", "Contents", "Parameters", "Cross-check", "Doubts", "What to measure next", "Inputs", "Segments",
+                    "Method", "Versions", "Hold-out", "Residuals", "Fig. 1"):  # fmt: skip  # words
+        assert heading in text
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", text, flags=re.DOTALL)
+    assert sum("SIMULATED" in caption for caption in captions) == 3
+    assert text.index("SIMULATED") < text.index("Verdict")
+    assert "∞" in text
+
+
+def test_files_beside_the_page(written: Path) -> None:
+    """Each figure is there as SVG and PNG, each table as CSV, and the results as JSON."""
+    names = {p.relative_to(written).as_posix() for p in written.rglob("*") if p.is_file()}
+    svg = {n[:-4] for n in names if n.endswith(".svg")}
+    assert svg == {n[:-4] for n in names if n.endswith(".png")}
+    assert len(svg) == 1 + 1 + 3
+    assert {"results.json", "tables/parameters.csv", "tables/segments.csv", "tables/points.csv"} <= names
+    assert b"matplotlib" not in b"".join((written / f"{n}.png").read_bytes()[:200] for n in svg)
+
+
+def test_two_joints_of_one_name_are_refused(tmp_path: Path, slide: Joint) -> None:
+    """Names tell joints apart; nothing is written where they cannot."""
+    with pytest.raises(ValueError, match="different names"):
+        page.write_report([slide, slide], tmp_path / "out", title="t", seed=0)
+    assert not (tmp_path / "out").exists()
+
+
+def test_save_figure(tmp_path: Path, record: Record) -> None:
+    """A figure lands as the kind that its name says; any other kind is refused."""
+    figure = figures.inspect_figure([record], (), "revolute")
+    page.save_figure(figure, tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    with pytest.raises(ValueError, match=r"\.svg or \.png"):
+        page.save_figure(Figure(), tmp_path / "a.pdf")
+
+
+def test_advice_follows_from_the_doubts(joint: Joint) -> None:
+    """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
+    fit = joint.static["+"]
+    open_below = replace(fit.parameters["v_s"], interval=(0.0, 0.1))
+    one = replace(joint, static={"+": replace(fit, parameters={**fit.parameters, "v_s": open_below}, hold_out=())})
+    text = "\n".join(next_measurements(one))
+    assert "0.0015 to 0.015 rad/s" in text
+    assert "Repeat run_1.csv" in text
+    assert "Measure direction (−)" in text
+    assert "hold_out: true" in text
+    none = replace(joint, static={"both": replace(fit, outcome=Outcome.NO_STRIBECK)}, segments=())
+    assert next_measurements(none) == (
+        "both directions: if friction rises at low speed, it does so below what was measured: try five constant speeds from 0.0015 to 0.015 rad/s.",
+    )

@@ -1,0 +1,140 @@
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from bristle import edro
+from bristle.bench import ramp_reference
+from bristle.control.loop import simulate
+from bristle.data.experiment import load_experiment, read_runs
+from bristle.model.parameters import Pair, is_passive
+
+FOLDER = edro.datasets_folder()
+STEMS = list(edro.SETTINGS)
+
+
+# The rows of Table 1 as printed: (+) and (-) of each parameter in turn; columns gripper, wrist, elbow, base.
+PRINTED = """
+0.0194 0.0704 0.1018 0.2371
+0.0148 0.1058 0.0957 0.1731
+0.0055 0.0145 0.0514 0.0285
+0.0040 0.0107 0.0209 0.1098
+0.0394 0.1362 0.2216 0.1394
+0.0307 0.1200 0.1495 0.1338
+0.0720 0.0320 0.1230 0.0750
+0.0720 0.0710 0.0450 0.0620
+6.1843 38.3236 59.3440 70.5845
+4.5356 40.0495 38.4564 50.2721
+0.0184 0.1168 0.2579 0.4673
+0.0146 0.1162 0.1874 0.3908
+"""
+
+
+def test_table_1_is_as_printed() -> None:
+    """Entered a second time, row by row as the paper prints it, Table 1 is the same; one set breaks the passivity condition."""
+    rows = np.array([row.split() for row in PRINTED.split("\n") if row], dtype=float)
+    entered = np.array(list(edro.TABLE_1.values()))  # joint, direction, parameter
+    np.testing.assert_array_equal(entered.transpose(2, 1, 0).reshape(12, 4), rows)
+    assert [not is_passive(p) for pair in edro.TABLE_1.values() for p in pair] == [False] * 7 + [True]
+
+
+@pytest.mark.parametrize(
+    ("name", "J"),
+    [
+        ("gripper rotation", (1.37e-3, 1.17e-3)),
+        ("wrist pitch", (8.9e-3, 8.4e-3)),
+        ("base rotation", (7.73e-2, 7.60e-2)),
+    ],
+)
+def test_inertia_inverts_15(name: str, J: tuple[float, float]) -> None:
+    """sigma_1 = 0.2 sqrt(J sigma_0) (15) gives the inertias worked out by hand, and the joint's is the mean of its two directions."""
+    pair = edro.TABLE_1[name]
+    for p, expected in zip(pair, J, strict=True):
+        one = edro.inertia(Pair(p, p))
+        assert one == pytest.approx(expected, rel=0.01)
+        assert 0.2 * np.sqrt(one * p.sigma_0) == pytest.approx(p.sigma_1)
+    assert edro.inertia(pair) == pytest.approx(np.mean(J), rel=0.01)
+
+
+def test_make_gives_the_same_bytes(tmp_path: Path) -> None:
+    """The script remakes the smallest joint's log and every experiment file, byte for byte."""
+    script = runpy.run_path(str(FOLDER / "make.py"))
+    for stem in STEMS:
+        assert script["experiment"](stem).encode() == (FOLDER / f"{stem}.yaml").read_bytes()
+    script["write"](tmp_path / "gripper.csv", script["table"]("gripper"))
+    assert (tmp_path / "gripper.csv").read_bytes() == (FOLDER / "gripper.csv").read_bytes()
+    assert [p.name for p in tmp_path.iterdir()] == ["gripper.csv"]
+
+
+@pytest.mark.parametrize("path", edro.experiments(), ids=STEMS)
+def test_experiment_file_is_whole(path: Path) -> None:
+    """Each experiment file loads, says that it is simulated, holds the truth of Table 1, all assumptions, and a log that reads without loss."""
+    experiment = load_experiment(path)
+    (run,) = read_runs(experiment)
+    pair = edro.TABLE_1[experiment.joint.name]
+    assert experiment.simulated
+    assert tuple(experiment.assumptions) == edro.ASSUMPTIONS
+    assert (experiment.truth["+"], experiment.truth["-"]) == tuple(pair)
+    assert run.record.dropped == 0
+    assert run.record.rows == run.record.time.size
+
+
+def test_dataset_is_small_and_marked() -> None:
+    """All of it is under 5 MB, and its README says SIMULATED and holds every assumption."""
+    readme = (FOLDER / "README.md").read_text(encoding="utf-8")
+    assert sum(p.stat().st_size for p in FOLDER.iterdir()) < 5e6
+    assert "SIMULATED" in readme
+    for sentence in edro.ASSUMPTIONS:
+        assert sentence in readme
+    assert all(yaml.safe_load(p.read_text(encoding="utf-8"))["simulated"] for p in edro.experiments())
+
+
+@pytest.mark.parametrize("stem", STEMS)
+def test_speeds_show_the_stribeck_region(stem: str) -> None:
+    """In both directions at least four plateaus are slower than v_s, two are near it, and five are beyond three v_s."""
+    speeds = np.array(edro.speeds(stem))
+    assert speeds.size == 22
+    for p in edro.TABLE_1[edro.SETTINGS[stem].name]:
+        x = speeds / p.v_s
+        assert (x < 1).sum() >= 4
+        assert ((x > 0.6) & (x < 1.6)).sum() >= 2
+        assert (x > 3).sum() >= 5
+
+
+def ripple(stem: str, paper: bool, multiples: tuple[float, ...]) -> list[float]:
+    """Standard deviation of the true velocity on the last half of each negative plateau, relative to its speed."""
+    v_s = edro.TABLE_1[edro.SETTINGS[stem].name].negative.v_s
+    joint = edro.rig(stem, edro.PID_GAINS if paper else None)
+    plan = edro.ramps(stem)._replace(speeds=tuple(k * v_s for k in multiples), plateau=6.0)
+    reference = ramp_reference(plan, joint.loop.clock)
+    log = simulate(joint.loop, reference.position, reference.velocity, np.zeros((1, reference.time.size)))
+    time, out = reference.time[:: joint.loop.clock.decimation], []
+    for plateau in reference.plateaus[1::2]:
+        late = (time > (plateau.start + plateau.stop) / 2) & (time < plateau.stop)
+        out.append(float(log.velocity[0, late].std() / abs(plateau.velocity)))
+    return out
+
+
+def test_paper_pid_limit_cycles_on_the_base() -> None:
+    """Under (21) the base, negative, swings by over 80 % of its speed from 0.4 to 1 v_s, over 10 % at 1.5 v_s, and is steady at 4 v_s.
+
+    Under the bench's own controller all of these are steady to 5 %.
+    """
+    multiples = (0.4, 0.7, 1.0, 1.5, 4.0)
+    slow, middle, near, edge, fast = ripple("base", True, multiples)
+    assert min(slow, middle, near) > 0.8
+    assert edge > 0.1
+    assert fast < 0.03
+    assert max(ripple("base", False, multiples)) < 0.05
+
+
+def test_paper_pid_logs_are_what_a_user_would_see() -> None:
+    """The logged example shows the stick and slip in its positions: over tenths of a second the joint all but rests, and goes at twice its speed."""
+    logs = edro.paper_pid_logs("base", (0.4,))
+    plateau = logs.plateaus[1]
+    kept = (logs.time > plateau.start) & (logs.time < plateau.stop)
+    speed = np.abs(np.diff(logs.position[0, kept][::10]) / 0.1 / plateau.velocity)
+    assert speed.min() < 0.2
+    assert speed.max() > 2
