@@ -10,13 +10,9 @@ import numpy as np
 
 from bristle import bench, edro
 from bristle.data.options import FitOptions
-from bristle.data.record import Record
-from bristle.data.steady import Thresholds, find_segments
-from bristle.identification.estimate import StaticFit
 from bristle.identification.fit import estimate_static
 from bristle.identification.regression import from_points
 from bristle.model.arrays import Array
-from bristle.model.parameters import Lugre
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 P = edro.TABLE_1["gripper rotation"].positive
@@ -51,7 +47,11 @@ def designs(repetitions: int) -> None:
                 hits[name] += interval is not None and interval[0] <= getattr(P, name) <= interval[1]
         found = max(repetitions - lost, 1)
         spread = 100 * float(np.median(np.array(errors, dtype=float))) / P.v_s
-        print(f"{label:<44}{spread:8.1f}%" + "".join(f"{100 * hits[n] / found:8.1f}%" for n in NAMES) + f"{100 * lost / repetitions:8.1f}%")
+        print(
+            f"{label:<44}{spread:8.1f}%"
+            + "".join(f"{100 * hits[n] / found:8.1f}%" for n in NAMES)
+            + f"{100 * lost / repetitions:8.1f}%"
+        )
 
 
 DESIGNS: tuple[tuple[str, Array, float], ...] = (

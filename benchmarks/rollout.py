@@ -15,7 +15,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,44 +31,50 @@ from bristle.model.rollout import rollout, rollout_jacobian
 
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 H = 1e-3
-Call = Callable[[], object]
+Call = Callable[[], Any]
 
 
 def slow(n: int) -> Array:
     """0.1 rad/s at 1 Hz, sampled at 1 kHz."""
-    return 0.1 * np.sin(2 * np.pi * H * np.arange(n))
+    v: Array = 0.1 * np.sin(2 * np.pi * H * np.arange(n))
+    return v
 
 
 def fast(n: int) -> Array:
     """0.5 rad/s at 1.3 Hz plus 0.2 at 3.7 Hz, sampled at 1 kHz."""
     t = H * np.arange(n)
-    return 0.5 * np.sin(2 * np.pi * 1.3 * t) + 0.2 * np.sin(2 * np.pi * 3.7 * t)
+    v: Array = 0.5 * np.sin(2 * np.pi * 1.3 * t) + 0.2 * np.sin(2 * np.pi * 3.7 * t)
+    return v
 
 
-def rates(
-    v: Callable[[float], float], p: Lugre[float], sigma_0: Array
-) -> tuple[Callable[[float, Array], Array], Callable[[float, Array], Array]]:
-    """dz/dt and its Jacobian, for several stiffnesses at once."""
+def solve(v: Callable[[float], float], span: tuple[float, float], z0: Array, sigma_0: Array, **options: Any) -> Any:
+    """SciPy's solution of the gripper's dz/dt (4) along v(t), for several stiffnesses at once."""
+    p = GRIPPER
 
-    def decay(u: float) -> Array:
+    def decay(u: float) -> Any:
         return sigma_0 * abs(u) / (p.alpha_0 + p.alpha_1 * np.exp(-((u / p.v_s) ** 2)))
 
-    return (lambda t, z: v(t) - decay(v(t)) * z), (lambda t, _: np.diag(-decay(v(t))))
+    if options["method"] == "Radau":
+        options["jac"] = lambda t, _: np.diag(-decay(v(t)))
+    return solve_ivp(lambda t, z: v(t) - decay(v(t)) * z, span, z0, **options)
 
 
-def reference(velocity: Array, p: Lugre[float], sigma_0: Array) -> Array:
+def reference(velocity: Array, sigma_0: Array) -> Array:
     """Deflection from rest, (n, len(sigma_0))."""
     z = np.zeros((velocity.size, sigma_0.size))
-    for k, (v0, v1) in enumerate(zip(velocity[:-1], velocity[1:], strict=True)):
-        rate, jacobian = rates(lambda t, v0=v0, v1=v1: v0 + (v1 - v0) / H * t, p, sigma_0)
+    tight = {"method": "Radau", "rtol": 1e-10, "atol": 1e-10 * GRIPPER.alpha_0 / sigma_0}
+    for k, (v0, v1) in enumerate(pairwise(velocity)):
         stops = [0.0, H * v0 / (v0 - v1), H] if v0 * v1 < 0 else [0.0, H]
         y = z[k]
-        for span in zip(stops[:-1], stops[1:], strict=True):
-            y = solve_ivp(rate, span, y, method="Radau", rtol=1e-10, atol=1e-10 * p.alpha_0 / sigma_0, jac=jacobian).y[
-                :, -1
-            ]
+        for span in pairwise(stops):
+            y = solve(partial(line, v0, (v1 - v0) / H), span, y, sigma_0, **tight).y[:, -1]
         z[k + 1] = y
     return z
+
+
+def line(v0: float, slope: float, t: float) -> float:
+    """A velocity that is linear in time."""
+    return v0 + slope * t
 
 
 def torque(z: Array, velocity: Array, p: Lugre[float] = GRIPPER) -> Array:
@@ -101,16 +110,18 @@ def mapaccum(velocity: Array) -> dict[str, Call]:
         "augmented", [state, s["v0"], s["v1"], vector], ca.cse([ca.horzcat(z1, z1_by), out, ca.densify(out_by)])
     )
     v0, v1, values = ca.DM(velocity[:-1]).T, ca.DM(velocity[1:]).T, ca.repmat(ca.DM(list(GRIPPER)), 1, n)
-    rolled, rolled_augmented = step.mapaccum(n), augmented.mapaccum(n)
-    q = ca.MX.sym("q", 6)
-    curve = rolled(0, v0, v1, ca.repmat(q, 1, n))[1].T
+    rolled = step.mapaccum(n)
     calls: dict[str, Call] = {
-        "value": lambda: rolled(0, v0, v1, values),
-        "augmented": lambda: rolled_augmented(ca.DM.zeros(1, 7), v0, v1, values),
+        "mapaccum": partial(rolled, 0, v0, v1, values),
+        "augmented step, mapaccum": partial(augmented.mapaccum(n), ca.DM.zeros(1, 7), v0, v1, values),
     }
-    if velocity.size <= 100_000:
-        jacobian = ca.Function("jacobian", [q], [ca.jacobian(curve, q)])
-        calls["jacobian"] = lambda: jacobian(ca.DM(list(GRIPPER)))
+    if n <= 10_000:  # built within seconds
+        q = ca.MX.sym("q", 6)
+        curve = rolled(0, v0, v1, ca.repmat(q, 1, n))[1].T
+        by_q = {"ca.jacobian": ca.jacobian(curve, q), "ca.jtimes, 6 seeds": ca.jtimes(curve, q, ca.DM.eye(6))}
+        calls |= {
+            f"{name} of mapaccum": partial(ca.Function("by_q", [q], [J]), list(GRIPPER)) for name, J in by_q.items()
+        }
     return calls
 
 
@@ -168,58 +179,48 @@ def least(calls: dict[str, Call], repeats: int) -> dict[str, float]:
     return times
 
 
-def adaptive(velocity: Array, method: str, **options: float) -> tuple[Array, bool, float]:
-    """Torque by a variable-step solver that takes the whole record at once, whether it says success, and seconds."""
-    t = H * np.arange(velocity.size)
-    rate, _ = rates(lambda s: float(np.interp(s, t, velocity)), GRIPPER, np.array([GRIPPER.sigma_0]))
-    start = time.perf_counter()
-    solution = solve_ivp(rate, (0, t[-1]), [0.0], method=method, t_eval=t, **options)
-    return torque(solution.y[0], velocity), bool(solution.success), time.perf_counter() - start
-
-
 def timings() -> None:
-    """Print times per sample and ratios."""
+    """Print times per sample, ratios, and errors."""
     with tempfile.TemporaryDirectory() as folder:
         in_c = compiled(Path(folder))
-        for n, repeats in ((100_000, 7), (1_000_000, 5)):
+        for n, repeats in ((10_001, 15), (100_000, 15), (1_000_000, 7)):
             v = slow(n)
-            casadi = mapaccum(v)
             calls: dict[str, Call] = {
-                "bristle": lambda v=v: rollout(v, H, GRIPPER, 0.0),
-                "bristle Jacobian": lambda v=v: rollout_jacobian(v, H, GRIPPER, 0.0),
-                "mapaccum": casadi["value"],
-                "mapaccum, augmented step": casadi["augmented"],
+                "bristle": partial(rollout, v, H, GRIPPER, 0.0),
+                "bristle, Jacobian": partial(rollout_jacobian, v, H, GRIPPER, 0.0),
+                **({} if in_c is None else {"C -O3": partial(in_c, v)}),
+                **mapaccum(v),
             }
-            if in_c is not None:
-                calls["C -O3"] = lambda v=v: in_c(v)
-            if "jacobian" in casadi:
-                calls["ca.jacobian of mapaccum"] = casadi["jacobian"]
             times = least(calls, repeats)
-            print(f"\n{n} samples{'':22} ns/sample   times bristle's")
+            print(f"\n{n} samples{'':22} ns/sample   times bristle's", flush=True)
             for name, seconds in times.items():
-                ours = times["bristle Jacobian" if "acobian" in name or "augmented" in name else "bristle"]
-                print(f"  {name:30} {seconds / n * 1e9:9.1f}   {seconds / ours:9.2f}")
-        solvers(in_c, times["bristle"] / n)
+                ours = times["bristle" if name in ("bristle", "mapaccum", "C -O3") else "bristle, Jacobian"]
+                print(f"  {name:30} {seconds / n * 1e9:9.1f}   {seconds / ours:9.2f}", flush=True)
+        errors(in_c, times["bristle"] / n)
 
 
-def solvers(in_c: Callable[[Array], Array] | None, ours: float) -> None:
-    """Print errors on one record, and the time of SciPy's solvers; `ours` is bristle's time per sample, s."""
+def errors(in_c: Callable[[Array], Array] | None, ours: float) -> None:
+    """Print errors on one record, and the time of SciPy's solvers, which take it at once; `ours` is bristle's time per sample, s."""
     n = 2001
-    v = slow(n)
-    expected = torque(reference(v, GRIPPER, np.array([GRIPPER.sigma_0]))[:, 0], v)
+    v, sigma_0 = slow(n), np.array([GRIPPER.sigma_0])
+    expected = torque(reference(v, sigma_0)[:, 0], v)
     print(f"\n{n} samples{'':24} error   ns/sample   times bristle's")
     print(f"  {'bristle':30} {relative(rollout(v, H, GRIPPER, 0.0).torque, expected):9.1e}")
-    print(f"  {'mapaccum':30} {relative(np.r_[0.0, np.array(mapaccum(v)['value']()[1]).ravel()], expected):9.1e}")
+    print(f"  {'mapaccum':30} {relative(np.array(mapaccum(v)['mapaccum']()[1]).ravel(), expected[1:]):9.1e}")
     if in_c is not None:
         print(f"  {'C -O3':30} {relative(in_c(v), expected):9.1e}")
+    t = H * np.arange(n)
     scale = GRIPPER.alpha_0 / GRIPPER.sigma_0
-    for name, method, options in (
-        ("Radau, rtol 1e-6", "Radau", {"rtol": 1e-6, "atol": 1e-6 * scale}),
-        ("LSODA, defaults", "LSODA", {}),
-    ):
-        got, success, seconds = adaptive(v, method, **options)
-        each = seconds / n
-        print(f"  {name:30} {relative(got, expected):9.1e} {each * 1e9:11.0f}   {each / ours:9.0f}   success={success}")
+    solvers: dict[str, dict[str, Any]] = {
+        "Radau, rtol 1e-6": {"method": "Radau", "rtol": 1e-6, "atol": 1e-6 * scale},
+        "LSODA, defaults": {"method": "LSODA"},
+    }
+    for name, options in solvers.items():
+        start = time.perf_counter()
+        got = solve(lambda s: float(np.interp(s, t, v)), (0.0, t[-1]), np.zeros(1), sigma_0, t_eval=t, **options)
+        each = (time.perf_counter() - start) / n
+        error = relative(torque(got.y[0], v), expected)
+        print(f"  {name:30} {error:9.1e} {each * 1e9:11.0f}   {each / ours:9.0f}   success={got.success}")
 
 
 def accuracy() -> None:
@@ -228,7 +229,7 @@ def accuracy() -> None:
     print("sigma_0, N*m/rad  " + "".join(f"{s:>10.4g}" for s in sigma_0))
     for trace in (slow, fast):
         v = trace(1001)
-        z = reference(v, GRIPPER, sigma_0)
+        z = reference(v, sigma_0)
         sets = [GRIPPER._replace(sigma_0=float(s)) for s in sigma_0]
         errors = [relative(rollout(v, H, p, 0.0).torque, torque(z[:, k], v, p)) for k, p in enumerate(sets)]
         print(f"{trace.__name__:18}" + "".join(f"{error:10.1e}" for error in errors))

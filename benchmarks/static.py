@@ -56,7 +56,9 @@ def main() -> None:
 
     one = {
         "bristle, refined grid": seconds(lambda: bristle_fit(v, torque), 300),
-        "bristle, plain grid of 500": seconds(lambda: plain_grid(from_points(v, torque, ("both",)), default_range(v)), 50),
+        "bristle, plain grid of 500": seconds(
+            lambda: plain_grid(from_points(v, torque, ("both",)), default_range(v)), 50
+        ),
         "curve_fit": seconds(lambda: curve_fit(model, v, torque, p0=START), 200),
         "lmfit": seconds(lambda: lmfit_model.fit(torque, guess, v=v), 30),
     }

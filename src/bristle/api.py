@@ -9,7 +9,8 @@ from bristle import edro
 from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
-from bristle.report import page, summary
+from bristle.report import summary
+from bristle.report.page import write_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +58,7 @@ class Results:
         Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
         """
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
-        return page.write_report(self.joints, Path(folder), title=title, seed=0, progress=progress)
+        return write_report(self.joints, Path(folder), title=title, seed=0, progress=progress)
 
 
 def identify(*experiments: Source, progress: Progress | None = None) -> Results:

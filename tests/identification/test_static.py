@@ -15,6 +15,7 @@ positive = st.floats(0.1, 10.0)
 
 
 def named(velocity: Array, torque: Array, direction: str = "both") -> dict[str, float]:
+    """The grid's answer, by name."""
     problem = from_points(velocity, torque, (direction,))
     return dict(zip(problem.names, solve(problem, default_range(velocity)).theta, strict=True))
 
@@ -56,7 +57,9 @@ def test_agrees_with_curve_fit_to_six_digits(gripper: Lugre[float], speeds: Arra
 def test_projected_cost_is_the_bounded_least_squares_cost(speeds: Array) -> None:
     """At each v_s of the grid the cost equals that of Lawson and Hanson's NNLS on the same columns, also where a bound is active."""
     rng = np.random.default_rng(1)
-    torque = 0.02 - 0.01 * speeds + 2e-3 * rng.standard_normal(speeds.size)  # negative viscous friction: alpha_2 goes to its bound
+    torque = (
+        0.02 - 0.01 * speeds + 2e-3 * rng.standard_normal(speeds.size)
+    )  # negative viscous friction: alpha_2 goes to its bound
     problem = from_points(speeds, torque, ("both",))
     values = np.geomspace(*default_range(speeds), 30)
     expected = [nnls(problem.design([v]), problem.torque)[1] ** 2 for v in values]
@@ -140,7 +143,9 @@ def test_known_regressors_are_told_from_friction(gripper: Lugre[float], speeds: 
     torque = curve(both, gripper) + 0.003 + 0.01 * np.sin(position) - 0.004 * np.cos(position)
     problem = from_points(both, torque, ("both",), {"offset": np.ones(both.size)} | gravity(position))
     found = dict(zip(problem.names, solve(problem, default_range(both)).theta, strict=True))
-    assert (found["offset"], found["gravity_sin"], found["gravity_cos"]) == pytest.approx((0.003, 0.01, -0.004), rel=1e-6)
+    assert (found["offset"], found["gravity_sin"], found["gravity_cos"]) == pytest.approx(
+        (0.003, 0.01, -0.004), rel=1e-6
+    )
     assert [found[n] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")] == pytest.approx(gripper[:4], rel=1e-6)
 
 

@@ -48,7 +48,9 @@ def test_profile_interval_ends_on_the_threshold(gripper: Lugre[float], speeds: A
     solution = solve(problem, default_range(speeds))
     projected = Projected(problem)
     threshold = uncertainty.profile_threshold(solution.cost, speeds.size, 4)
-    low, high = uncertainty.profile_interval(projected.costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold)
+    low, high = uncertainty.profile_interval(
+        projected.costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold
+    )
     assert projected.costs(np.array([low, high])) == pytest.approx([threshold] * 2, rel=1e-6)
     assert low < solution.theta[-1] < high
     assert (projected.costs(np.linspace(low, high, 50)[1:-1]) < threshold).all()

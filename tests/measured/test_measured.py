@@ -29,6 +29,7 @@ fit: {directions: DIRECTIONS}
 
 
 def identified(folder: Path, text: str) -> Joint:
+    """The joint of an experiment file with this text."""
     file = folder / "experiment.yaml"
     file.write_text(text)
     return bristle.identify(file).joints[0]

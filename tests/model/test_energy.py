@@ -1,5 +1,7 @@
 """Direction-dependent sets: torque is continuous, the bristle gives back no more than it took; and passivity of single sets."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -93,7 +95,7 @@ def test_pair_equals_radau(pair: Pair[float]) -> None:
     for k in range(n - 1):
         slope = (v[k + 1] - v[k]) / h
 
-        def rate(t: float, y: Array, k: int = k, slope: float = slope) -> Array:
+        def rate(t: float, y: Array, k: int = k, slope: float = slope) -> Any:
             u = v[k] + slope * t
             p = pair.positive if u >= 0 else pair.negative
             stiffness = (pair.positive if y[0] >= 0 else pair.negative).sigma_0

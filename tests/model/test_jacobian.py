@@ -4,7 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from bristle.model import law, rollout as module
+from bristle.model import law
+from bristle.model import rollout as module
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
@@ -15,7 +16,8 @@ STEP = 2e-3
 def motion() -> Array:
     """Two reversals, one of them between samples, at low and at high speed."""
     t = np.arange(300) * STEP
-    return 0.06 * np.sin(2 * np.pi * 1.7 * t) + 0.01
+    v: Array = 0.06 * np.sin(2 * np.pi * 1.7 * t) + 0.01
+    return v
 
 
 def difference(velocity: Array, p: Lugre[float], k: int, z0: float | None) -> Array:
@@ -107,9 +109,10 @@ def test_empty_and_single_sample(pair: Pair[float]) -> None:
 
 def test_chunks_leave_no_seam(pair: Pair[float], monkeypatch: pytest.MonkeyPatch) -> None:
     """Sensitivities are carried from chunk to chunk."""
-    whole = [rollout_jacobian(motion(), STEP, p) for p in (pair.positive, pair)]
+    sets: tuple[Lugre[float] | Pair[float], ...] = (pair.positive, pair)
+    whole = [rollout_jacobian(motion(), STEP, p) for p in sets]
     monkeypatch.setattr(module, "_CHUNK", 37)
-    for p, expected in zip((pair.positive, pair), whole, strict=True):
+    for p, expected in zip(sets, whole, strict=True):
         scale = np.abs(expected.by_parameters).max(axis=0)
         parts = rollout_jacobian(motion(), STEP, p)
         np.testing.assert_allclose(parts.by_parameters / scale, expected.by_parameters / scale, atol=1e-6)

@@ -1,15 +1,19 @@
 """The rollout against a tight solution of the same piecewise-linear velocity, and what must hold of it exactly."""
 
 from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from bristle.model import functions, rollout as module
+from bristle.model import functions, nodes
+from bristle.model import rollout as module
 from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
@@ -17,12 +21,12 @@ from bristle.model.rollout import rollout
 STIFFNESS = np.array([1.0, 6.1843, 1e2, 1e3, 1e4, 1e5, 1e6])
 
 
-def slow(t: Array) -> Array:
+def slow(t: NDArray[Any]) -> Any:
     """0.1 rad/s at 1 Hz."""
     return 0.1 * np.sin(2 * np.pi * t)
 
 
-def fast(t: Array) -> Array:
+def fast(t: NDArray[Any]) -> Any:
     """0.5 rad/s at 1.3 Hz plus 0.2 at 3.7 Hz."""
     return 0.5 * np.sin(2 * np.pi * 1.3 * t) + 0.2 * np.sin(2 * np.pi * 3.7 * t)
 
@@ -33,25 +37,29 @@ def radau(velocity: Array, step: Array, p: Lugre[float], sigma_0: Array) -> Arra
     The velocity is linear between samples; the integration restarts at each sample and at each zero crossing, so that it meets no kink.
     """
 
-    def decay(v: float) -> Array:
+    def decay(v: float) -> Any:
         return sigma_0 * abs(v) / (p.alpha_0 + p.alpha_1 * np.exp(-((v / p.v_s) ** 2)))
 
+    def rate(t: float, z: Array, v0: float, slope: float) -> Any:
+        return line(t, v0, slope) - decay(line(t, v0, slope)) * z
+
+    def jacobian(t: float, _: Array, v0: float, slope: float) -> Any:
+        return np.diag(-decay(line(t, v0, slope)))
+
     z = np.zeros((velocity.size, sigma_0.size))
+    options: dict[str, Any] = {"method": "Radau", "rtol": 1e-10, "atol": 1e-10 * p.alpha_0 / sigma_0, "jac": jacobian}
     for k, (v0, v1, h) in enumerate(zip(velocity[:-1], velocity[1:], step, strict=True)):
-        slope, y = (v1 - v0) / h, z[k]
+        y = z[k]
         stops = [0.0, h * v0 / (v0 - v1), h] if v0 * v1 < 0 else [0.0, h]
-        for start, stop in zip(stops[:-1], stops[1:], strict=True):
-            y = solve_ivp(
-                lambda t, y, v0=v0, slope=slope: v0 + slope * t - decay(v0 + slope * t) * y,
-                (start, stop),
-                y,
-                method="Radau",
-                rtol=1e-10,
-                atol=1e-10 * p.alpha_0 / sigma_0,
-                jac=lambda t, _, v0=v0, slope=slope: np.diag(-decay(v0 + slope * t)),
-            ).y[:, -1]
+        for span in pairwise(stops):
+            y = solve_ivp(rate, span, y, args=(v0, (v1 - v0) / h), **options).y[:, -1]
         z[k + 1] = y
     return z
+
+
+def line(t: float, v0: float, slope: float) -> float:
+    """A velocity that is linear in time."""
+    return v0 + slope * t
 
 
 def torque_error(velocity: Array, step: Array, p: Lugre[float], sigma_0: float, z: Array) -> float:
@@ -62,7 +70,7 @@ def torque_error(velocity: Array, step: Array, p: Lugre[float], sigma_0: float, 
 
 
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
-WINDOWS: dict[str, tuple[Callable[[Array], Array], float, float]] = {
+WINDOWS: dict[str, tuple[Callable[[Array], Any], float, float]] = {
     "slow": (slow, 0.46, 1e-5),
     "fast": (fast, 0.36, 5e-5),
 }
@@ -88,7 +96,7 @@ def test_error_at_1_khz_is_small_at_any_stiffness(solved: tuple[Array, Array, fl
 def test_error_on_irregular_steps() -> None:
     """Irregular sampling changes nothing: the error is as small."""
     rng = np.random.default_rng(3)
-    step = rng.uniform(2e-4, 1.8e-3, 60)
+    step: Array = rng.uniform(2e-4, 1.8e-3, 60)
     velocity = slow(0.47 + np.concatenate([[0.0], np.cumsum(step)]))
     sigma_0 = np.array([6.1843, 1e4])
     z = radau(velocity, step, GRIPPER, sigma_0)
@@ -205,7 +213,7 @@ def test_fast_reversals_need_the_extra_nodes(gripper: Lugre[float], monkeypatch:
     finer = np.interp(np.arange(199 * 200 + 1) / 200, np.arange(200), v)
     exact = rollout(finer, 1e-3 / 200, gripper, z0=0.0).torque[::200]
     error = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
-    monkeypatch.setattr(module, "_FINE", np.inf)
+    monkeypatch.setattr(nodes, "_FINE", np.inf)
     without = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
     assert error < 0.1 * without
 

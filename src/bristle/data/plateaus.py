@@ -23,6 +23,8 @@ _ENOUGH = 512
 """Blocks beyond which one looks only where no more than half is explained: the work grows with their square."""
 _COLUMNS = 64
 """Ends of lines whose costs are found at once."""
+_CONSTANT = 0.05
+"""Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion, not less noise."""
 _TRIMS = 64
 """Parts of a plateau of which the first may be dropped."""
 _PRIOR = 4.0
@@ -118,7 +120,7 @@ def _lines(u: Array) -> list[tuple[int, int]]:
 def _line_costs(sums: Array, noise: float) -> Array:
     """Minus twice the log marginal likelihood of lines through blocks, noise integrated out, but for terms in their number alone.
 
-    The prior scale is the noise between neighbouring blocks, and no less than 0.3 % of the line's mean: what is flatter than that is flat.
+    The prior scale is the noise between neighbouring blocks, and no less than 1 % of the line's mean: what is flatter than that is flat.
 
     Args:
         sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no meaning.
@@ -129,7 +131,7 @@ def _line_costs(sums: Array, noise: float) -> Array:
     spread, covariance = skk - sk * sk / m, sku - sk * su / m
     covariance[m < 2] = 0.0
     residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
-    scale = noise**2 + (0.003 * su / m) ** 2
+    scale = noise**2 + (0.01 * su / m) ** 2
     return np.asarray((m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale))
 
 
@@ -179,4 +181,4 @@ def _score(u: Array, v: Array) -> float:
     if drifts or mean <= 5 * sd / np.sqrt(m):
         return 0.0
     swing = float(np.var(v)) * max(float(autocorrelation(v)[min(2, v.size - 1)]), 0.0)
-    return v.size / (1 + 2 * float(np.sqrt(swing)) / mean)
+    return v.size / (1 + 6 * max(float(np.sqrt(swing)) / mean - _CONSTANT, 0.0))

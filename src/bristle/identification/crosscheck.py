@@ -4,6 +4,8 @@ Nothing of the grid is used but its range of v_s: the model is the law's own exp
 are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -20,7 +22,7 @@ SEED = 0
 _SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
 _IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
-_OPTIONS: dict[str, object] = {"print_time": False, "error_on_fail": False, "ipopt": _IPOPT}
+_OPTIONS: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": _IPOPT}
 
 
 def full_fit(
@@ -44,7 +46,8 @@ def full_fit(
     linear = len(problem.names) - count
     theta = ca.vertcat(x[:linear] * scale[:linear], ca.exp(x[linear:]))
     residual = _residuals(problem, theta, v_s_range) / torque_scale
-    solver = ca.nlpsol("full", "ipopt", {"x": x, "f": ca.dot(residual, residual)}, _options(x, residual, points=problem.smooth is None))
+    nlp: dict[str, Any] = {"x": x, "f": ca.dot(residual, residual)}
+    solver = ca.nlpsol("full", "ipopt", nlp, _options(x, residual, points=problem.smooth is None))
     log_range = np.log(v_s_range)
     lower = np.concatenate([problem.lower, np.zeros(count), np.full(count, log_range[0])])
     upper = np.concatenate([np.full(linear, np.inf), np.full(count, log_range[1])])
@@ -52,7 +55,7 @@ def full_fit(
     ends = []
     for _ in range(starts):
         x0 = rng.uniform(0.0, 1.0, len(problem.names))
-        x0[linear:] = rng.uniform(*log_range, count)
+        x0[linear:] = rng.uniform(log_range[0], log_range[1], count)
         values = np.asarray(solver(x0=x0, lbx=lower, ubx=upper)["x"]).ravel()
         ends.append(np.append(values[:linear] * scale[:linear], np.exp(values[linear:])))
     costs = np.array([float(np.sum(problem.residuals(end) ** 2)) for end in ends])
@@ -118,7 +121,7 @@ def _scale(problem: Regression, torque_scale: float) -> Array:
     return np.concatenate([torque_scale / columns, np.full(count, torque_scale), np.ones(count)])
 
 
-def _options(x: ca.MX, residual: ca.MX, *, points: bool) -> dict[str, object]:
+def _options(x: ca.MX, residual: ca.MX, *, points: bool) -> dict[str, Any]:
     """Exact Hessians for points; for many moving samples the exact Gauss-Newton Hessian, 2 J'J, which costs a hundredth."""
     if points:
         return _OPTIONS
@@ -140,7 +143,11 @@ def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]
         tag = "" if len(problem.directions) == 1 else direction
         alpha_1, v_s = value.get("alpha_1" + tag, 0.0), value.get("v_s" + tag, 1.0)
         p = Lugre(value["alpha_0" + tag], alpha_1, value["alpha_2" + tag], v_s, 1.0, 0.0)
-        moving = np.where(problem.velocity > 0 if tag == "+" else problem.velocity < 0, 1.0, 0.0) if tag else np.ones(velocity.numel())
+        moving = (
+            np.where(problem.velocity > 0 if tag == "+" else problem.velocity < 0, 1.0, 0.0)
+            if tag
+            else np.ones(velocity.numel())
+        )
         friction += ca.DM(moving) * law.steady_torque(velocity, p)
     known = 2 * len(problem.directions)
     columns = problem.linear[:, known:]
@@ -150,7 +157,11 @@ def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]
         return ca.DM(problem.torque) - weight * friction - ca.mtimes(ca.DM(columns), extra)
     basis = _basis(problem, v_s_range)
     to_basis = (problem.smooth.T @ (basis if problem.root_weight is None else basis * problem.root_weight[:, None])).T
-    return ca.DM(basis.T @ problem.torque) - ca.mtimes(ca.DM(to_basis), friction) - ca.mtimes(ca.DM(basis.T @ columns), extra)
+    return (
+        ca.DM(basis.T @ problem.torque)
+        - ca.mtimes(ca.DM(to_basis), friction)
+        - ca.mtimes(ca.DM(basis.T @ columns), extra)
+    )
 
 
 def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:

@@ -81,20 +81,25 @@ def _profile_doubts(
 
 
 def huber_doubts(
-    parameters: Mapping[str, Estimate], robust: Mapping[str, float], weight: Array, names: Sequence[str]
+    parameters: Mapping[str, Estimate],
+    robust: Mapping[str, float],
+    errors: Mapping[str, float],
+    weight: Array,
+    names: Sequence[str],
 ) -> list[str]:
     """Where least squares and Huber part by more than two combined standard errors, and the points responsible.
 
     Args:
         parameters: of least squares.
         robust: of the Huber refit.
+        errors: its standard errors.
         weight: each point's Huber weight, (n,).
         names: what a user calls each point, (n,), or empty.
     """
     moved = []
     for name, estimate in parameters.items():
         if estimate.standard_error and estimate.value is not None:
-            distance = abs(robust[name] - estimate.value) / (np.sqrt(2) * estimate.standard_error)
+            distance = abs(robust[name] - estimate.value) / np.hypot(estimate.standard_error, errors[name])
             if distance > 2:
                 moved.append(f"{name} ({distance:.1f})")
     if not moved:

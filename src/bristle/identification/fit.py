@@ -220,7 +220,9 @@ def _profiles(
     threshold = uncertainty.profile_threshold(solution.cost, problem.torque.size, len(problem.names), stretch)
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
-        other = float(solution.theta[-1 - k])  # of two peaks, the other's v_s: searched finely near its best, and on the grid
+        other = float(
+            solution.theta[-1 - k]
+        )  # of two peaks, the other's v_s: searched finely near its best, and on the grid
         near = other * np.exp(np.linspace(-5, 5, 41) * min(errors[-1 - k] / other, 0.3))
         others = np.append(near, solution.grid)
 
@@ -322,10 +324,13 @@ def _beside(
     unweighted = replace(problem, peaks=core.problem.peaks)
     refit, weight = huber(unweighted, v_s_range, options.grid)
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
-    doubts = [*huber_doubts(core.parameters, robust, weight, where.names), *core.doubts]
+    weighted = unweighted.weighted(weight)
+    spread = np.sqrt(np.diag(uncertainty.covariance(weighted.jacobian(refit.theta), refit.cost)[0]))
+    errors = dict(zip(core.problem.names, map(float, spread), strict=True))
+    doubts = [*huber_doubts(core.parameters, robust, errors, weight, where.names), *core.doubts]
     without: Mapping[str, Estimate] = {}
     if where.stick_slip.any():
-        rest = problem.rows(~where.stick_slip)
+        rest = problem.rows(np.logical_not(where.stick_slip))
         doubts.append(
             f"{int(where.stick_slip.sum())} of {where.stick_slip.size} points stick and slip; the fit without them is shown beside."
         )

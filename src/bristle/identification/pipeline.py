@@ -128,11 +128,12 @@ def _fit_points(
         )
     held = measured.points(hold_out=True)
     if experiment.fit.directions == "symmetric":
-        groups = [(("both",), tuple(points))]
+        groups: list[tuple[tuple[str, ...], tuple[Segment, ...]]] = [(("both",), tuple(points))]
     else:
-        signed = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
-        signed = [(d, own) for d, own in signed if own]
-        groups = [(tuple(DIRECTIONS), tuple(points))] if regressors and len(signed) == 2 else signed
+        groups = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
+        groups = [(d, own) for d, own in groups if own]
+        if regressors and len(groups) == 2:  # what both directions share comes from one solve
+            groups = [(tuple(DIRECTIONS), tuple(points))]
     static: dict[str, StaticFit] = {}
     checks: dict[str, Crosscheck] = {}
     for directions, own in groups:

@@ -113,10 +113,10 @@ class Regression:
         return tuple(name + ("" if len(self.directions) == 1 else d) for d in self.peaks)
 
     def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Array:
-        if self.smooth is None:
-            columns = self._raw(function, v_s, self.peaks[peak])
-        else:
-            columns = self._smoothed(function, v_s, self.peaks[peak], self.smooth)
+        direction, smooth = self.peaks[peak], self.smooth
+        columns = (
+            self._raw(function, v_s, direction) if smooth is None else self._smoothed(function, v_s, direction, smooth)
+        )
         return columns if self.root_weight is None else columns * self.root_weight[:, None]
 
     def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Array:

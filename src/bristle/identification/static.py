@@ -313,8 +313,8 @@ def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, floa
 def _bounded(design: Array, torque: Array, lower: Array) -> Array:
     scale = np.linalg.norm(design, axis=0)
     scale[scale == 0] = 1.0
-    solution: Array = lsq_linear(design / scale, torque, bounds=(lower, np.inf), method="bvls", tol=1e-14).x
-    return solution / scale
+    solution: Array = lsq_linear(design / scale, torque, bounds=(lower, np.inf), method="bvls", tol=1e-14).x / scale
+    return solution
 
 
 def _bounded_cost(design: Array, torque: Array, lower: Array) -> float:

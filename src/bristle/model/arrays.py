@@ -9,84 +9,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 from scipy.linalg import lapack
 
-Array = NDArray[np.float64]
+from bristle.model.operations import OPERATIONS, Operation
 
-_Operation = Callable[..., object]
-"""A ufunc: takes operands and, last, the array to write to; without that one, returns a scalar."""
+Array = NDArray[np.float64]
 
 _BLOCK = 16_384
 """Elements worked on at a time: a function's dozen buffers then stay in the cache."""
 
 
-def _where(condition: Array, value: Array, out: Array | None = None) -> object:
-    chosen = np.where(condition, value, 0.0)
-    if out is None:
-        return chosen
-    np.copyto(out, chosen)
-    return out
-
-
-def _twice(x: Array, *out: Array) -> object:
-    return np.add(x, x, *out)
-
-
-_OPERATIONS: dict[int, _Operation] = {
-    ca.OP_ASSIGN: np.positive,
-    ca.OP_ADD: np.add,
-    ca.OP_SUB: np.subtract,
-    ca.OP_MUL: np.multiply,
-    ca.OP_DIV: np.true_divide,
-    ca.OP_NEG: np.negative,
-    ca.OP_EXP: np.exp,
-    ca.OP_EXPM1: np.expm1,
-    ca.OP_LOG: np.log,
-    ca.OP_LOG1P: np.log1p,
-    ca.OP_POW: np.power,
-    ca.OP_CONSTPOW: np.power,
-    ca.OP_SQRT: np.sqrt,
-    ca.OP_SQ: np.square,
-    ca.OP_TWICE: _twice,
-    ca.OP_INV: np.reciprocal,
-    ca.OP_SIN: np.sin,
-    ca.OP_COS: np.cos,
-    ca.OP_TAN: np.tan,
-    ca.OP_ASIN: np.arcsin,
-    ca.OP_ACOS: np.arccos,
-    ca.OP_ATAN: np.arctan,
-    ca.OP_ATAN2: np.arctan2,
-    ca.OP_SINH: np.sinh,
-    ca.OP_COSH: np.cosh,
-    ca.OP_TANH: np.tanh,
-    ca.OP_ASINH: np.arcsinh,
-    ca.OP_ACOSH: np.arccosh,
-    ca.OP_ATANH: np.arctanh,
-    ca.OP_HYPOT: np.hypot,
-    ca.OP_ERF: special.erf,
-    ca.OP_FABS: np.absolute,
-    ca.OP_SIGN: np.sign,
-    ca.OP_COPYSIGN: np.copysign,
-    ca.OP_FMOD: np.fmod,
-    ca.OP_FMIN: np.fmin,
-    ca.OP_FMAX: np.fmax,
-    ca.OP_FLOOR: np.floor,
-    ca.OP_CEIL: np.ceil,
-    ca.OP_LT: np.less,
-    ca.OP_LE: np.less_equal,
-    ca.OP_EQ: np.equal,
-    ca.OP_NE: np.not_equal,
-    ca.OP_AND: np.logical_and,
-    ca.OP_OR: np.logical_or,
-    ca.OP_NOT: np.logical_not,
-    ca.OP_IF_ELSE_ZERO: _where,
-}
-
-
 @dataclass(frozen=True, slots=True)
 class _Instruction:
-    operation: _Operation
+    operation: Operation
     value: int
     operands: tuple[int, ...]
 
@@ -99,7 +34,7 @@ class _Plan:
     """Number of registers."""
     scalars: tuple[_Instruction, ...]
     """Done once per call: they depend on no array."""
-    steps: tuple[tuple[_Operation, Callable[[Sequence[Any]], Any]], ...]
+    steps: tuple[tuple[Operation, Callable[[Sequence[Any]], Any]], ...]
     """Done once per block: the operation, and what picks its registers, the one written to last."""
     buffers: tuple[int, ...]
     """Registers that need a buffer."""
@@ -144,8 +79,8 @@ class Vectorised:
                 continue
             if code == ca.OP_CONST:
                 self._constants[value] = float(function.instruction_constant(k))
-            elif code in _OPERATIONS:
-                self._program.append(_Instruction(_OPERATIONS[code], value, tuple(work[r] for r in read)))
+            elif code in OPERATIONS:
+                self._program.append(_Instruction(OPERATIONS[code], value, tuple(work[r] for r in read)))
             else:
                 raise ValueError(
                     f"{self._name}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"

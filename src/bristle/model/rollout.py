@@ -1,26 +1,19 @@
 """Rollout of LuGre along a given velocity, and its exact Jacobian: exact-exponential steps over nodes, scanned.
 
-The velocity is linear between samples. The step of `law.bristle_step` needs v to keep its sign, so a node stands at each zero crossing; more
-stand where v changes much against v_s at low speed. For a `Pair` a node also stands where z changes sign, because sigma_0 switches there.
-Nodes that are not samples are dropped from the result. The work goes by chunks of samples that stay in the cache.
+For a `Pair` a node also stands where z changes sign, because sigma_0 switches there. Nodes that are not samples are dropped from the result.
+The work goes by chunks of samples that stay in the cache.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.model import functions
 from bristle.model.arrays import Array, evaluate, scan, vectorised
+from bristle.model.nodes import Index, Nodes, inserted, refined
 from bristle.model.parameters import Lugre, Pair
 
-_FINE = 0.05
-"""Between neighbouring nodes at low speed, v changes by at most this many v_s ..."""
-_NEAR = 4.0
-"""... where low speed is below this many v_s; faster, exp(-(v / v_s)**2) is nothing ..."""
-_MOST = 64
-"""... and a step is cut into at most about this many."""
 _CHUNK = 15_000
 """Samples worked on at a time."""
 _FADED = 1e-150
@@ -32,7 +25,6 @@ _STILL = 1e-12
 """The signs of z have settled when z changes by at most this share of alpha_0 / sigma_0 from one scan to the next."""
 
 _Parameters = Lugre[float] | Pair[float]
-_Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,18 +47,6 @@ class RolloutJacobian(Rollout):
     """dT_f/dz0 at given parameters, N*m/rad, (n,)."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Nodes:
-    """Where z is computed: N >= n nodes, of which n are samples."""
-
-    v: Array
-    """(N,)."""
-    h: float | Array
-    """Time between nodes, s: scalar or (N - 1,)."""
-    samples: slice | _Index
-    """Where the n samples are among the nodes."""
-
-
 def rollout(velocity: Array, step: float | Array, parameters: _Parameters, z0: float | None = None) -> Rollout:
     """Bristle deflection and friction torque (3)-(5) along a velocity that is linear between its samples.
 
@@ -83,9 +63,10 @@ def rollout(velocity: Array, step: float | Array, parameters: _Parameters, z0: f
     z_all, torque = np.empty((2, velocity.size))
     advance, friction = vectorised(functions.step()), vectorised(functions.torque())
     z = _start(velocity, parameters)[0] if z0 is None else z0
-    for at, nodes in _chunks(velocity, step, parameters):
-        nodes, signs = _settled(nodes, z, parameters)
-        inside = scan(*advance(*_ends(nodes), *_acting(parameters, signs, _sums(nodes))), z)
+    for at, drawn in _chunks(velocity, step, parameters):
+        nodes, signs = _settled(drawn, z, parameters)
+        a, b = advance(*nodes.steps, *_acting(parameters, signs, nodes.heading))
+        inside = scan(a, b, z)
         z_all[at] = inside[nodes.samples]
         friction(z_all[at], velocity[at], *_acting(parameters, z_all[at], velocity[at]), out=[torque[at]])
         z = float(inside[-1])
@@ -106,19 +87,18 @@ def rollout_jacobian(
     enters = _positions(names, parameters)
     z_all, torque, by_z0 = np.zeros((3, velocity.size))
     by_parameters = np.empty((6 * _sets(parameters), velocity.size))
-    z, carry = z0, np.zeros(enters.size)
-    if z0 is None:
-        z, carry = _start(velocity, parameters)
+    z, carry = _start(velocity, parameters) if z0 is None else (z0, np.zeros(enters.size))
     faded = 1.0
-    for at, nodes in _chunks(velocity, step, parameters):
-        nodes, signs = _settled(nodes, z, parameters)
+    for at, drawn in _chunks(velocity, step, parameters):
+        nodes, signs = _settled(drawn, z, parameters)
         rows = np.empty((2 + 2 * len(names), nodes.v.size - 1))
-        advance(*_ends(nodes), *_acting(parameters, signs, _sums(nodes)), out=rows)
+        advance(*nodes.steps, *_acting(parameters, signs, nodes.heading), out=list(rows))
         inside = scan(rows[0], rows[1], z)
         source, offset = rows[2 : 2 + len(names)], rows[2 + len(names) :]
         source *= inside[:-1]  # dz+/dp at fixed z is da/dp z + db/dp
         source += offset
-        z_by = scan(rows[0], _by_set(source, parameters, signs, _sums(nodes), names) + _FADED, carry)
+        source += _FADED
+        z_by = scan(rows[0], _by_set(source, parameters, signs, nodes.heading, names), carry)
         z_all[at] = inside[nodes.samples]
         T_z = np.empty(at.stop - at.start)
         acting = _acting(parameters, z_all[at], velocity[at])
@@ -130,7 +110,7 @@ def rollout_jacobian(
         if faded > _FADED:
             left = scan(rows[0], np.zeros(rows.shape[1]), faded)
             by_z0[at], faded = T_z * left[nodes.samples], float(left[-1])
-        z, carry = float(inside[-1]), z_by[:, -1]
+        z, carry = float(inside[-1]), np.where(np.abs(z_by[:, -1]) > _FADED, z_by[:, -1], 0.0)
     return RolloutJacobian(
         z=_frozen(z_all), torque=_frozen(torque), by_parameters=_frozen(by_parameters.T), by_z0=_frozen(by_z0)
     )
@@ -166,7 +146,7 @@ def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Seq
     """Derivatives with respect to the acting set's `names`, shared out between the sets they came from: (m, n), or (2 m, n) for a pair."""
     if isinstance(parameters, Lugre):
         return rows
-    shares = Lugre(*_acting(Pair(Lugre(*[1.0] * 6), Lugre(*[0.0] * 6)), z, v))._asdict()
+    shares = dict(zip(Lugre._fields, _acting(Pair(Lugre(*[1.0] * 6), Lugre(*[0.0] * 6)), z, v), strict=True))
     positive = np.array([shares[name] for name in names])
     return np.vstack([rows * positive, rows * (1 - positive)])
 
@@ -175,7 +155,7 @@ def _sets(parameters: _Parameters) -> int:
     return 1 if isinstance(parameters, Lugre) else 2
 
 
-def _positions(names: Sequence[str], parameters: _Parameters) -> _Index:
+def _positions(names: Sequence[str], parameters: _Parameters) -> Index:
     """Columns of the Jacobian in which these parameters stand."""
     return np.array([6 * k + Lugre._fields.index(name) for k in range(_sets(parameters)) for name in names])
 
@@ -185,66 +165,20 @@ def _start(velocity: Array, parameters: _Parameters) -> tuple[float, Array]:
     v = velocity[:1] if velocity.size else np.zeros(1)
     z, *by = evaluate(functions.steady_deflection(), v, *_acting(parameters, v, v))
     names = functions.step_parameters()
-    rows = np.array(by)[_positions(names, Lugre(*by))]
+    rows = np.array([by[Lugre._fields.index(name)] for name in names])
     return float(z[0]), _by_set(rows, parameters, v, v, names)[:, 0]
 
 
-def _chunks(velocity: Array, step: Array, parameters: _Parameters) -> Iterator[tuple[slice, _Nodes]]:
+def _chunks(velocity: Array, step: Array, parameters: _Parameters) -> Iterator[tuple[slice, Nodes]]:
     """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the last sample of all)."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, _CHUNK):
         stop = min(start + _CHUNK, velocity.size)
         h = step[start:stop] if step.ndim else float(step)
-        yield slice(start, stop), _nodes(_Nodes(velocity[start : stop + 1], h, slice(0, stop - start)), v_s)
+        yield slice(start, stop), refined(Nodes(velocity[start : stop + 1], h, slice(0, stop - start)), v_s)
 
 
-def _nodes(samples: _Nodes, v_s: float) -> _Nodes:
-    """The samples, and between them the zero crossings of v and what fast changes at low speed need."""
-    v0, v1, _ = _ends(samples)
-    crossing = np.flatnonzero(v0 * v1 < 0)
-    change = np.abs(v1 - v0)
-    wide = np.flatnonzero(change > _FINE * v_s)
-    wide = wide[np.minimum(np.abs(v0[wide]), np.abs(v1[wide])) < np.where(v0[wide] * v1[wide] < 0, np.inf, _NEAR * v_s)]
-    if crossing.size + wide.size == 0:
-        return samples
-    count = np.minimum(np.ceil(change[wide] / (_FINE * v_s)), _MOST).astype(np.intp)
-    more = count - 1
-    number = 1 + np.arange(more.sum()) - np.repeat(np.cumsum(more) - more, more)
-    zero = v0[crossing] / (v0[crossing] - v1[crossing])
-    steps = np.concatenate([np.repeat(wide, more), crossing])
-    return _insert(samples, steps, np.concatenate([number / np.repeat(count, more), zero]))[0]
-
-
-def _insert(nodes: _Nodes, steps: _Index, fractions: Array) -> tuple[_Nodes, _Index]:
-    """More nodes: one inside each of `steps`, at that fraction of its duration. Also returns where the old nodes went."""
-    order = np.lexsort((fractions, steps))
-    steps, fractions = steps[order], fractions[order]
-    new = steps + 1 + np.arange(steps.size)
-    is_old = np.ones(nodes.v.size + steps.size, dtype=bool)
-    is_old[new] = False
-    old = np.flatnonzero(is_old)
-    v, portion = np.empty(is_old.size), np.ones(is_old.size - 1)
-    v[old], v[new] = nodes.v, nodes.v[steps] + (nodes.v[steps + 1] - nodes.v[steps]) * fractions
-    portion[new] -= fractions  # from each new node to the end of the step it is in,
-    portion[new - 1] -= portion[new]  # less what follows the next one
-    if isinstance(nodes.h, float):
-        return _Nodes(v, nodes.h * portion, old[nodes.samples]), old
-    h = np.empty(portion.size)
-    h[old[:-1]], h[new] = nodes.h, nodes.h[steps]
-    return _Nodes(v, h * portion, old[nodes.samples]), old
-
-
-def _ends(nodes: _Nodes) -> tuple[Array, Array, float | Array]:
-    """v0, v1 and h of every step."""
-    return nodes.v[:-1], nodes.v[1:], nodes.h
-
-
-def _sums(nodes: _Nodes) -> Array:
-    """v0 + v1 of every step: its sign is the direction of motion."""
-    return nodes.v[:-1] + nodes.v[1:]
-
-
-def _settled(nodes: _Nodes, z0: float, parameters: _Parameters) -> tuple[_Nodes, Array]:
+def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, Array]:
     """For a pair: nodes also where z changes sign, and the sign of z in every step; found by repeating the scan until nothing moves.
 
     Each pass settles at least one more change of sign, and those after a reversal that sliding has made forgotten settle all at once.
@@ -252,23 +186,24 @@ def _settled(nodes: _Nodes, z0: float, parameters: _Parameters) -> tuple[_Nodes,
     if isinstance(parameters, Lugre):
         return nodes, np.zeros(0)
     advance = vectorised(functions.step())
-    ahead = np.sign(_sums(nodes))
+    ahead = np.sign(nodes.heading)
     cut, old, signs = nodes, np.arange(nodes.v.size), ahead
     before = np.full(nodes.v.size, np.inf)
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
     for _ in range(_PASSES):
-        z = scan(*advance(*_ends(cut), *_acting(parameters, signs, _sums(cut))), z0)[old]
+        a, b = advance(*cut.steps, *_acting(parameters, signs, cut.heading))
+        z = scan(a, b, z0)[old]
         if np.abs(z - before).max() <= still:
             break
         side = np.where(z[:-1] == 0, ahead, np.sign(z[:-1]))
         crossing = np.flatnonzero(side * z[1:] < 0)
-        cut, old = _insert(nodes, crossing, _crossing_fraction(nodes, crossing, z, side, parameters))
+        cut, old = inserted(nodes, crossing, _crossing_fraction(nodes, crossing, z, side, parameters))
         signs = np.insert(side, crossing + 1, ahead[crossing])
         before = z
     return cut, signs
 
 
-def _crossing_fraction(nodes: _Nodes, steps: _Index, z: Array, side: Array, pair: _Parameters) -> Array:
+def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: _Parameters) -> Array:
     """The fraction of each of `steps` after which z, on that `side` of zero at its start, is zero.
 
     While g is constant, z reaches zero after the share log(1 + abs(z0 / z_ss)) / (h lambda) of the way travelled, and v is linear in time.
@@ -278,4 +213,5 @@ def _crossing_fraction(nodes: _Nodes, steps: _Index, z: Array, side: Array, pair
     forgotten = np.clip(1 - a, 1e-9, 1 - 1e-15)
     way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)
     slow, fast = np.abs(v0), np.abs(v1)
-    return way * (slow + fast) / (slow + np.sqrt(slow**2 + (fast**2 - slow**2) * way))
+    fraction: Array = way * (slow + fast) / (slow + np.sqrt(slow**2 + (fast**2 - slow**2) * way))
+    return fraction
