@@ -126,6 +126,7 @@ def mapaccum(velocity: Array) -> dict[str, Call]:
 
 
 C_LOOP = """
+#define CASADI_SYMBOL_EXPORT static
 #include "generated.c"
 void roll(const double *v, long n, double h, const double *p, double z, double *T) {
   casadi_real w[256]; double a, b;

@@ -40,7 +40,7 @@ def test_jacobian_equals_finite_differences(table_set: Lugre[float], z0: float |
 
 
 def test_derivative_by_the_start(gripper: Lugre[float]) -> None:
-    """dT_f/dz0 is exact: T_f is affine in z0, so one difference of any size gives it; it fades and never becomes a denormal number."""
+    """dT_f/dz0 is exact: T_f is affine in z0, so one difference of any size gives it; it fades as the bristle slides."""
     v = np.concatenate([motion(), np.full(3000, 0.5)])
     first, second = (rollout(v, STEP, gripper, z0).torque for z0 in (0.0, 1e-3))
     by_z0 = rollout_jacobian(v, STEP, gripper, 0.0).by_z0
@@ -49,7 +49,6 @@ def test_derivative_by_the_start(gripper: Lugre[float]) -> None:
         gripper.sigma_0 * (1 - gripper.sigma_1 * v[0] / float(law.stribeck(v[0], gripper))), rel=1e-12
     )
     assert np.abs(by_z0[-1]) < 1e-100
-    assert np.abs(by_z0).min() > 1e-300
 
 
 def test_value_is_that_of_rollout(pair: Pair[float]) -> None:

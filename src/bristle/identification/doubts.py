@@ -112,7 +112,7 @@ def huber_doubts(
 
 
 def in_direction(direction: str) -> str:
-    """ " in direction +", or nothing where both directions are one."""
+    """What names a direction inside a sentence; nothing where both directions are one."""
     return "" if direction == "both" else f" in direction {direction}"
 
 

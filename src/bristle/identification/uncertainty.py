@@ -97,14 +97,13 @@ def stribeck_p_value(off: Array, length: Array, q: Array, ratio: float, *, draws
         seed: of the generator.
     """
     rng = np.random.default_rng(seed)
-    _, reach, directions = np.linalg.svd(
-        off, full_matrices=False
-    )  # noise matters only along the columns; elsewhere only its length does
-    alive = reach > 1e-9 * reach[0]
+    # noise matters along the columns; elsewhere only its length does. A column of infinite length vanishes.
+    _, reach, directions = np.linalg.svd(off / np.sqrt(length), full_matrices=False)
+    alive = reach > 1e-6 * reach[0]
     along = rng.standard_normal((int(alive.sum()), draws))
     rest = off.shape[0] - q.shape[1] - along.shape[0]
     total = np.einsum("rd,rd->d", along, along) + (rng.chisquare(rest, draws) if rest > 0 else 0.0)
     products = (directions[alive].T * reach[alive]) @ along
-    gain = (np.maximum(products, 0.0) ** 2 / length[:, None]).max(axis=0)
+    gain = (np.maximum(products, 0.0) ** 2).max(axis=0)
     drawn = gain / np.maximum(total - gain, 1e-12 * total)
     return float((1 + np.count_nonzero(drawn >= ratio)) / (draws + 1))
