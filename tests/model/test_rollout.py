@@ -80,7 +80,7 @@ WINDOWS: dict[str, tuple[Callable[[Array], Any], float, float]] = {
 def solved(request: pytest.FixtureRequest) -> tuple[Array, Array, float, Array]:
     """A window of each trace with a reversal in it, at 1 kHz: velocity, step, the error allowed, and Radau's deflections."""
     trace, start, allowed = WINDOWS[request.param]
-    velocity = trace(start + np.arange(80) * 1e-3)
+    velocity: Array = trace(start + np.arange(80, dtype=np.float64) * 1e-3)
     assert np.ptp(np.sign(velocity)) == 2
     step: Array = np.full(velocity.size - 1, 1e-3)
     return velocity, step, allowed, radau(velocity, step, GRIPPER, STIFFNESS)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.data.options import FitOptions
 from bristle.data.statistics import inflation, residual_doubts
@@ -29,7 +30,7 @@ class Where:
 
     names: tuple[str, ...] = ()
     """How a user finds the point again; empty for moving data."""
-    stick_slip: Array = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    stick_slip: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     time: Array = field(default_factory=lambda: np.zeros(0))
     position: Array = field(default_factory=lambda: np.zeros(0))
 

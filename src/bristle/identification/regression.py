@@ -67,7 +67,7 @@ class Regression:
         """Derivative of `shapes` with respect to v_s, by CasADi, shape (n, k)."""
         return self._columns(stribeck_shape_slope(), v_s, direction)
 
-    def design(self, v_s: Sequence[float]) -> Array:
+    def design(self, v_s: Sequence[float] | Array) -> Array:
         """All linear columns at given v_s, one per peak: shape (n, m + peaks)."""
         return np.column_stack([self.linear, *(self.shapes(np.array([s]), d) for d, s in enumerate(v_s))])
 
@@ -81,7 +81,8 @@ class Regression:
     def residuals(self, theta: Array) -> Array:
         """Measured minus modelled torque (weighted, where there are weights), shape (n,)."""
         linear, v_s = self.split(theta)
-        return self.torque - self.design(v_s) @ linear
+        modelled: Array = self.design(v_s) @ linear
+        return self.torque - modelled
 
     def relative_error(self, theta: Array) -> float:
         """100 * norm(measured - modelled) / norm(measured), percent; nan where nothing was measured but zeros."""
@@ -277,4 +278,5 @@ def _kernel(decimation: int) -> Array:
     alive = np.flatnonzero(np.abs(response) > _KERNEL_TAIL * np.abs(response).max())
     half = int(max(reach - alive[0], alive[-1] - reach))
     kernel: Array = response[reach - half : reach + half + 1]
-    return kernel / kernel.sum()
+    kernel /= kernel.sum()
+    return kernel

@@ -64,7 +64,8 @@ def default_range(velocity: Array) -> tuple[float, float]:
 def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
     """Values of v_s spaced evenly in log(v_s), both ends included, (grid,)."""
     low, high = v_s_range
-    return low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1)))
+    values: Array = low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1)))
+    return values
 
 
 def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID) -> Solution:
@@ -165,7 +166,8 @@ class Projected:
         if len(self.problem.peaks) == 1:
             return self.costs(v_s)
         surface, _ = self.surface(v_s, others) if peak == 0 else self.surface(others, v_s)
-        return surface.min(axis=1 - peak)
+        lowest: Array = surface.min(axis=1 - peak)
+        return lowest
 
     def surface(self, first_v_s: Array, second_v_s: Array) -> tuple[Array, tuple[float, float]]:
         """J_s over v_s of two peaks, (k, l), with alpha_1 >= 0, and the least cost without each peak."""
@@ -246,7 +248,7 @@ def _steepest_gain(along: Array, length: Array) -> Array:
 
 
 def _horner(coefficients: Array, t: Array) -> Array:
-    value = coefficients[-1]
+    value: Array = coefficients[-1]
     for c in coefficients[-2::-1]:
         value = value * t + c
     return value

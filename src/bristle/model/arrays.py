@@ -57,6 +57,9 @@ class Vectorised:
         self._name, self._n_in = name, n_in
         self._read(function if function.is_a("SXFunction") else function.expand())
         self._plans: dict[tuple[bool, ...], _Plan] = {}
+        self._spare: list[
+            Array
+        ] = []  # buffers of calls that have ended, for the next: fresh memory is slow, and threads may call at once
 
     def _read(self, function: ca.Function) -> None:
         """Walk the instructions; values 0..n_in-1 are the inputs, each other value is assigned once."""
@@ -127,10 +130,13 @@ class Vectorised:
         for instruction in plan.scalars:
             registers[instruction.value] = instruction.operation(*(registers[r] for r in instruction.operands))
         size = out[0].size
-        buffers = np.empty((len(plan.buffers), min(size, _BLOCK)))
+        width = min(size, _BLOCK)
+        buffers = self._spare.pop() if self._spare else np.empty((0, 0))
+        if buffers.shape[0] < len(plan.buffers) or buffers.shape[1] < width:
+            buffers = np.empty((len(plan.buffers), width))
         for start in range(0, size, _BLOCK):
             stop = min(start + _BLOCK, size)
-            for register, buffer in zip(plan.buffers, buffers, strict=True):
+            for register, buffer in zip(plan.buffers, buffers, strict=False):
                 registers[register] = buffer[: stop - start]
             for register, array in inputs:
                 registers[register] = array[start:stop]
@@ -140,6 +146,7 @@ class Vectorised:
                 operation(*pick(registers))
             for row, register in plan.copies:
                 out[row][start:stop] = registers[register]
+        self._spare.append(buffers)
 
     def _plan(self, is_array: tuple[bool, ...]) -> _Plan:
         """Sort instructions by whether they depend on an array, and give each array value a register that is free.

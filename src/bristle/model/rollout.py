@@ -65,7 +65,7 @@ def rollout(velocity: Array, step: float | Array, parameters: _Parameters, z0: f
     z = _start(velocity, parameters)[0] if z0 is None else z0
     for at, drawn in _chunks(velocity, step, parameters):
         nodes, signs = _settled(drawn, z, parameters)
-        a, b = advance(*nodes.steps, *_acting(parameters, signs, nodes.heading))
+        a, b = advance(*nodes.steps, *_acting_over(parameters, signs, nodes))
         inside = scan(a, b, z)
         z_all[at] = inside[nodes.samples]
         friction(z_all[at], velocity[at], *_acting(parameters, z_all[at], velocity[at]), out=[torque[at]])
@@ -92,7 +92,7 @@ def rollout_jacobian(
     for at, drawn in _chunks(velocity, step, parameters):
         nodes, signs = _settled(drawn, z, parameters)
         rows = np.empty((2 + 2 * len(names), nodes.v.size - 1))
-        advance(*nodes.steps, *_acting(parameters, signs, nodes.heading), out=list(rows))
+        advance(*nodes.steps, *_acting_over(parameters, signs, nodes), out=list(rows))
         inside = scan(rows[0], rows[1], z)
         source, offset = rows[2 : 2 + len(names)], rows[2 + len(names) :]
         source *= inside[:-1]  # dz+/dp at fixed z is da/dp z + db/dp
@@ -118,7 +118,7 @@ def rollout_jacobian(
 
 def _checked(velocity: Array, step: float | Array) -> tuple[Array, Array]:
     velocity, step = np.asarray(velocity, dtype=np.float64), np.asarray(step, dtype=np.float64)
-    if velocity.ndim != 1 or not np.isfinite(velocity).all():
+    if velocity.ndim != 1 or not np.isfinite([velocity.min(initial=0.0), velocity.max(initial=0.0)]).all():
         raise ValueError(
             f"velocity has shape {velocity.shape}, or holds a value that is not finite; expected a finite array (n,)"
         )
@@ -140,6 +140,11 @@ def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Arr
     if isinstance(parameters, Lugre):
         return parameters
     return evaluate(functions.active(), z, v, *parameters.positive, *parameters.negative)
+
+
+def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
+    """The set that acts over each step, where z has these signs."""
+    return parameters if isinstance(parameters, Lugre) else _acting(parameters, signs, nodes.heading)
 
 
 def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Sequence[str]) -> Array:
@@ -191,7 +196,7 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
     before = np.full(nodes.v.size, np.inf)
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
     for _ in range(_PASSES):
-        a, b = advance(*cut.steps, *_acting(parameters, signs, cut.heading))
+        a, b = advance(*cut.steps, *_acting_over(parameters, signs, cut))
         z = scan(a, b, z0)[old]
         if np.abs(z - before).max() <= still:
             break
