@@ -203,25 +203,28 @@ def timings() -> None:
 def errors(in_c: Callable[[Array], Array] | None, ours: float) -> None:
     """Print errors on one record, and the time of SciPy's solvers, which take it at once; `ours` is bristle's time per sample, s."""
     n = 2001
-    v, sigma_0 = slow(n), np.array([GRIPPER.sigma_0])
-    expected = torque(reference(v, sigma_0)[:, 0], v)
-    print(f"\n{n} samples{'':24} error   ns/sample   times bristle's")
-    print(f"  {'bristle':30} {relative(rollout(v, H, GRIPPER, 0.0).torque, expected):9.1e}")
-    print(f"  {'mapaccum':30} {relative(np.array(mapaccum(v)['mapaccum']()[1]).ravel(), expected[1:]):9.1e}")
-    if in_c is not None:
-        print(f"  {'C -O3':30} {relative(in_c(v), expected):9.1e}")
-    t = H * np.arange(n)
-    scale = GRIPPER.alpha_0 / GRIPPER.sigma_0
-    solvers: dict[str, dict[str, Any]] = {
-        "Radau, rtol 1e-6": {"method": "Radau", "rtol": 1e-6, "atol": 1e-6 * scale},
-        "LSODA, defaults": {"method": "LSODA"},
-    }
-    for name, options in solvers.items():
-        start = time.perf_counter()
-        got = solve(lambda s: float(np.interp(s, t, v)), (0.0, t[-1]), np.zeros(1), sigma_0, t_eval=t, **options)
-        each = (time.perf_counter() - start) / n
-        error = relative(torque(got.y[0], v), expected)
-        print(f"  {name:30} {error:9.1e} {each * 1e9:11.0f}   {each / ours:9.0f}   success={got.success}")
+    v, t, stiffness = slow(n), H * np.arange(n), np.array([GRIPPER.sigma_0, 1e5])
+    for sigma_0, z in zip(stiffness, reference(v, stiffness).T, strict=True):
+        p = GRIPPER._replace(sigma_0=float(sigma_0))
+        expected = torque(z, v, p)
+        print(f"\n{n} samples, sigma_0 = {sigma_0:<8.6g}{'':5} error   ns/sample   times bristle's")
+        print(f"  {'bristle':30} {relative(rollout(v, H, p, 0.0).torque, expected):9.1e}")
+        if p == GRIPPER:
+            print(f"  {'mapaccum':30} {relative(np.array(mapaccum(v)['mapaccum']()[1]).ravel(), expected[1:]):9.1e}")
+        if p == GRIPPER and in_c is not None:
+            print(f"  {'C -O3':30} {relative(in_c(v), expected):9.1e}")
+        solvers: dict[str, dict[str, Any]] = {
+            "Radau, rtol 1e-6": {"method": "Radau", "rtol": 1e-6, "atol": 1e-6 * p.alpha_0 / p.sigma_0},
+            "LSODA, defaults": {"method": "LSODA"},
+        }
+        for name, options in solvers.items():
+            start = time.perf_counter()
+            got = solve(
+                lambda s: float(np.interp(s, t, v)), (0.0, t[-1]), np.zeros(1), np.array([sigma_0]), t_eval=t, **options
+            )
+            each = (time.perf_counter() - start) / n
+            error = relative(torque(got.y[0], v, p), expected)
+            print(f"  {name:30} {error:9.1e} {each * 1e9:11.0f}   {each / ours:9.0f}   success={got.success}")
 
 
 def accuracy() -> None:

@@ -99,7 +99,7 @@ def test_motor_equations_agree(V: float, w: float, k_t: float, R: float, J: floa
     """Without inductance (1) rests at the current (6); its torque is (7); (8) inverted gives the voltage back; (2) balances at (8)."""
     m = Motor(k_t, R, 1e-3, J)
     i = motor.current(V, w, m)
-    size = abs(V) + abs(k_t * w)
+    size = abs(V) + abs(k_t * w) + 1e-200
     assert motor.current_rate(i, V, w, m) == pytest.approx(0, abs=1e-12 * size / m.L)
     assert motor.drive_torque(V, w, m) == pytest.approx(k_t * i, rel=1e-12, abs=1e-300)
     assert motor.voltage(motor.drive_torque(V, w, m), w, m) == pytest.approx(V, abs=1e-12 * size)

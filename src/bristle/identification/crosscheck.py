@@ -16,8 +16,8 @@ from bristle.model import law
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 
-STARTS = 8
-"""Random starts of the full fit."""
+STARTS, MOVING_STARTS = 8, 3
+"""Random starts of the full fit, on points and on moving data, where each costs as much as all those on points."""
 SEED = 0
 _SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
@@ -69,7 +69,6 @@ def crosscheck(
     cost: float,
     standard_errors: Array,
     v_s_range: tuple[float, float],
-    starts: int = STARTS,
 ) -> Crosscheck:
     """The full fit beside the grid's: costs, parameters in units of the grid fit's standard errors, and a verdict.
 
@@ -79,8 +78,8 @@ def crosscheck(
         cost: the grid's cost.
         standard_errors: of theta; nan where there is none.
         v_s_range: the range that the grid searched.
-        starts: random starts.
     """
+    starts = STARTS if problem.smooth is None else MOVING_STARTS
     full, cost_full, costs = full_fit(problem, v_s_range, starts)
     tolerance = _SAME * cost_full + 1e-14 * float(problem.torque @ problem.torque)
     known = np.isfinite(standard_errors) & (standard_errors > 0)
@@ -128,7 +127,11 @@ def _options(x: ca.MX, residual: ca.MX, *, points: bool) -> dict[str, Any]:
     jacobian = ca.jacobian(residual, x)
     weight, unused = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
     hessian = ca.triu(2 * weight * ca.mtimes(jacobian.T, jacobian))
-    return _OPTIONS | {"hess_lag": ca.Function("hess_lag", [x, ca.MX.sym("p", 0), weight, unused], [hessian])}
+    limited = {**_IPOPT, "max_iter": 100, "tol": 1e-9}  # each step passes over all samples
+    return _OPTIONS | {
+        "ipopt": limited,
+        "hess_lag": ca.Function("hess_lag", [x, ca.MX.sym("p", 0), weight, unused], [hessian]),
+    }
 
 
 def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]) -> ca.MX:
