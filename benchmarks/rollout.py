@@ -3,7 +3,7 @@
     python benchmarks/rollout.py             ratios for 1e5 and 1e6 samples, and errors against a tight reference
     python benchmarks/rollout.py accuracy    largest relative torque error at 1 kHz over sigma_0, slow and fast trace
 
-Each time is the least of several, taken in turns, so that what else the machine does falls on all alike. The reference is SciPy's Radau at
+The reference is SciPy's Radau at
 rtol 1e-10 on the same piecewise-linear velocity, restarted at each sample and at each zero crossing. The C is CasADi's own code for the same
 step, looped over the samples without any extra node, compiled with -O3.
 """
@@ -28,10 +28,10 @@ from bristle.model import functions, law
 from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout, rollout_jacobian
+from timing import Call, least
 
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 H = 1e-3
-Call = Callable[[], Any]
 
 
 def slow(n: int) -> Array:
@@ -167,17 +167,6 @@ def compiled(folder: Path) -> Callable[[Array], Array] | None:
         return T
 
     return call
-
-
-def least(calls: dict[str, Call], repeats: int) -> dict[str, float]:
-    """The least time of each call, s; the calls take turns."""
-    times = dict.fromkeys(calls, np.inf)
-    for _ in range(repeats):
-        for name, call in calls.items():
-            start = time.perf_counter()
-            call()
-            times[name] = min(times[name], time.perf_counter() - start)
-    return times
 
 
 def timings() -> None:

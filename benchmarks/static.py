@@ -4,18 +4,17 @@
 (b) 1000 sets at shared velocities against a loop of curve_fit. Everything is timed in this one run; the ratios are what counts.
 """
 
-from collections.abc import Callable
-from time import perf_counter
-
 import lmfit
 import numpy as np
 from scipy.optimize import curve_fit
 
 from bristle.edro import TABLE_1
+from bristle.identification.batch import solve_batch
 from bristle.identification.regression import from_points
-from bristle.identification.static import default_range, plain_grid, solve, solve_batch
+from bristle.identification.static import default_range, plain_grid, solve
 from bristle.identification.uncertainty import covariance
 from bristle.model.arrays import Array
+from timing import least
 
 P = TABLE_1["gripper rotation"].positive
 NOISE = 5e-4
@@ -27,22 +26,11 @@ def model(v: Array, a0: float, a1: float, a2: float, v_s: float) -> Array:
     return (a0 + a1 * np.exp(-((v / v_s) ** 2))) * np.sign(v) + a2 * v
 
 
-def seconds(work: Callable[[], object], repetitions: int) -> float:
-    """Median time of a call, s, after one to warm up."""
-    work()
-    spent = []
-    for _ in range(repetitions):
-        started = perf_counter()
-        work()
-        spent.append(perf_counter() - started)
-    return float(np.median(spent))
-
-
 def bristle_fit(v: Array, torque: Array) -> tuple[Array, Array]:
     """Parameters and covariance by the refined grid; no start needed."""
     problem = from_points(v, torque, ("both",))
     solution = solve(problem, default_range(v))
-    return solution.theta, covariance(problem.jacobian(solution.theta), solution.cost)[0]
+    return solution.theta, covariance(solution.jacobian, solution.cost)[0]
 
 
 def main() -> None:
@@ -54,14 +42,16 @@ def main() -> None:
     lmfit_model = lmfit.Model(model)
     guess = lmfit_model.make_params(**dict(zip(("a0", "a1", "a2", "v_s"), START, strict=True)))
 
-    one = {
-        "bristle, refined grid": seconds(lambda: bristle_fit(v, torque), 300),
-        "bristle, plain grid of 500": seconds(
-            lambda: plain_grid(from_points(v, torque, ("both",)), default_range(v)), 50
-        ),
-        "curve_fit": seconds(lambda: curve_fit(model, v, torque, p0=START), 200),
-        "lmfit": seconds(lambda: lmfit_model.fit(torque, guess, v=v), 30),
-    }
+    one = least(
+        {
+            "bristle, refined grid": lambda: bristle_fit(v, torque),
+            "bristle, plain grid of 500": lambda: plain_grid(from_points(v, torque, ("both",)), default_range(v)),
+            "curve_fit": lambda: curve_fit(model, v, torque, p0=START),
+            "lmfit": lambda: lmfit_model.fit(torque, guess, v=v),
+        },
+        repeats=20,
+        number=25,
+    )
     base = one["bristle, refined grid"]
     print("(a) one set of 200 points, parameters and covariance")
     for name, spent in one.items():
@@ -73,7 +63,8 @@ def main() -> None:
     def loop() -> Array:
         return np.array([curve_fit(model, v, t, p0=START)[0] for t in torques.T])
 
-    batch, one_by_one = seconds(lambda: solve_batch(v, torques, default_range(v)), 20), seconds(loop, 1)
+    batch = least({"batch": lambda: solve_batch(v, torques, default_range(v))}, 50)["batch"]
+    one_by_one = least({"loop": loop}, 3)["loop"]
     together, _ = solve_batch(v, torques, default_range(v))
     apart = loop().T
     print("(b) 1000 sets of 200 points at shared velocities")

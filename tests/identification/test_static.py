@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit, nnls
 
+from bristle.identification.batch import solve_batch
 from bristle.identification.regression import from_points, gravity
-from bristle.identification.static import Projected, default_range, plain_grid, solve, solve_at, solve_batch
+from bristle.identification.static import Projected, default_range, plain_grid, solve, solve_at
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 
@@ -70,7 +71,7 @@ def test_a_valley_instead_of_a_peak_gives_alpha_1_zero(speeds: Array) -> None:
     """Where friction is lower near standstill (a negative amplitude at this v_s), alpha_1 ends at its bound of zero, and is said to."""
     torque = curve(speeds, GRIPPER._replace(alpha_1=-0.005))
     problem = from_points(speeds, torque, ("both",))
-    theta, cost, held = solve_at(problem, [GRIPPER.v_s])
+    theta, cost, held, _, _ = solve_at(problem, [GRIPPER.v_s])
     assert dict(zip(problem.names, theta, strict=True))["alpha_1"] == 0.0
     assert held == ("alpha_1",)
     assert cost == pytest.approx(Projected(problem).base_cost, rel=1e-9)
@@ -101,9 +102,9 @@ def test_slope_of_the_profile_is_the_envelope_theorem(gripper: Lugre[float], spe
     torque = curve(speeds, gripper) + 5e-4 * np.random.default_rng(9).standard_normal(speeds.size)
     problem = from_points(speeds, torque, ("both",))
     v_s, h = 0.05, 1e-6
-    theta, _, _ = solve_at(problem, [v_s])
-    envelope = -2 * problem.jacobian(theta)[:, -1] @ problem.residuals(theta)
-    central = (solve_at(problem, [v_s + h])[1] - solve_at(problem, [v_s - h])[1]) / (2 * h)
+    at = solve_at(problem, [v_s])
+    envelope = -2 * at.jacobian[:, -1] @ at.residuals
+    central = (solve_at(problem, [v_s + h]).cost - solve_at(problem, [v_s - h]).cost) / (2 * h)
     assert envelope == pytest.approx(central, rel=1e-5)
 
 

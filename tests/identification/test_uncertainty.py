@@ -78,7 +78,7 @@ def test_p_value_is_uniform_where_there_is_no_peak(speeds: Array) -> None:
     for _ in range(400):
         problem = from_points(speeds, flat + 1e-4 * rng.standard_normal(speeds.size), ("both",))
         projected = Projected(problem)
-        off, _, length = projected.columns(values)
+        off, length = projected.off(values)
         cost = projected.costs(values).min()
         p_values.append(
             uncertainty.stribeck_p_value(off, length, projected.q, (projected.base_cost - cost) / cost, draws=1000)

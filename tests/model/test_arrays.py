@@ -1,6 +1,7 @@
 """Evaluation over arrays equals CasADi's own; the scan equals the plain loop."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import combinations
 from typing import Any
 
 import casadi as ca
@@ -77,15 +78,22 @@ def by_casadi(function: ca.Function, *columns: np.ndarray) -> list[np.ndarray]:
     return [np.array(output.full()).ravel() for output in outputs]
 
 
+def both_routes(function: ca.Function, *inputs: np.ndarray) -> list[Sequence[np.ndarray]]:
+    """Our evaluation as small inputs get it, and through blocks and buffers as large ones do."""
+    shape = np.broadcast_shapes(*(x.shape for x in inputs))
+    out = [np.empty(shape) for _ in range(function.n_out())]
+    with np.errstate(all="ignore"):
+        return [evaluate(function, *inputs), vectorised(function)(*inputs, out=out)]
+
+
 @pytest.mark.parametrize("name", UNARY)
 def test_unary_operation_and_its_derivative_equal_casadi(name: str) -> None:
     """Every elementary function of one argument, and the operations in its derivative, give what CasADi gives."""
     expression = UNARY[name](X)
     function = ca.Function("f", [X], [expression, ca.densify(ca.jacobian(expression, X))])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ours = evaluate(function, VALUES)
-    for mine, theirs in zip(ours, by_casadi(function, VALUES), strict=True):
-        np.testing.assert_allclose(mine, theirs, rtol=1e-13, atol=1e-15)
+    for ours in both_routes(function, VALUES):
+        for mine, theirs in zip(ours, by_casadi(function, VALUES), strict=True):
+            np.testing.assert_allclose(mine, theirs, rtol=1e-13, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", BINARY)
@@ -95,11 +103,10 @@ def test_binary_operation_and_its_derivatives_equal_casadi(name: str) -> None:
     gradient = ca.densify(ca.jacobian(expression, ca.vertcat(X, Y)))
     function = ca.Function("f", [X, Y], [expression, gradient[0], gradient[1]])
     for x, y in ((VALUES, OTHERS), (VALUES, np.array(0.7)), (np.array(-1.3), OTHERS)):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ours = evaluate(function, x, y)
         theirs = by_casadi(function, *(np.ascontiguousarray(c) for c in np.broadcast_arrays(x, y)))
-        for mine, other in zip(ours, theirs, strict=True):
-            np.testing.assert_allclose(mine, other, rtol=1e-13, atol=1e-15)
+        for ours in both_routes(function, x, y):
+            for mine, other in zip(ours, theirs, strict=True):
+                np.testing.assert_allclose(mine, other, rtol=1e-13, atol=1e-15)
 
 
 leaves = st.sampled_from([X, Y, ca.SX(0.5), ca.SX(-2)])
@@ -119,22 +126,23 @@ trees = st.recursive(
 def test_any_expression_equals_casadi(first: Any, second: Any) -> None:
     """Registers are shared without one value overwriting another that is still needed, whatever the expression, also across outputs."""
     function = ca.Function("f", [X, Y], [first, first * second, ca.SX(second), X])
-    with np.errstate(all="ignore"):
-        ours = evaluate(function, VALUES, OTHERS)
-    for mine, theirs in zip(ours, by_casadi(function, VALUES, OTHERS), strict=True):
-        np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-13)
+    for ours in both_routes(function, VALUES, OTHERS):
+        for mine, theirs in zip(ours, by_casadi(function, VALUES, OTHERS), strict=True):
+            np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-13)
 
 
 def test_inputs_broadcast_and_outputs_have_the_common_shape() -> None:
     """A column and a row give a table; constants, structural zeros and inputs come out as wide; scalars give zero-dimensional arrays."""
     function = ca.Function("f", [X, Y], [X + Y, ca.SX(3.0), ca.SX(1, 1), X, X + Y])
     x, y = np.arange(3.0)[:, None], np.arange(4.0)[None, :]
-    total, three, nothing, same, again = evaluate(function, x, y)
-    np.testing.assert_array_equal(total, x + y)
-    np.testing.assert_array_equal(again, x + y)
-    np.testing.assert_array_equal(three, np.full((3, 4), 3.0))
-    np.testing.assert_array_equal(nothing, np.zeros((3, 4)))
-    np.testing.assert_array_equal(same, np.broadcast_to(x, (3, 4)))
+    for outputs in both_routes(function, x, y):
+        total, three, nothing, same, again = outputs
+        assert not any(np.shares_memory(a, b) for a, b in combinations((*outputs, x, y), 2))
+        np.testing.assert_array_equal(total, x + y)
+        np.testing.assert_array_equal(again, x + y)
+        np.testing.assert_array_equal(three, np.full((3, 4), 3.0))
+        np.testing.assert_array_equal(nothing, np.zeros((3, 4)))
+        np.testing.assert_array_equal(same, np.broadcast_to(x, (3, 4)))
     assert [o.shape for o in evaluate(function, 1.0, 2.0)] == [()] * 5
     assert [o.shape for o in evaluate(function, np.zeros(0), 2.0)] == [(0,)] * 5
     assert float(evaluate(function, 1.0, 2.0)[0]) == 3.0

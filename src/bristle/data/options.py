@@ -73,7 +73,7 @@ class FitOptions(Model):
     """None: none for ramp and points, inertia (and offset, if symmetric) for tracking."""
     v_s_range: tuple[Speed, Speed] | None = None
     """Stribeck velocities that are searched, rad/s; None: from the data."""
-    grid: Annotated[int, Field(ge=8, le=10_000)] = 48
+    grid: Annotated[int, Field(ge=8, le=10_000)] = 32
     plain_grid: Annotated[int, Field(ge=8, le=100_000)] = 500
     position_cutoff: Hertz = 100.0
     """Low pass of position before it is differentiated, tracking runs, Hz."""

@@ -145,9 +145,9 @@ def _core(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
     if options.loss == "huber":
         problem = problem.weighted(huber(problem, v_s_range, options.grid)[1])
     solution = solve(problem, v_s_range, options.grid)
-    stretch = inflation(problem.residuals(solution.theta)) if problem.smooth is not None else 1.0
+    stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     free = np.array([name not in solution.at_bound for name in problem.names])
-    jacobian = problem.jacobian(solution.theta)
+    jacobian = solution.jacobian
     covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, stretch)
     full, _ = uncertainty.covariance(jacobian, solution.cost, stretch)
     errors = np.sqrt(np.diag(full))[free.size - len(problem.peaks) :]
@@ -171,12 +171,12 @@ def _core(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
 
 def _unsupported(problem: Regression, solution: Solution) -> dict[str, str]:
     """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the sentence that says so."""
-    stretch = inflation(problem.residuals(solution.theta)) if problem.smooth is not None else 1.0
+    stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
     dropped = {}
     for k, direction in enumerate(problem.peaks):
-        off, _, length = projected.columns(solution.grid, k)
+        off, length = projected.off(solution.grid, k)
         gain = max(solution.base_costs[k] - solution.cost, 0.0)
         ratio = gain / max(solution.cost, noise) / stretch
         p = uncertainty.stribeck_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
@@ -203,7 +203,7 @@ def _only_rises(problem: Regression, solution: Solution, direction: str, stretch
     steepest = np.sqrt(2 / np.e)
     gradient = np.zeros(solution.theta.size)
     gradient[at] = steepest / v_s, -1.0, -steepest * alpha_1 / v_s**2
-    covariance, _ = uncertainty.covariance(problem.jacobian(solution.theta), solution.cost, stretch)
+    covariance, _ = uncertainty.covariance(solution.jacobian, solution.cost, stretch)
     return bool(steepest * alpha_1 / v_s - alpha_2 + 2 * np.sqrt(gradient @ covariance @ gradient) < 0)
 
 
@@ -325,8 +325,7 @@ def _beside(
     unweighted = replace(problem, peaks=core.problem.peaks)
     refit, weight = huber(unweighted, v_s_range, options.grid)
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
-    weighted = unweighted.weighted(weight)
-    spread = np.sqrt(np.diag(uncertainty.covariance(weighted.jacobian(refit.theta), refit.cost)[0]))
+    spread = np.sqrt(np.diag(uncertainty.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
     doubts = [*huber_doubts(core.parameters, robust, errors, weight, where.names), *core.doubts]
     without: Mapping[str, Estimate] = {}

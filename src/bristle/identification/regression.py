@@ -16,10 +16,12 @@ from scipy import signal, sparse
 
 from bristle.data.record import Record
 from bristle.model.arrays import Array, evaluate
-from bristle.model.functions import steady_jacobian, stribeck_shape, stribeck_shape_slope
+from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shape_slope
 
 _KERNEL_TAIL = 1e-8
 """Where the smoothing kernel is cut, relative to its peak."""
+Tables = tuple[Array, ...]
+"""Columns over v_s, one table per output of a function, each (n, k)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +44,7 @@ class Regression:
     """The decimation filter as a matrix, shape (n, N)."""
     root_weight: Array | None = None
     """Square root of each equation's weight, shape (n,)."""
-    memory: dict[tuple[object, str, bytes], Array] = field(default_factory=dict, repr=False)
+    memory: dict[tuple[object, str, bytes], Tables] = field(default_factory=dict, repr=False)
     """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same grid."""
     priors: int = 0
     """How many of the last equations are priors, not measurements."""
@@ -61,22 +63,30 @@ class Regression:
 
     def shapes(self, v_s: Array, direction: int = 0) -> Array:
         """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
-        return self._columns(stribeck_shape(), v_s, direction)
+        return self._columns(stribeck_shape(), v_s, direction)[0]
 
-    def slopes(self, v_s: Array, direction: int = 0) -> Array:
-        """Derivative of `shapes` with respect to v_s, by CasADi, shape (n, k)."""
-        return self._columns(stribeck_shape_slope(), v_s, direction)
+    def slopes(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
+        """`shapes`, and its derivative with respect to v_s, by CasADi; each of shape (n, k)."""
+        shapes, slopes = self._columns(stribeck_shape_slope(), v_s, direction)
+        return shapes, slopes
 
     def design(self, v_s: Sequence[float] | Array) -> Array:
         """All linear columns at given v_s, one per peak: shape (n, m + peaks)."""
-        return np.column_stack([self.linear, *(self.shapes(np.array([s]), d) for d, s in enumerate(v_s))])
+        return self.columns(v_s)[0]
+
+    def columns(self, v_s: Sequence[float] | Array) -> tuple[Array, Array]:
+        """`design`, and the derivative of its last columns with respect to their v_s, (n, peaks)."""
+        if not self.peaks:
+            return self.linear, np.zeros((self.torque.size, 0))
+        tables = [self.slopes(np.array([s]), d) for d, s in enumerate(v_s)]
+        shapes, slopes = zip(*tables, strict=True)
+        return np.concatenate([self.linear, *shapes], axis=1), np.concatenate(slopes, axis=1)
 
     def jacobian(self, theta: Array) -> Array:
         """Exact derivative of the modelled torque with respect to theta, shape (n, len(theta))."""
         linear, v_s = self.split(theta)
-        alpha_1 = linear[self.linear.shape[1] :]
-        slopes = [self.slopes(v_s[d : d + 1], d) * alpha_1[d] for d in range(v_s.size)]
-        return np.column_stack([self.design(v_s), *slopes])
+        design, slopes = self.columns(v_s)
+        return np.concatenate([design, slopes * linear[self.linear.shape[1] :]], axis=1)
 
     def residuals(self, theta: Array) -> Array:
         """Measured minus modelled torque (weighted, where there are weights), shape (n,)."""
@@ -113,22 +123,26 @@ class Regression:
     def _per_direction(self, name: str) -> tuple[str, ...]:
         return tuple(name + ("" if len(self.directions) == 1 else d) for d in self.peaks)
 
-    def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Array:
+    def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Tables:
         direction, smooth = self.peaks[peak], self.smooth
-        columns = (
+        tables = (
             self._raw(function, v_s, direction) if smooth is None else self._smoothed(function, v_s, direction, smooth)
         )
-        return columns if self.root_weight is None else columns * self.root_weight[:, None]
+        return tables if self.root_weight is None else tuple(t * self.root_weight[:, None] for t in tables)
 
-    def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Array:
+    def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Tables:
         key = (function, direction, v_s.tobytes())
         if key not in self.memory:  # column by column: N samples times k values need not stand in memory at once
-            self.memory[key] = np.column_stack([smooth @ self._raw(function, s[None], direction) for s in v_s])
+            by_v_s = [[smooth @ t for t in self._raw(function, s[None], direction)] for s in v_s]
+            self.memory[key] = tuple(np.concatenate(columns, axis=1) for columns in zip(*by_v_s, strict=True))
         return self.memory[key]
 
-    def _raw(self, function: ca.Function, v_s: Array, direction: str) -> Array:
-        (columns,) = evaluate(function, self.velocity[:, None], v_s[None, :])
-        return columns if len(self.directions) == 1 else columns * _moves(self.velocity, direction)[:, None]
+    def _raw(self, function: ca.Function, v_s: Array, direction: str) -> Tables:
+        rows = evaluate(function, self.velocity, v_s[:, None])  # a row per v_s: long inner loops
+        if len(self.directions) == 2:
+            moves = _moves(self.velocity, direction)
+            rows = tuple(row * moves for row in rows)
+        return tuple(row.T for row in rows)
 
 
 def from_points(
@@ -202,13 +216,13 @@ def _build(
     smooth: sparse.csr_array | None,
 ) -> Regression:
     one = len(directions) == 1
-    alpha_0, _, alpha_2, _ = evaluate(steady_jacobian(), velocity, 1.0, 0.0, 0.0, 1.0)  # (9) is linear in both
+    alpha_0, alpha_2 = evaluate(linear_shapes(), velocity)
     friction: dict[str, Array] = {}
     for direction in directions:
-        tag, mask = ("", 1.0) if one else (direction, _moves(velocity, direction))
-        friction["alpha_0" + tag] = mask * alpha_0
-        friction["alpha_2" + tag] = mask * alpha_2
-    columns = np.column_stack([*friction.values(), *extra.values()])
+        tag, mask = ("", None) if one else (direction, _moves(velocity, direction))
+        friction["alpha_0" + tag] = alpha_0 if mask is None else mask * alpha_0
+        friction["alpha_2" + tag] = alpha_2 if mask is None else mask * alpha_2
+    columns = np.array([*friction.values(), *extra.values()]).T
     if smooth is not None:
         columns, torque = smooth @ columns, smooth @ torque
     return Regression(

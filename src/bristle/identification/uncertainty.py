@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import fdtri, stdtrit
 
+from bristle.identification.linear import inverse_gram
 from bristle.model.arrays import Array
 
 LEVEL = 0.95
@@ -15,7 +16,7 @@ LEVEL = 0.95
 def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Array, float]:
     """Covariance of least-squares estimates and its degrees of freedom.
 
-    s**2 (J'J)**-1 with s**2 = cost / (n - p), by a scaled pseudo-inverse, times the factor by which autocorrelated residuals inflate it.
+    s**2 (J'J)**-1 with s**2 = cost / (n - p), times the factor by which autocorrelated residuals inflate it.
 
     Args:
         jacobian: shape (n, p), of the free parameters, at the minimum.
@@ -26,12 +27,8 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
         The covariance (p, p), and n / inflation - p, at least 1.
     """
     n, p = jacobian.shape
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = 1.0
-    inverse = np.linalg.pinv(jacobian / scale)
     freedom = max(n / inflation - p, 1.0)
-    variance = cost / max(n - p, 1) * inflation
-    return variance * (inverse @ inverse.T) / np.outer(scale, scale), freedom
+    return cost / max(n - p, 1) * inflation * inverse_gram(jacobian), freedom
 
 
 def condition(jacobian: Array) -> float:

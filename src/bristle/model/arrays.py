@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from math import prod
 from operator import itemgetter
 from typing import Any
 
@@ -16,7 +17,9 @@ from bristle.model.operations import OPERATIONS, Operation
 Array = NDArray[np.float64]
 
 _BLOCK = 16_384
-"""Elements worked on at a time: a function's dozen buffers then stay in the cache."""
+"""Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost more than they save."""
+_REUSE = 4096
+"""Elements from which looking for memory to write over is worth the while."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,19 @@ class Vectorised:
                 self._outputs[row], self._constants[value] = value, 0.0
                 value += 1
         self._n_values = value
-
+        self._outputs = {row: self._outputs[row] for row in range(self._n_out)}
+        self._registers: list[Any] = [None] * value
+        for register, constant in self._constants.items():
+            self._registers[register] = np.array(constant)
+        last = {operand: k for k, instruction in enumerate(self._program) for operand in instruction.operands}
+        values = list(self._outputs.values())
+        computed = {instruction.value for instruction in self._program}
+        inner = computed.difference(values)
+        self._fresh = [x in computed and x not in values[:row] for row, x in enumerate(values)]
+        self._small = [
+            (i.operation, i.value, i.operands, tuple(inner.intersection(o for o in i.operands if last[o] == k)))
+            for k, i in enumerate(self._program)
+        ]
     def __call__(self, *inputs: float | Array, out: Sequence[Array] | None = None) -> Sequence[Array]:
         """Evaluate at inputs of shapes that broadcast; one array of the common shape per output.
 
@@ -105,7 +120,9 @@ class Vectorised:
         if len(inputs) != self._n_in:
             raise ValueError(f"{self._name}: got {len(inputs)} inputs; expected {self._n_in}")
         arrays = [np.asarray(x, dtype=np.float64) for x in inputs]
-        shape = np.broadcast_shapes(*(x.shape for x in arrays))
+        shape = np.broadcast(*arrays).shape
+        if out is None and shape and prod(shape) <= _BLOCK:
+            return self._run_small(arrays, shape)
         is_array = tuple(x.size != 1 for x in arrays)
         if is_array not in self._plans:
             self._plans[is_array] = self._plan(is_array)
@@ -123,6 +140,22 @@ class Vectorised:
             out = tuple(np.empty(shape) for _ in range(self._n_out))
         self._run(plan, registers, flat, [row.reshape(-1) for row in out])
         return out
+
+    def _run_small(self, inputs: Sequence[Array], shape: tuple[int, ...]) -> Sequence[Array]:
+        """Each instruction at the shape of its own operands: what depends on one input only is not repeated over the others.
+
+        A large value of the full shape that is not needed any more is written over: fresh memory is slow.
+        """
+        registers = self._registers.copy()
+        registers[: self._n_in] = inputs
+        get, reuse = registers.__getitem__, prod(shape) >= _REUSE
+        for operation, value, operands, done in self._small:
+            free = [x for x in map(get, done) if x.shape == shape][:1] if done and reuse else ()
+            registers[value] = operation(*map(get, operands), *free)
+        return [
+            x if fresh and x.shape == shape else np.broadcast_to(x, shape).copy()
+            for x, fresh in zip(map(get, self._outputs.values()), self._fresh, strict=True)
+        ]
 
     def _run(
         self, plan: _Plan, registers: list[Any], inputs: Sequence[tuple[int, Array]], out: Sequence[Array]

@@ -31,6 +31,13 @@ def steady_jacobian() -> ca.Function:
 
 
 @cache
+def linear_shapes() -> ca.Function:
+    """(v) -> (T_alpha_0, T_alpha_2): what multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12)."""
+    v, p, T = _steady()
+    return _function("linear_shapes", {"v": v}, _derivatives("T", T, {name: p[name] for name in ("alpha_0", "alpha_2")}))
+
+
+@cache
 def stribeck_shape() -> ca.Function:
     """(v, v_s) -> s: what multiplies alpha_1 in (9), dimensionless."""
     v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
@@ -39,11 +46,10 @@ def stribeck_shape() -> ca.Function:
 
 @cache
 def stribeck_shape_slope() -> ca.Function:
-    """(v, v_s) -> s_v_s: the derivative of `stribeck_shape` with respect to v_s, s/rad."""
+    """(v, v_s) -> (s, s_v_s): `stribeck_shape` with its derivative with respect to v_s, s/rad."""
     v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
-    return _function(
-        "stribeck_shape_slope", {"v": v, "v_s": v_s}, _derivatives("s", law.stribeck_shape(v, v_s), {"v_s": v_s})
-    )
+    s = law.stribeck_shape(v, v_s)
+    return _function("stribeck_shape_slope", {"v": v, "v_s": v_s}, {"s": s, **_derivatives("s", s, {"v_s": v_s})})
 
 
 @cache

@@ -19,7 +19,7 @@ _TINY = 1e-100
 
 def stribeck(v: Expression, p: Lugre[Any]) -> Expression:
     """g(v) = alpha_0 + alpha_1 exp(-(v / v_s)**2), N*m (5): the friction level in slow sliding."""
-    return p.alpha_0 + p.alpha_1 * ca.exp(v**2 / -(p.v_s**2))
+    return p.alpha_0 + p.alpha_1 * ca.exp(v**2 * (-1 / p.v_s**2))
 
 
 def relaxation(v: Expression, p: Lugre[Any]) -> Expression:

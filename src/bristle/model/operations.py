@@ -9,7 +9,7 @@ from scipy import special
 
 Floats = NDArray[np.float64]
 Operation = Callable[..., object]
-"""A ufunc: takes operands and, last, the array to write to; without that one, returns a scalar."""
+"""A ufunc: takes operands and, last, the array to write to; without that one, returns a new value."""
 
 
 def _where(condition: Floats, value: Floats, out: Floats | None = None) -> object:
@@ -18,6 +18,23 @@ def _where(condition: Floats, value: Floats, out: Floats | None = None) -> objec
         return chosen
     np.copyto(out, chosen)
     return out
+
+
+def _truth(ufunc: np.ufunc) -> Operation:
+    """A comparison whose answers are 0.0 and 1.0, as CasADi's are."""
+
+    def compare(*operands: Floats) -> object:
+        return ufunc(*operands) if len(operands) > ufunc.nin else ufunc(*operands).astype(np.float64)
+
+    return compare
+
+
+_LOWEST = np.array(-700.0)
+
+
+def _exp(x: Floats, *out: Floats) -> object:
+    """exp(x), but never below 1e-304: NumPy is several times slower where a result underflows."""
+    return np.exp(np.fmax(x, _LOWEST, *out), *out)
 
 
 def _twice(x: Floats, *out: Floats) -> object:
@@ -31,7 +48,7 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_MUL: np.multiply,
     ca.OP_DIV: np.true_divide,
     ca.OP_NEG: np.negative,
-    ca.OP_EXP: np.exp,
+    ca.OP_EXP: _exp,
     ca.OP_EXPM1: np.expm1,
     ca.OP_LOG: np.log,
     ca.OP_LOG1P: np.log1p,
@@ -64,13 +81,13 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_FMAX: np.fmax,
     ca.OP_FLOOR: np.floor,
     ca.OP_CEIL: np.ceil,
-    ca.OP_LT: np.less,
-    ca.OP_LE: np.less_equal,
-    ca.OP_EQ: np.equal,
-    ca.OP_NE: np.not_equal,
-    ca.OP_AND: np.logical_and,
-    ca.OP_OR: np.logical_or,
-    ca.OP_NOT: np.logical_not,
+    ca.OP_LT: _truth(np.less),
+    ca.OP_LE: _truth(np.less_equal),
+    ca.OP_EQ: _truth(np.equal),
+    ca.OP_NE: _truth(np.not_equal),
+    ca.OP_AND: _truth(np.logical_and),
+    ca.OP_OR: _truth(np.logical_or),
+    ca.OP_NOT: _truth(np.logical_not),
     ca.OP_IF_ELSE_ZERO: _where,
 }
 """CasADi's operation number -> what does the same on arrays, to rounding. (CasADi's erfinv is a rough approximation: not here.)"""

@@ -1,0 +1,62 @@
+"""Linear least squares as the static fit needs it: free, bounded, and factored, each straight from LAPACK."""
+
+from functools import cache
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.optimize import lsq_linear
+
+from bristle.model.arrays import Array
+
+_RANK = 1e-14
+"""Below this reciprocal condition number columns count as dependent."""
+_INDEPENDENT = 1e-10
+"""A column this much of which, relative, is left by those before it counts as independent."""
+
+
+def least_squares(design: Array, torque: Array) -> Array:
+    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR: the shortest one where columns depend on one another."""
+    m = design.shape[1]
+    solution: Array = lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m]
+    return solution
+
+
+def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
+    """The solution (m,) with each element at or above its lower bound (m,), by bounded-variable least squares."""
+    scale = np.linalg.norm(design, axis=0)
+    scale[scale == 0] = 1.0
+    solution: Array = lsq_linear(design / scale, torque, bounds=(lower, np.inf), method="bvls", tol=1e-14).x / scale
+    return solution
+
+
+def orthonormal(columns: Array) -> tuple[Array, Array]:
+    """An orthonormal basis Q (n, m) of independent columns (n, m), and R (m, m), whose lower triangle is not to be read."""
+    factored, tau, _, _ = lapack.dgeqrf(columns)
+    return lapack.dorgqr(factored, tau)[0], factored[: columns.shape[1]]
+
+
+def solve_triangle(r: Array, right: Array) -> Array:
+    """X of R x = right, (m,) or (m, k), with R from `orthonormal`."""
+    x: Array = lapack.dtrtrs(r, right)[0]
+    return x
+
+
+@cache
+def _upper(m: int) -> Array:
+    """Ones on and above the diagonal, (m, m)."""
+    return np.triu(np.ones((m, m)))
+
+
+def inverse_gram(jacobian: Array) -> Array:
+    """(J'J)**-1, (m, m), by QR; a scaled pseudo-inverse where columns depend on one another."""
+    n, m = jacobian.shape
+    if n >= m > 0:
+        r = lapack.dgeqrf(jacobian)[0][:m] * _upper(m)
+        if (r.diagonal() ** 2 > _INDEPENDENT**2 * (r * r).sum(axis=0)).all():
+            inverse = lapack.dtrtri(r)[0]
+            gram: Array = inverse @ inverse.T
+            return gram
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = np.linalg.pinv(jacobian / scale)
+    return (inverse @ inverse.T) / np.outer(scale, scale)
