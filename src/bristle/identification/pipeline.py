@@ -253,7 +253,7 @@ def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:
         "loss": fit.loss,
         "grid": f"{fit.grid} values of v_s, even in log(v_s), refined to the continuous minimum",
         "plain grid": f"{fit.plain_grid} evenly spaced values of v_s",
-        "v_s range": "a third of the slowest to three times the fastest speed"
+        "v_s range": "a third of the slowest speed to the fastest"
         if fit.v_s_range is None
         else f"{fit.v_s_range[0]:g} to {fit.v_s_range[1]:g}",
     }

@@ -11,6 +11,7 @@ from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize
 
 from bristle.identification.linear import bounded_least_squares, least_squares, orthonormal, solve_triangle
@@ -22,11 +23,16 @@ GRID = 32
 PLAIN_GRID = 500
 """Values of v_s in the paper's plain grid."""
 _WINDOWS = 12
-_NODES = np.polynomial.chebyshev.chebpts1(7)
-_TO_POWERS = np.linalg.inv(np.vander(_NODES))
-"""From values at the nodes to the coefficients of their polynomial, highest power first."""
+_NODES = np.polynomial.chebyshev.chebpts1(6)
+_TO_SLOPE = np.arange(5, 0, -1)[:, None] * np.linalg.inv(np.vander(_NODES))[:-1]
+"""From values at the nodes to the coefficients of their polynomial's derivative, highest power first."""
 _COARSE = [k / 4 for k in range(-4, 5)]
-_TO_COARSE = np.vander(_COARSE, 7) @ _TO_POWERS
+_TO_COARSE_SLOPE = np.vander(_COARSE, 5) @ _TO_SLOPE
+_STEPS = 20
+_STRIDE = 0.1
+"""The longest step in log(v_s) while polishing."""
+_SETTLED = 1e-12
+"""A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
 _NONE = np.zeros(0, dtype=np.intp)
 _FLAT = 1e-10
 """A Stribeck column this close to the others, relative, tells nothing."""
@@ -98,19 +104,20 @@ def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID)
     """
     values = log_grid(v_s_range, grid)
     projected = Projected(problem)
-    v_s: list[float] = []
     profiles: tuple[Array, ...] = ()
     bases: tuple[float, ...] = ()
-    if len(problem.peaks) == 1:
+    if not problem.peaks:
+        inner = solve_at(problem, [])
+    elif len(problem.peaks) == 1:
         profiles = (projected.costs(values),)
         bases = (projected.base_cost,)
-        v_s = [_refine(projected, values, profiles[0])]
-    elif problem.peaks:
+        inner = _refine(projected, values, profiles[0])
+    else:
         surface, bases = projected.surface(values, values)
         profiles = (surface.min(axis=1), surface.min(axis=0))
         first, second = np.unravel_index(surface.argmin(), surface.shape)
-        v_s = _descend(problem, [values[first], values[second]], v_s_range)
-    return Solution(**solve_at(problem, v_s)._asdict(), base_costs=bases, grid=values, profiles=profiles)
+        inner = solve_at(problem, _descend(problem, [values[first], values[second]], v_s_range))
+    return Solution(**inner._asdict(), base_costs=bases, grid=values, profiles=profiles)
 
 
 def plain_grid(
@@ -166,25 +173,11 @@ class Projected:
 
     def costs(self, v_s: Array) -> Array:
         """J_s at each v_s (k,), with alpha_0, alpha_1, alpha_2 >= 0; one peak."""
-        alpha_1, along, _, broken = self._peak(self.problem.shapes(v_s))
+        alpha_1, along, broken = self._peak(self.problem.shapes(v_s))
         costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
         for k in broken:
             costs[k] = solve_at(self.problem, [v_s[k]]).cost
         return costs
-
-    def falls(self, v_s: Array) -> tuple[Array, bool]:
-        """-dJ_s/dv_s / 2 at each v_s (k,), by the envelope theorem: alpha_1 s_v_s'r, r the residuals at the inner minimum; one peak.
-
-        Also whether it has a kink between these v_s: at some of them, and not at all, a parameter is held at its bound.
-        """
-        shapes, slopes = self.problem.slopes(v_s)
-        alpha_1, _, inside, broken = self._peak(shapes)
-        residuals = self.rest[:, None] - (shapes - self.q @ inside) * alpha_1
-        for k in broken:
-            inner = solve_at(self.problem, [v_s[k]])
-            alpha_1[k], residuals[:, k] = inner.theta[-2], inner.residuals
-        falls: Array = alpha_1 * np.einsum("nk,nk->k", slopes, residuals)
-        return falls, 0 < broken.size < v_s.size
 
     def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
         """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,), inf where nothing is."""
@@ -195,12 +188,13 @@ class Projected:
         length[length <= _FLAT * total] = np.inf
         return inside, along, length
 
-    def _peak(self, shapes: Array) -> tuple[Array, Array, Array, Array]:
-        """For one Stribeck column at a time: alpha_1 >= 0, s'r without it (k,), coefficients in Q, and which v_s break another bound."""
+    def _peak(self, shapes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+        """For one Stribeck column at a time: alpha_1 >= 0, s'r without it (k,), and which v_s break another bound."""
         inside, along, length = self._split(shapes)
         alpha_1 = np.maximum(along / length, 0.0)
-        broken = self.back(self.torque_in_q[:, None] - inside * alpha_1) < self.lower[:, None]
-        return alpha_1, along, inside, np.flatnonzero(broken.any(axis=0)) if broken.any() else _NONE
+        below = self.back(self.torque_in_q[:, None] - inside * alpha_1) < self.lower[:, None]
+        broken: NDArray[np.intp] = np.flatnonzero(below.any(axis=0)) if below.any() else _NONE
+        return alpha_1, along, broken
 
     def profile(self, v_s: Array, peak: int, others: Array) -> Array:
         """J_s at each v_s (k,) of one peak, minimised over all else, the other peak's v_s over `others`."""
@@ -238,11 +232,11 @@ def _vertex(left: float, middle: float, right: float) -> float:
     return max(-1.0, min(1.0, (left - right) / (2 * bend))) if bend > 0 else 0.0
 
 
-def _refine(projected: Projected, values: Array, costs: Array) -> float:
-    """The continuous minimum of the profile near its lowest grid value: where its slope, which is exact, goes from falling to rising.
+def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
+    """The problem at the continuous minimum of the profile near its lowest grid value.
 
-    The slope is smooth in u = log(v_s): a polynomial through its values at Chebyshev points of a window as wide as the grid's step has an
-    error near rounding. Where it does not change sign there, the window moves downhill; where it has a kink, the window narrows.
+    The profile is smooth in u = log(v_s): its derivative is that of a polynomial through its values at Chebyshev points of a window as wide
+    as the grid's step. Where that does not turn from falling to rising, the window moves downhill.
     """
     best = int(costs.argmin())
     first, step = float(values[0]), log(values[-1] / values[0]) / (values.size - 1)
@@ -252,26 +246,50 @@ def _refine(projected: Projected, values: Array, costs: Array) -> float:
     last, reach = step * (values.size - 1), step / 2
     for _ in range(_WINDOWS):
         u = min(max(u, reach), last - reach)
-        falls, kink = projected.falls(first * np.exp(u + reach * _NODES))
-        coarse = (_TO_COARSE @ falls).tolist()
-        turns = [k for k in range(8) if coarse[k] > 0 >= coarse[k + 1]]
+        window = projected.costs(first * np.exp(u + reach * _NODES))
+        coarse = (_TO_COARSE_SLOPE @ window).tolist()
+        turns = [k for k in range(8) if coarse[k] < 0 <= coarse[k + 1]]
         if turns:
             k = min(turns, key=lambda k: abs(k - 3.5))
-            u += reach * float(brentq(_polynomial((_TO_POWERS @ falls).tolist()), _COARSE[k], _COARSE[k + 1], xtol=1e-12))
-            if not kink:
-                break
-            reach /= 8
-            continue
-        u += reach if coarse[-1] > 0 else -reach
+            slope = _polynomial(_TO_SLOPE @ window)
+            at = float(brentq(slope, _COARSE[k], _COARSE[k + 1], xtol=1e-9))
+            bend = (slope(_COARSE[k + 1]) - slope(_COARSE[k])) / (_COARSE[k + 1] - _COARSE[k]) / reach**2
+            return _polish(projected.problem, first * exp(u + reach * at), bend / 2)
+        u += reach if coarse[-1] < 0 else -reach
         if not 0 < u < last:
             break
-    return first * exp(min(max(u, 0.0), last))
+    return solve_at(projected.problem, [first * exp(min(max(u, 0.0), last))])
 
 
-def _polynomial(coefficients: list[float]) -> Callable[[float], float]:
+def _polish(problem: Regression, v_s: float, bend: float) -> Inner:
+    """Follow the exact slope, by the secant method, to where rounding ends; most often the start is good enough.
+
+    By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the residuals at the inner minimum and u = log(v_s). `bend` is
+    J_s'' / 2 there. A step would lower the cost by (slope)**2 / bend.
+    """
+    at = solve_at(problem, [v_s])
+    fall = v_s * float(at.jacobian[:, -1] @ at.residuals)
+    for _ in range(_STEPS):
+        if bend <= 0 or fall**2 / bend <= _SETTLED * at.cost / problem.torque.size:
+            break
+        step = max(-_STRIDE, min(_STRIDE, fall / bend))
+        v_s *= exp(step)
+        there = solve_at(problem, [v_s])
+        if there.cost >= at.cost:
+            break
+        at, before = there, fall
+        fall = v_s * float(at.jacobian[:, -1] @ at.residuals)
+        bend = (before - fall) / step
+    return at
+
+
+def _polynomial(coefficients: Array) -> Callable[[float], float]:
+    """A polynomial of one number, its highest power first."""
+    listed = coefficients.tolist()
+
     def value(t: float) -> float:
         x = 0.0
-        for c in coefficients:
+        for c in listed:
             x = x * t + c
         return x
 

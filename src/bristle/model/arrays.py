@@ -111,6 +111,7 @@ class Vectorised:
             (i.operation, i.value, i.operands, tuple(inner.intersection(o for o in i.operands if last[o] == k)))
             for k, i in enumerate(self._program)
         ]
+
     def __call__(self, *inputs: float | Array, out: Sequence[Array] | None = None) -> Sequence[Array]:
         """Evaluate at inputs of shapes that broadcast; one array of the common shape per output.
 

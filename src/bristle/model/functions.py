@@ -34,7 +34,9 @@ def steady_jacobian() -> ca.Function:
 def linear_shapes() -> ca.Function:
     """(v) -> (T_alpha_0, T_alpha_2): what multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12)."""
     v, p, T = _steady()
-    return _function("linear_shapes", {"v": v}, _derivatives("T", T, {name: p[name] for name in ("alpha_0", "alpha_2")}))
+    return _function(
+        "linear_shapes", {"v": v}, _derivatives("T", T, {name: p[name] for name in ("alpha_0", "alpha_2")})
+    )
 
 
 @cache
