@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import BSpline
 
 from bristle.identification.estimate import Crosscheck
 from bristle.identification.regression import Regression
@@ -16,13 +17,19 @@ from bristle.model import law
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 
-STARTS, MOVING_STARTS = 8, 3
-"""Random starts of the full fit, on points and on moving data, where each costs as much as all those on points."""
+STARTS = 8
+"""Random starts of the full fit."""
 SEED = 0
 _SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
-_IPOPT = {"print_level": 0, "sb": "yes", "tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
-_OPTIONS: dict[str, Any] = {"print_time": False, "error_on_fail": False, "ipopt": _IPOPT}
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "error_on_fail": False,
+    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0},
+}
+_NODES = 1000
+_SLOWEST = 1e-7
+"""Of the fastest speed: where nodes begin."""
 
 
 def full_fit(
@@ -47,7 +54,7 @@ def full_fit(
     theta = ca.vertcat(x[:linear] * scale[:linear], ca.exp(x[linear:]))
     residual = _residuals(problem, theta, v_s_range) / torque_scale
     nlp: dict[str, Any] = {"x": x, "f": ca.dot(residual, residual)}
-    solver = ca.nlpsol("full", "ipopt", nlp, _options(x, residual, points=problem.smooth is None))
+    solver = ca.nlpsol("full", "ipopt", nlp, _OPTIONS)
     log_range = np.log(v_s_range)
     lower = np.concatenate([problem.lower, np.zeros(count), np.full(count, log_range[0])])
     upper = np.concatenate([np.full(linear, np.inf), np.full(count, log_range[1])])
@@ -79,8 +86,7 @@ def crosscheck(
         standard_errors: of theta; nan where there is none.
         v_s_range: the range that the grid searched.
     """
-    starts = STARTS if problem.smooth is None else MOVING_STARTS
-    full, cost_full, costs = full_fit(problem, v_s_range, starts)
+    full, cost_full, costs = full_fit(problem, v_s_range)
     tolerance = _SAME * cost_full + 1e-14 * float(problem.torque @ problem.torque)
     known = np.isfinite(standard_errors) & (standard_errors > 0)
     difference = {
@@ -92,18 +98,16 @@ def crosscheck(
     return Crosscheck(
         cost_grid=cost,
         cost_full=cost_full,
-        starts=starts,
+        starts=STARTS,
         reached=reached,
         parameters=dict(zip(problem.names, map(float, full), strict=True)),
         difference_in_se=difference,
-        verdict=_verdict(cost, cost_full, tolerance, difference, reached, starts),
+        verdict=_verdict(cost, cost_full, tolerance, difference, reached),
     )
 
 
-def _verdict(
-    cost: float, full: float, tolerance: float, difference: dict[str, float], reached: int, starts: int
-) -> str:
-    ended = f"{reached} of {starts} random starts of the full fit ended in its best minimum"
+def _verdict(cost: float, full: float, tolerance: float, difference: dict[str, float], reached: int) -> str:
+    ended = f"{reached} of {STARTS} random starts of the full fit ended in its best minimum"
     if cost > full + tolerance:
         return f"The full nonlinear fit found a lower cost than the grid ({full:.6g} against {cost:.6g}); trust neither before you know why. {ended}."
     if full > cost + tolerance:
@@ -120,58 +124,62 @@ def _scale(problem: Regression, torque_scale: float) -> Array:
     return np.concatenate([torque_scale / columns, np.full(count, torque_scale), np.ones(count)])
 
 
-def _options(x: ca.MX, residual: ca.MX, *, points: bool) -> dict[str, Any]:
-    """Exact Hessians for points; for many moving samples the exact Gauss-Newton Hessian, 2 J'J, which costs a hundredth."""
-    if points:
-        return _OPTIONS
-    jacobian = ca.jacobian(residual, x)
-    weight, unused = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
-    hessian = ca.triu(2 * weight * ca.mtimes(jacobian.T, jacobian))
-    limited = {**_IPOPT, "max_iter": 100, "tol": 1e-9}  # each step passes over all samples
-    return _OPTIONS | {
-        "ipopt": limited,
-        "hess_lag": ca.Function("hess_lag", [x, ca.MX.sym("p", 0), weight, unused], [hessian]),
-    }
-
-
 def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque as a CasADi expression.
-
-    Smoothed equations are first rotated into the few directions in which the model can move at all; what is left of the cost is a constant.
-    """
+    """Measured minus modelled torque as a CasADi expression; for smoothed equations, in fewer ones with the same sum of squares up to a constant."""
     value = dict(zip(problem.names, ca.vertsplit(theta), strict=True))
-    velocity = ca.DM(problem.velocity)
-    friction = ca.MX.zeros(problem.velocity.size)
+    known = 2 * len(problem.directions)
+    torque, columns = problem.torque, problem.linear[:, known:]
+    weight = np.ones(torque.size) if problem.root_weight is None else problem.root_weight
+    basis = None if problem.smooth is None else _basis(problem, v_s_range)
+    if basis is not None:
+        torque, columns = basis.T @ torque, basis.T @ columns
+    extra = ca.vertcat(*(value[name] for name in problem.linear_names[known:]))
+    residual = ca.DM(torque) - ca.mtimes(ca.DM(columns), extra)
     for direction in problem.directions:
         tag = "" if len(problem.directions) == 1 else direction
         alpha_1, v_s = value.get("alpha_1" + tag, 0.0), value.get("v_s" + tag, 1.0)
         p = Lugre(value["alpha_0" + tag], alpha_1, value["alpha_2" + tag], v_s, 1.0, 0.0)
-        moving = (
-            np.where(problem.velocity > 0 if tag == "+" else problem.velocity < 0, 1.0, 0.0)
-            if tag
-            else np.ones(velocity.numel())
-        )
-        friction += ca.DM(moving) * law.steady_torque(velocity, p)
-    known = 2 * len(problem.directions)
-    columns = problem.linear[:, known:]
-    extra = ca.vertcat(*(value[name] for name in problem.linear_names[known:]))
-    if problem.smooth is None:
-        weight = 1.0 if problem.root_weight is None else ca.DM(problem.root_weight)
-        return ca.DM(problem.torque) - weight * friction - ca.mtimes(ca.DM(columns), extra)
-    basis = _basis(problem, v_s_range)
-    to_basis = (problem.smooth.T @ (basis if problem.root_weight is None else basis * problem.root_weight[:, None])).T
-    return (
-        ca.DM(basis.T @ problem.torque)
-        - ca.mtimes(ca.DM(to_basis), friction)
-        - ca.mtimes(ca.DM(basis.T @ columns), extra)
-    )
+        moving = {"+": problem.velocity > 0, "-": problem.velocity < 0}.get(tag, problem.velocity != 0)
+        if basis is None or problem.smooth is None:
+            residual -= ca.DM(weight * moving) * law.steady_torque(ca.DM(problem.velocity), p)
+        else:
+            shares = (problem.smooth[:, moving].T @ (basis * weight[:, None])).T
+            nodes, weights = _gathered(problem.velocity[moving], shares)
+            residual -= ca.mtimes(ca.DM(weights), law.steady_torque(ca.DM(nodes), p))
+    return residual
 
 
 def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
-    """Orthonormal directions, (n, r), that span the model's columns for every v_s in the range, to 1e-8."""
+    """Orthonormal directions, (n, r), that span the torque and the model's columns for every v_s in the range, to 1e-8."""
     values = log_grid(v_s_range, GRID)
     shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
     columns = np.column_stack([problem.linear, *shapes, problem.torque])
     left, lengths, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     kept: Array = left[:, lengths > 1e-8 * lengths[0]]
     return kept
+
+
+def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
+    """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
+
+    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so each sample's share can be
+    handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
+
+    Args:
+        velocity: of the samples, none zero, (N,).
+        shares: of each sample in r sums, (r, N).
+
+    Returns:
+        The nodes, positive, (m,), and their shares, (r, m).
+    """
+    speed = np.abs(velocity)
+    high = float(np.log(speed.max()))
+    low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
+    at = np.linspace(low, max(high, low + 1.0), _NODES)
+    knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
+    on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
+    on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
+    of_splines: Array = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T)
+    on_all: Array = np.linalg.solve(on_nodes.T, of_splines).T
+    nodes: Array = np.exp(at)
+    return nodes, on_all
