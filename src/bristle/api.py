@@ -10,7 +10,6 @@ from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
 from bristle.report import summary
-from bristle.report.page import write_report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,6 +56,8 @@ class Results:
 
         Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
         """
+        from bristle.report.page import write_report
+
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
         return write_report(self.joints, Path(folder), title=title, seed=0, progress=progress)
 

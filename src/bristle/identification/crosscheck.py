@@ -179,7 +179,6 @@ def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
     knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
     on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
     on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
-    of_splines: Array = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T)
-    on_all: Array = np.linalg.solve(on_nodes.T, of_splines).T
+    of_splines = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T, dtype=np.float64)
     nodes: Array = np.exp(at)
-    return nodes, on_all
+    return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)
