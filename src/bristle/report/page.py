@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from bristle.identification.estimate import Joint
 from bristle.report import figures, sections, summary, tables, wording
 from bristle.report.files import replace_files, write_bytes, write_text
-from bristle.report.style import inline, render, render_as
+from bristle.report.style import inline, render, render_as, styled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,6 +71,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     write_bytes(path, render_as(figure, kind))
 
 
+@styled
 def _figures(
     joints: Sequence[Joint], files: dict[str, bytes], progress: Progress | None
 ) -> dict[str, dict[str, Markup]]:
