@@ -1,16 +1,20 @@
 """How often the 95 % intervals cover the truth: `python benchmarks/coverage.py [--seeds 100] [--repetitions 1000]`.
 
-(a) the embedded experiment, simulated again with other seeds, through reading's next steps (segments, fit); eight joint-direction sets.
+(a) the embedded experiment, simulated again with other seeds, through all of bristle's steps from a log file on: eight joint-direction sets.
 (b) points of gripper rotation (+) with Gaussian noise, at designs from good to poor; each design with the standard error of v_s that it gives.
 """
 
 import argparse
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
 from bristle import bench, edro
 from bristle.data.options import FitOptions
+from bristle.identification.estimate import Estimate
 from bristle.identification.fit import estimate_static
+from bristle.identification.pipeline import DIRECTIONS, Measured, measure
 from bristle.identification.regression import from_points
 from bristle.model.arrays import Array
 
@@ -24,8 +28,60 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--repetitions", type=int, default=1000)
     chosen = parser.parse_args()
+    if chosen.seeds:
+        embedded(chosen.seeds)
     if chosen.repetitions:
         designs(chosen.repetitions)
+
+
+def embedded(seeds: int) -> None:
+    """Coverage of the embedded experiment over seeds."""
+    print(f"embedded experiment, simulated with seeds 0 to {seeds - 1}: intervals that cover the truth")
+    print(f"{'':<44}{'fits':>9}" + "".join(f"{name:>9}" for name in NAMES) + f"{'no peak':>9}")
+    total, every, fits = dict.fromkeys(NAMES, 0), 0, 0
+    for stem, (name, _) in edro.SETTINGS.items():
+        estimates = _estimates(stem, seeds)
+        for sign, p in zip("+-", edro.TABLE_1[name], strict=True):
+            found = [one[sign] for one in estimates]
+            kept = [one for one in found if one["v_s"].value is not None]
+            hits = {n: sum(_covers(one[n], getattr(p, n)) for one in kept) for n in NAMES}
+            for n in NAMES:
+                total[n] += hits[n]
+            every, fits = every + len(found), fits + len(kept)
+            _row(f"{name} ({sign})", f"{len(kept)}", hits, len(kept), len(found))
+    _row("all", f"{fits}", total, fits, every)
+    inside = sum(total.values())
+    print(f"all parameters: {100 * inside / (4 * fits):.1f} % of {4 * fits} intervals")
+
+
+def _estimates(stem: str, seeds: int) -> list[dict[str, dict[str, Estimate]]]:
+    """Per seed and direction, the static parameters of a joint of the embedded experiment, from a log as a user would give it."""
+    logs = edro.logs(stem, range(seeds))
+    text = (edro.datasets_folder() / f"{stem}.yaml").read_text().replace(f"{stem}.csv", "log.npz")
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "experiment.yaml"
+        file.write_text(text)
+        for position, voltage in zip(logs.position, logs.voltage, strict=True):
+            np.savez(Path(folder) / "log.npz", time=logs.time, position=position, voltage=voltage)
+            measured = measure(file)
+            found.append({sign: _fitted(measured, sign) for sign in DIRECTIONS})
+    return found
+
+
+def _fitted(measured: Measured, sign: str) -> dict[str, Estimate]:
+    own = [s for s in measured.points(hold_out=False) if s.velocity * DIRECTIONS[sign] > 0]
+    velocity, torque = np.array([s.velocity for s in own]), np.array([s.torque for s in own])
+    return dict(estimate_static(from_points(velocity, torque, (sign,)), measured.experiment.fit, "revolute"))
+
+
+def _covers(estimate: Estimate, truth: float) -> bool:
+    return estimate.interval is not None and estimate.interval[0] <= truth <= estimate.interval[1]
+
+
+def _row(label: str, first: str, hits: dict[str, int], found: int, repetitions: int) -> None:
+    shares = "".join(f"{100 * hits[n] / max(found, 1):8.1f}%" for n in NAMES)
+    print(f"{label:<44}{first:>9}{shares}{100 * (repetitions - found) / repetitions:8.1f}%", flush=True)
 
 
 def designs(repetitions: int) -> None:
@@ -34,24 +90,17 @@ def designs(repetitions: int) -> None:
     print(f"{'design':<44}{'se(v_s)':>9}" + "".join(f"{name:>9}" for name in NAMES) + f"{'no peak':>9}")
     for label, velocities, noise in DESIGNS:
         rng = np.random.default_rng(0)
-        hits, errors, lost = dict.fromkeys(NAMES, 0), [], 0
+        hits, errors = dict.fromkeys(NAMES, 0), []
         for _ in range(repetitions):
             torque = bench.steady_points(P, velocities, noise, rng, 1)[0]
             parameters = estimate_static(from_points(velocities, torque, ("+",)), FitOptions(), "revolute")
             if parameters["v_s"].value is None:
-                lost += 1
                 continue
-            errors.append(parameters["v_s"].standard_error)
+            errors.append(parameters["v_s"].standard_error or np.inf)
             for name in NAMES:
-                interval = parameters[name].interval
-                hits[name] += interval is not None and interval[0] <= getattr(P, name) <= interval[1]
-        found = max(repetitions - lost, 1)
-        spread = 100 * float(np.median(np.array(errors, dtype=float))) / P.v_s
-        print(
-            f"{label:<44}{spread:8.1f}%"
-            + "".join(f"{100 * hits[n] / found:8.1f}%" for n in NAMES)
-            + f"{100 * lost / repetitions:8.1f}%"
-        )
+                hits[name] += _covers(parameters[name], getattr(P, name))
+        spread = 100 * float(np.median(errors)) / P.v_s
+        _row(label, f"{spread:.1f}%", hits, len(errors), repetitions)
 
 
 DESIGNS: tuple[tuple[str, Array, float], ...] = (

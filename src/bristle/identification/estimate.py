@@ -47,6 +47,10 @@ class Profile:
     """The paper's plain grid, rad/s, shape (m,)."""
     plain_cost: Array
     """J_s at the plain grid, shape (m,)."""
+    near_v_s: Array
+    """Values of v_s around the minimum, close enough to draw a curve through, rad/s, ascending, shape (l,)."""
+    near_cost: Array
+    """J_s there, shape (l,)."""
     best: float
     """The continuous minimum, rad/s."""
     best_cost: float

@@ -21,6 +21,8 @@ from bristle.model.parameters import Kind, unit
 
 SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
+_NEAR = 40
+"""Values of v_s around the minimum at which the profile is drawn."""
 _FRICTION = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 
@@ -236,9 +238,12 @@ def _profiles(
             if len(problem.peaks) == 1 and problem.smooth is None
             else solution.grid
         )
+        around = _around(solution.grid, solution.profiles[k], best, solution.cost, threshold)
         profiles[direction] = Profile(
             v_s=solution.grid,
             cost=solution.profiles[k],
+            near_v_s=around,
+            near_cost=costs(around),
             plain_v_s=plain_v_s,
             plain_cost=costs(plain_v_s) if plain_v_s is not solution.grid else solution.profiles[k],
             best=best,
@@ -246,6 +251,15 @@ def _profiles(
             threshold=threshold,
         )
     return profiles, intervals
+
+
+def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
+    """Values of v_s, even in log(v_s), from where the profile falls below ten times the threshold's height to where it rises above."""
+    low = np.flatnonzero(cost <= best_cost + 10 * (threshold - best_cost))
+    near = np.append(low, np.searchsorted(grid, best))
+    first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
+    values: Array = np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR)
+    return np.sort(np.append(values, best))
 
 
 def _estimates(

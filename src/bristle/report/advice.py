@@ -27,9 +27,7 @@ def next_measurements(joint: Joint) -> tuple[str, ...]:
         missing = "-" if "+" in joint.static else "+"
         advice.append(f"Measure direction {named(missing)} at the same speeds: nothing is known of it.")
     if not any(fit.hold_out for fit in joint.static.values()):
-        advice.append(
-            "Hold back one run (`hold_out: true`): the error on data that were not fitted is the one to trust."
-        )
+        advice.append("Hold back one run (hold_out: true): the error on data that were not fitted is the one to trust.")
     return tuple(advice)
 
 

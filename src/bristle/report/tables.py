@@ -143,7 +143,11 @@ def profiles(joints: Sequence[Joint]) -> pd.DataFrame:
         for joint in joints
         for d, fit in joint.static.items()
         if (p := fit.profile) is not None
-        for grid, x, y in (("refined", p.v_s, p.cost), ("plain", p.plain_v_s, p.plain_cost))
+        for grid, x, y in (
+            ("refined", p.v_s, p.cost),
+            ("near the minimum", p.near_v_s, p.near_cost),
+            ("plain", p.plain_v_s, p.plain_cost),
+        )
         for v_s, cost in zip(x.tolist(), y.tolist(), strict=True)
     ]
     return pd.DataFrame(rows, columns=["joint", "direction", "grid", "v_s", "cost"])
