@@ -51,12 +51,21 @@ def test_no_peak_is_invented(speeds: Array) -> None:
 
 
 def test_a_bend_over_all_speeds_is_not_called_stribeck() -> None:
-    """A significant concave bend with no falling part, as worn or lubricated drives show it, is not fitted by a Stribeck term."""
+    """A significant concave bend over the whole range, as worn or lubricated drives show it, is not fitted by a Stribeck term."""
     velocity = np.linspace(0.01, 0.12, 40)
     torque = 20 + 200 * velocity - 400 * velocity**2 + 0.02 * np.random.default_rng(4).standard_normal(40)
     fit = points(velocity, torque)
     assert fit.outcome is Outcome.NO_STRIBECK
-    assert any("rises at every speed" in doubt or "noise alone" in doubt for doubt in fit.doubts)
+    assert any("bend over the whole range" in doubt or "noise alone" in doubt for doubt in fit.doubts)
+
+
+def test_a_drop_that_viscous_friction_hides_is_found(gripper: Lugre[float], speeds: Array) -> None:
+    """A curve that rises at every speed still has its Stribeck term where the data show it: alpha_2 > 0.86 alpha_1 / v_s is no reason to drop it."""
+    p = gripper._replace(alpha_2=gripper.alpha_1 / gripper.v_s)
+    assert (np.diff(curve(speeds, p)) > 0).all()
+    fit = points(speeds, curve(speeds, p) + 2e-5 * np.random.default_rng(6).standard_normal(speeds.size))
+    assert fit.outcome is Outcome.CONVERGED
+    assert fit.parameters["v_s"].value == pytest.approx(p.v_s, rel=0.1)
 
 
 def test_an_outlier_is_named(gripper: Lugre[float], speeds: Array) -> None:

@@ -18,6 +18,8 @@ from bristle.model.parameters import Kind, unit
 
 SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
+SEEN = 1.5
+"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
 _NEAR = 40
 """Values of v_s around the minimum at which the profile is drawn."""
 
@@ -80,6 +82,7 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[str, str]:
     stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
+    _, v_s = problem.split(solution.theta)
     dropped = {}
     for k, direction in enumerate(problem.peaks):
         off, length = projected.off(solution.grid, k)
@@ -89,8 +92,11 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[str, str]:
         why = ""
         if p > SUPPORTED:
             why = f"noise alone would look as much like a peak in {100 * p:.0f} % of cases"
-        elif _only_rises(problem, solution, direction, stretch):
-            why = "the fitted curve rises at every speed, so it is a bend over the whole range and not a drop at low speed"
+        elif v_s[k] * SEEN > _fastest(problem, direction):
+            why = (
+                f"its v_s of {v_s[k]:.3g} would lie near the fastest speed, {_fastest(problem, direction):.3g}, so the term is a bend over the "
+                f"whole range and not a drop at low speed (speeds beyond {SEEN:g} v_s would tell)"
+            )
         if why:
             dropped[direction] = (
                 f"Stribeck not identifiable{in_direction(direction)}: {why}; Coulomb and viscous friction alone are fitted."
@@ -98,19 +104,9 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[str, str]:
     return dropped
 
 
-def _only_rises(problem: Regression, solution: Solution, direction: str, stretch: float) -> bool:
-    """Whether the fitted curve has no falling part, beyond two standard errors.
-
-    The steepest fall of alpha_1 exp(-(v / v_s)**2) is sqrt(2 / e) alpha_1 / v_s, at v = v_s / sqrt(2); viscous friction must not outweigh it.
-    """
-    tag = "" if len(problem.directions) == 1 else direction
-    at = [problem.names.index(name + tag) for name in ("alpha_1", "alpha_2", "v_s")]
-    alpha_1, alpha_2, v_s = solution.theta[at]
-    steepest = np.sqrt(2 / np.e)
-    gradient = np.zeros(solution.theta.size)
-    gradient[at] = steepest / v_s, -1.0, -steepest * alpha_1 / v_s**2
-    covariance, _ = uncertainty.covariance(solution.jacobian, solution.cost, stretch)
-    return bool(steepest * alpha_1 / v_s - alpha_2 + 2 * np.sqrt(gradient @ covariance @ gradient) < 0)
+def _fastest(problem: Regression, direction: str) -> float:
+    moving = {"+": problem.velocity > 0, "-": problem.velocity < 0}.get(direction, problem.velocity != 0)
+    return float(np.abs(problem.velocity[moving]).max())
 
 
 def _profiles(
