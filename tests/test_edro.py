@@ -9,6 +9,7 @@ from bristle import edro
 from bristle.bench import ramp_reference
 from bristle.control.loop import simulate
 from bristle.data.experiment import load_experiment, read_runs
+from bristle.identification.pipeline import measure
 from bristle.model.parameters import Pair, is_passive
 
 FOLDER = edro.datasets_folder()
@@ -59,13 +60,12 @@ def test_inertia_inverts_15(name: str, J: tuple[float, float]) -> None:
 
 
 def test_make_gives_the_same_bytes(tmp_path: Path) -> None:
-    """The script remakes the smallest joint's log and every experiment file, byte for byte."""
-    script = runpy.run_path(str(FOLDER / "make.py"))
-    for stem in STEMS:
-        assert script["experiment"](stem).encode() == (FOLDER / f"{stem}.yaml").read_bytes()
-    script["write"](tmp_path / "gripper.csv", script["table"]("gripper"))
-    assert (tmp_path / "gripper.csv").read_bytes() == (FOLDER / "gripper.csv").read_bytes()
-    assert [p.name for p in tmp_path.iterdir()] == ["gripper.csv"]
+    """The script remakes every log and every experiment file, byte for byte, and leaves nothing else behind."""
+    runpy.run_path(str(FOLDER / "make.py"))["main"](tmp_path)
+    made = sorted(path.name for path in tmp_path.iterdir())
+    assert made == sorted(path.name for path in FOLDER.iterdir() if path.suffix in {".csv", ".yaml"})
+    for name in made:
+        assert (tmp_path / name).read_bytes() == (FOLDER / name).read_bytes()
 
 
 @pytest.mark.parametrize("path", edro.experiments(), ids=STEMS)
@@ -138,3 +138,16 @@ def test_paper_pid_logs_are_what_a_user_would_see() -> None:
     speed = np.abs(np.diff(logs.position[0, kept][::10]) / 0.1 / plateau.velocity)
     assert speed.min() < 0.2
     assert speed.max() > 2
+
+
+def test_the_paper_pid_example_rejects_its_slow_plateaus() -> None:
+    """In the embedded example no negative plateau from 0.4 to 1.0 v_s is kept, stick-slip is the reason given, and those from 3 v_s are kept."""
+    measured = measure(FOLDER / "base_paper_pid.yaml")
+    v_s = edro.TABLE_1["base rotation"].negative.v_s
+    (found,) = measured.segments
+    backward = [s for s in found if s.velocity < 0]
+    assert not [s for s in backward if s.accepted and -s.velocity < 1.1 * v_s]
+    slow = [s for s in backward if 0.9 * v_s < -s.velocity < 1.3 * v_s]
+    assert any("Stick-slip" in reason for s in slow for reason in s.reasons)
+    kept = [-s.velocity / v_s for s in backward if s.accepted]
+    assert all(min(abs(k - speed) for k in kept) < 0.1 * speed for speed in edro.PAPER_PID_SPEEDS if speed >= 3)

@@ -7,6 +7,7 @@ import numpy as np
 import yaml
 
 from bristle import edro
+from bristle.bench import Logs
 from bristle.model.parameters import Lugre, unit
 
 HEADER = "# SIMULATED by make.py from Table 1 of the paper; README.md marks what is assumed.\n"
@@ -17,12 +18,12 @@ def truth(p: Lugre[float]) -> dict[str, str]:
     return {name: f"{value} {unit(name)}" for name, value in p._asdict().items()}
 
 
-def experiment(stem: str) -> str:
-    """The experiment file of one joint, as YAML."""
+def experiment(stem: str, file: str, title: str, assumptions: tuple[str, ...] = edro.ASSUMPTIONS) -> str:
+    """The experiment file of one joint, as YAML; `file` names its log, `title` the joint."""
     name = edro.SETTINGS[stem].name
     pair, motor = edro.TABLE_1[name], edro.motor(name)
     document = {
-        "joint": {"name": name, "kind": "revolute"},
+        "joint": {"name": title, "kind": "revolute"},
         "motor": {"torque_constant": f"{motor.k_t} N*m/A", "resistance": f"{motor.R} ohm"},
         "encoder_resolution": f"{edro.RESOLUTION:.10e} rad",
         "signals": {
@@ -30,17 +31,16 @@ def experiment(stem: str) -> str:
             "position": {"column": "position", "unit": "rad"},
             "voltage": {"column": "voltage", "unit": "V"},
         },
-        "runs": [{"files": f"{stem}.csv", "experiment": "ramp"}],
+        "runs": [{"files": file, "experiment": "ramp"}],
         "simulated": True,
         "truth": {"+": truth(pair.positive), "-": truth(pair.negative)},
-        "assumptions": list(edro.ASSUMPTIONS),
+        "assumptions": list(assumptions),
     }
     return HEADER + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
 
 
-def table(stem: str) -> str:
-    """The log of one joint, seed 0, as CSV: time (s), position (rad), voltage (V)."""
-    logs = edro.logs(stem, [0])
+def table(logs: Logs) -> str:
+    """A log as CSV: time (s), position (rad), voltage (V)."""
     rows = np.column_stack([logs.time, logs.position[0], logs.voltage[0]])
     return "time,position,voltage\n" + "".join(f"{t:.2f},{y:.6f},{V:.5f}\n" for t, y, V in rows.tolist())
 
@@ -53,10 +53,14 @@ def write(path: Path, text: str) -> None:
 
 
 def main(folder: Path) -> None:
-    """Write the four experiment files and their logs."""
+    """Write the four experiment files and their logs, and the example of slow plateaus that stick and slip."""
     for stem in edro.SETTINGS:
-        write(folder / f"{stem}.yaml", experiment(stem))
-        write(folder / f"{stem}.csv", table(stem))
+        write(folder / f"{stem}.yaml", experiment(stem, f"{stem}.csv", edro.SETTINGS[stem].name))
+        write(folder / f"{stem}.csv", table(edro.logs(stem, [0])))
+    example = "base_paper_pid"
+    title = f"{edro.SETTINGS['base'].name}, the paper's PID"
+    write(folder / f"{example}.yaml", experiment("base", f"{example}.csv", title, edro.PAPER_PID_ASSUMPTIONS))
+    write(folder / f"{example}.csv", table(edro.paper_pid_logs("base", edro.PAPER_PID_SPEEDS)))
 
 
 if __name__ == "__main__":

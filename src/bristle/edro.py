@@ -90,6 +90,21 @@ ASSUMPTIONS: tuple[str, ...] = (
 )
 """What the embedded default assumes, a sentence each."""
 
+PAPER_PID_SPEEDS: tuple[float, ...] = (0.4, 0.7, 1.0, 1.5, 3.0, 6.0, 10.0, 16.0)
+"""Plateaus of the example under the paper's PID, in multiples of base rotation's v_s for negative velocity."""
+
+PAPER_PID_ASSUMPTIONS: tuple[str, ...] = tuple(
+    f"Controller: the paper's PID (21) with gains {PID_GAINS.K_p:g}, {PID_GAINS.K_i:g}, {PID_GAINS.K_d:g}, as if for radians and N*m."
+    if sentence.startswith("Ramp controller")
+    else "Speeds: "
+    + ", ".join(f"{k:g}" for k in PAPER_PID_SPEEDS)
+    + " times 0.062 rad/s, forth and back, eight seconds each."
+    if sentence.startswith("Speeds")
+    else sentence
+    for sentence in ASSUMPTIONS
+)
+"""What that example assumes."""
+
 
 def inertia(pair: Pair[float]) -> float:
     """J, kg*m**2: (15) inverted, the mean of the two directions, which differ by up to 20 %."""

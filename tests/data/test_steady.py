@@ -187,6 +187,14 @@ def test_motion_that_is_not_constant_is_rejected_with_its_reason(velocity: Array
     assert any(reason.startswith(word) for reason in longest.reasons)
 
 
+def test_creep_through_a_reversal_is_rejected() -> None:
+    """A joint that creeps at constant speed while its torque goes through zero is being bent, not slid: it gives no friction point."""
+    record = replace(motion(np.full(N, 0.01)), torque=np.linspace(0.5, -0.4, N))
+    found = find_segments(record, Thresholds())
+    assert not accepted(found)
+    assert any(reason.startswith("Below breakaway") for segment in found for reason in segment.reasons)
+
+
 def test_stick_slip_is_kept_with_its_doubt() -> None:
     """A joint that rests half of the time and slips in between, many times at a steady mean, is one accepted segment, doubted."""
     slips = 0.08 * np.maximum(np.sin(2 * np.pi * 4 * T), 0.0) * (1 + 0.1 * np.sin(2 * np.pi * 0.9 * T))

@@ -34,6 +34,7 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[str, ...]:
         or _hunting(e)
         or _at_rest(e, usual, t, 5 * e.velocity_error)  # which means little where the velocity drifts or swings
         or _unsteady(e, t)
+        or _unsettled(e)
     )
     found = (_too_short(e, usual, t), steady, _saturated(e, t))
     return tuple(reason for reason in found if reason)
@@ -123,6 +124,15 @@ def _unsteady(e: Evidence, t: Thresholds) -> str | None:
     return (
         f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g} about {e.velocity:.3g}, and {allowed:.3g} is "
         f"allowed; a longer hold, a stiffer controller, or a segments.velocity_tolerance of {e.scatter / max(speed, 1e-300):.2g}, would let it in."
+    )
+
+
+def _unsettled(e: Evidence) -> str | None:
+    if e.torque_drift <= max(abs(e.torque), e.torque_drift_noise):
+        return None
+    return (
+        f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}, more than its mean {e.torque:.4g}; "
+        "a longer hold at this speed would let it in."
     )
 
 
