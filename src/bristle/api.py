@@ -52,14 +52,14 @@ class Results:
         return summary.fit_report(self.joints)
 
     def write_report(self, folder: Path | str, progress: Progress | None = None) -> Path:
-        """Write the HTML report, results.json, figures and tables into a folder; returns the path of index.html.
+        """Write the HTML report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
 
         Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
         """
         from bristle.report.page import write_report
 
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
-        return write_report(self.joints, Path(folder), title=title, seed=0, progress=progress)
+        return write_report(self.joints, Path(folder), title=title, seed=0, timings=self.timings, progress=progress)
 
 
 def identify(*experiments: Source, progress: Progress | None = None) -> Results:

@@ -3,7 +3,6 @@
 0 a result was written, doubts included; 1 our own defect; 2 bad input; 3 doubts, with --strict; 130 interrupted.
 """
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 app = typer.Typer(
     name="bristle",
     help="Identify the friction of a joint from logs of simple experiments, with honest uncertainty, and report it.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -31,12 +29,17 @@ _Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where there
 
 
 @app.callback(invoke_without_command=True)
-def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
     if version:
         from bristle import __version__
 
         print(__version__)
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
 
 
 @app.command()
@@ -63,7 +66,6 @@ def report(
     with _progress() as progress:
         results = identify(*sources, progress=progress)
         page = results.write_report(folder, progress)
-    _timings(results, folder)
     for joint in results.joints:
         for direction, fit in joint.static.items():
             print(f"{joint.name} {direction}: {fit.outcome} {len(fit.doubts)} doubts.")
@@ -181,13 +183,9 @@ def new(
 def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
     try:
-        app(standalone_mode=False)
-        code = 0
-    except typer.Exit as stop:
-        code = stop.exit_code
+        code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
     except (KeyboardInterrupt, typer.Abort):
         code = 130
-        print("interrupted", file=sys.stderr)
     except (ValueError, OSError) as bad:
         if type(bad).__name__ == "LinAlgError":
             raise
@@ -198,12 +196,14 @@ def main() -> NoReturn:
             raise
         code = 2  # click's own words on a wrong option or argument
         print(f"bristle: {bad.format_message()}", file=sys.stderr)
+    if code == 130:  # by an exception or, in newer versions of typer, as an exit code
+        print("interrupted", file=sys.stderr)
     sys.exit(code)
 
 
 def _sentence(bad: Exception) -> str:
     if isinstance(bad, OSError) and bad.strerror:
-        return f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror
+        bad = ValueError(f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror)
     return " ".join(str(bad).split())
 
 
@@ -226,10 +226,6 @@ def _write(path: Path, text: str) -> None:
     from bristle.report.files import write_text
 
     write_text(path, text)
-
-
-def _timings(results: "Results", folder: Path) -> None:
-    _write(folder / "timings.json", json.dumps({k: round(v, 6) for k, v in results.timings.items()}, indent=1) + "\n")
 
 
 def _finish(results: "Results", strict: bool) -> None:

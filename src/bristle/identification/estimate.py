@@ -1,7 +1,7 @@
 """Results as values: an estimate, a fit, a cross-check; frozen, with every doubt listed singly."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 
 import numpy as np
@@ -57,6 +57,10 @@ class Profile:
     threshold: float
     """The cost at which v_s leaves its 95 % interval: J_min (1 + F(0.95; 1, n - p) / (n - p))."""
 
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        _freeze(self)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOut:
@@ -102,6 +106,10 @@ class StaticFit:
     """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
     position: Array = field(default_factory=lambda: np.zeros(0))
     """Where each point was measured, rad, shape (n,); empty where unknown."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        _freeze(self)
 
     def values(self) -> Lugre[float] | None:
         """The fitted static set with zero presliding parameters (sigma_0 = 1, sigma_1 = 0), or None where nothing was fitted.
@@ -159,3 +167,12 @@ class Joint:
     assumptions: tuple[str, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
     """Thresholds, cut-offs and options in force, as the report states them."""
+
+
+def _freeze(result: Profile | StaticFit) -> None:
+    for name in (item.name for item in fields(result)):
+        value = getattr(result, name)
+        if isinstance(value, np.ndarray):
+            array = value.copy()
+            array.setflags(write=False)
+            object.__setattr__(result, name, array)

@@ -24,13 +24,21 @@ def write_bytes(path: Path, data: bytes) -> None:
         raise ValueError(f"{path}: is a folder; name a file")
     if not path.parent.is_dir():
         raise ValueError(f"{path}: its folder {path.parent} does not exist; create it or name another file")
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".bristle-") as stage:
-        _write(Path(stage) / "file", data)
-        (Path(stage) / "file").replace(path)
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".bristle-") as stage:
+            _write(Path(stage) / "file", data)
+            (Path(stage) / "file").replace(path)
+    except OSError as error:
+        raise _about(path, error) from error
 
 
 def _write(path: Path, data: bytes) -> None:
     path.write_bytes(data)
+
+
+def _about(path: Path, error: OSError) -> OSError:
+    """The error with the path that the user gave: a full disk names none, and other errors a temporary one."""
+    return OSError(error.errno, error.strerror or str(error), str(path))
 
 
 def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
@@ -49,10 +57,12 @@ def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
         with tempfile.TemporaryDirectory(dir=folder, prefix=".bristle-") as stage:
             _stage(Path(stage), files, made)
             _move(Path(stage), folder, files, made)
-    except BaseException:  # also on an interrupt: no empty folder is left behind
+    except BaseException as error:  # also on an interrupt: no empty folder is left behind
         for path in new_folders:
             with suppress(OSError):
                 path.rmdir()
+        if isinstance(error, OSError):
+            raise _about(folder, error) from error
         raise
 
 

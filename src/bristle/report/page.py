@@ -1,5 +1,6 @@
 """The report as one self-contained HTML page with its results, figures and tables beside it."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,18 +28,25 @@ _DRAW: dict[str, Callable[[Joint], Figure | None]] = {
 
 
 def write_report(
-    joints: Sequence[Joint], folder: Path, *, title: str, seed: int | None, progress: Progress | None = None
+    joints: Sequence[Joint],
+    folder: Path,
+    *,
+    title: str,
+    seed: int | None,
+    timings: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Write index.html, results.json, figures/ and tables/ into a folder; returns the path of index.html.
 
-    The same joints give the same bytes. Everything is written before anything is moved to its place; only what bristle made there before
-    is replaced.
+    The same joints give the same bytes in every file but timings.json. Everything is written before anything is moved to its place; only what
+    bristle made there before is replaced.
 
     Args:
         joints: at least one; names differ.
         folder: made where it does not exist.
         title: of the page.
         seed: of whatever random numbers the results rest on; None where there are none.
+        timings: seconds spent, by name, for timings.json; None: no such file.
         progress: called with what is being done, how many steps are done, and how many there are.
 
     Raises:
@@ -53,6 +61,8 @@ def write_report(
     frames = tables.all_tables(joints)
     files |= {f"tables/{name}.csv": _csv(frame) for name, frame in frames.items()}
     files["results.json"] = _encoded(summary.to_json(joints))
+    if timings is not None:
+        files["timings.json"] = _encoded(json.dumps({k: round(v, 6) for k, v in timings.items()}, indent=1) + "\n")
     files["index.html"] = _encoded(_html(joints, title, seed, drawn))
     if progress:
         progress("writing the report", len(_DRAW) * len(joints) + 1, len(_DRAW) * len(joints) + 1)

@@ -1,0 +1,80 @@
+"""Small experiments of velocity-torque points, and the command line run in this process."""
+
+import contextlib
+import io
+import json
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from bristle import cli
+from bristle.bench import steady_points
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
+"""Gripper rotation (+) of Table 1."""
+FEW = np.array([0.1, 0.2, -0.1, -0.2])
+"""Speeds, rad/s, too few for any fit: read, refused to be fitted, and reported at once."""
+
+
+class Ran(NamedTuple):
+    """How a command ended, and what it said."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def said(self) -> list[str]:
+        """The lines on stderr that are not empty."""
+        return [line for line in self.err.splitlines() if line.strip()]
+
+
+def run(*arguments: object) -> Ran:
+    """Run `bristle` with these arguments in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patch.setattr(sys, "argv", ["bristle", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+    assert isinstance(stop.value.code, int)
+    return Ran(stop.value.code, out.getvalue(), err.getvalue())
+
+
+def speeds(*, both: bool = True) -> Array:
+    """A design that sees the Stribeck region, rad/s."""
+    v = np.geomspace(0.2 * TRUTH.v_s, 0.8, 20)
+    return np.concatenate([v, -v]) if both else v
+
+
+def table(velocity: Array, noise: float = 2e-5) -> str:
+    """Steady torques of `TRUTH` at some velocities, with noise, as CSV."""
+    (torque,) = steady_points(TRUTH, velocity, noise, np.random.default_rng(0), 1)
+    return "v,tau\n" + "".join(f"{v!r},{t!r}\n" for v, t in zip(velocity.tolist(), torque.tolist(), strict=True))
+
+
+def experiment(*, joint: str = "wrist", data: str = "data.csv") -> str:
+    """An experiment file of velocity-torque points."""
+    return (
+        f"joint: {{name: {json.dumps(joint)}}}\n"
+        "signals:\n  velocity: {column: v, unit: rad/s}\n  torque: {column: tau, unit: N*m}\n"
+        f"runs:\n  - {{files: {json.dumps(data)}, experiment: points}}\n"
+    )
+
+
+def write(folder: Path, velocity: Array, *, joint: str = "wrist", stem: str = "wrist") -> Path:
+    """An experiment of points and its data in a folder; returns the experiment file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{stem}.csv").write_text(table(velocity), encoding="utf-8")
+    path = folder / f"{stem}.yaml"
+    path.write_text(experiment(joint=joint, data=f"{stem}.csv"), encoding="utf-8")
+    return path
+
+
+def tree(folder: Path) -> dict[str, bytes | None]:
+    """Everything below a folder, hidden files too: bytes of each file, None for each folder."""
+    return {p.relative_to(folder).as_posix(): None if p.is_dir() else p.read_bytes() for p in sorted(folder.rglob("*"))}

@@ -1,0 +1,165 @@
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import FrozenInstanceError, fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle import Results, api, edro
+from bristle.data.experiment import Experiment, load_experiment
+from bristle.identification.estimate import Joint, StaticFit
+from bristle.identification.pipeline import Measured
+
+from .conftest import FEW, speeds, write
+
+COLUMNS = ["joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "doubts"]
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Results:
+    """One joint, well identified in both directions."""
+    return bristle.identify(write(tmp_path_factory.mktemp("clean"), speeds()))
+
+
+def test_the_package_offers_the_api() -> None:
+    """`bristle` offers what it lists, each the library's own, and refuses any other name as Python does."""
+    for name in set(bristle.__all__) - {"__version__"}:
+        assert getattr(bristle, name) is getattr(api, name)
+    with pytest.raises(AttributeError, match="nothing_such"):
+        _ = bristle.nothing_such
+
+
+def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
+    """Two experiments that name the same joint are refused before anything is read, and the name is said."""
+    paths = [
+        write(tmp_path, FEW, joint=joint, stem=stem) for stem, joint in (("a", "wrist"), ("b", "elbow"), ("c", "wrist"))
+    ]
+    for data in tmp_path.glob("*.csv"):
+        data.unlink()
+    with pytest.raises(ValueError, match=r"joint\.name: 2 experiments name their joint 'wrist'"):
+        bristle.identify(*paths)
+    with pytest.raises(ValueError, match=r"joint\.name"):
+        bristle.identify(paths[1], paths[1])
+
+
+def test_joints_keep_their_order(tmp_path: Path) -> None:
+    """Joints come out in the order in which their experiments went in: in the results, the JSON, the table and the text."""
+    names = ["wrist", "base", "Elbow", "arm"]
+    results = bristle.identify(*(write(tmp_path, FEW, joint=name, stem=name) for name in names))
+    assert [joint.name for joint in results.joints] == names
+    assert list(json.loads(results.to_json())["joints"]) == names
+    assert list(results.to_frame()["joint"].unique()) == names
+    assert re.findall(r"^\[\[(\w+)\]\]", results.fit_report(), re.MULTILINE) == names
+    assert list(dict.fromkeys(doubt.split()[0] for doubt in results.doubts)) == names
+
+
+def test_a_source_is_a_path_its_text_or_the_experiment(tmp_path: Path) -> None:
+    """An experiment gives the same results as a path, as that path's text, and loaded."""
+    path = write(tmp_path, FEW)
+    one, two, three = (bristle.identify(source).to_json() for source in (path, str(path), load_experiment(path)))
+    assert one == two == three
+
+
+def test_nothing_stands_for_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without an experiment the four joints of Ed-Ro are identified, in the order of Table 1, and progress is told of each."""
+
+    def joint_of(measured: Experiment, _: dict[str, float]) -> Joint:
+        name = measured.joint.name
+        return Joint(name=name, kind=measured.joint.kind, inputs=(), segments=(), static={}, crosscheck={})
+
+    monkeypatch.setattr(api, "measure", lambda experiment: experiment)
+    monkeypatch.setattr(api, "identify_joint", joint_of)
+    told: list[tuple[str, int, int]] = []
+    results = bristle.identify(progress=lambda *step: told.append(step))
+    names = list(edro.TABLE_1)
+    assert [joint.name for joint in results.joints] == names
+    assert told == [(f"identifying {name}", k, 4) for k, name in enumerate(names)]
+
+
+def test_table_holds_every_estimate(clean: Results) -> None:
+    """The table has a row for each joint, direction and parameter, in order, and the numbers of the estimates."""
+    frame = clean.to_frame()
+    rows = [
+        (joint.name, direction, name, e.value, e.unit, e.standard_error, *(e.interval or ()), "; ".join(e.doubts))
+        for joint in clean.joints
+        for direction, fit in joint.static.items()
+        for name, e in fit.parameters.items()
+    ]
+    assert list(frame.columns) == COLUMNS
+    assert [tuple(row) for row in frame.itertuples(index=False)] == rows
+    assert len(rows) == 8
+    assert (frame["lower"] <= frame["value"]).all()
+    assert (frame["value"] <= frame["upper"]).all()
+
+
+def test_what_is_missing_is_nan_with_a_doubt(tmp_path: Path) -> None:
+    """Where nothing can be estimated the table has the same rows, each nan and with a doubt that says why, and the JSON null."""
+    results = bristle.identify(write(tmp_path, FEW))
+    frame = results.to_frame()
+    assert list(frame.columns) == COLUMNS
+    assert len(frame) == 8
+    assert frame[["value", "standard_error", "lower", "upper"]].isna().all(axis=None)
+    assert frame["doubts"].str.contains("points for").all()
+    for fit in json.loads(results.to_json())["joints"]["wrist"]["static"].values():
+        assert all(p["value"] is None and p["doubts"] for p in fit["parameters"].values())
+
+
+def test_json_keeps_every_digit(clean: Results) -> None:
+    """Values read back from the JSON are the estimates themselves, to the last bit."""
+    read = json.loads(clean.to_json())["joints"]["wrist"]["static"]
+    for direction, fit in clean.joints[0].static.items():
+        for name, e in fit.parameters.items():
+            got = read[direction]["parameters"][name]
+            assert (got["value"], got["standard_error"], got["unit"]) == (e.value, e.standard_error, e.unit)
+            assert tuple(got["interval"]) == e.interval
+            assert e.value is not None
+            assert math.isfinite(e.value)
+
+
+def parts(value: object) -> Iterator[object]:
+    """Everything that results hold, at any depth, arrays and the results themselves included."""
+    yield value
+    inside: Iterator[object] = iter(())
+    if is_dataclass(value):
+        inside = (getattr(value, f.name) for f in fields(value))
+    elif isinstance(value, Mapping):
+        inside = iter(value.values())
+    elif isinstance(value, tuple):
+        inside = iter(value)
+    for item in inside:
+        yield from parts(item)
+
+
+def check_immutable(result: object) -> list[object]:
+    """No dataclass in it can be assigned to, no array written to, and nothing in it is a list or a set; returns its parts."""
+    found = list(parts(result))
+    for part in found:
+        assert not isinstance(part, list | set | bytearray)
+        if is_dataclass(part):
+            with pytest.raises(FrozenInstanceError):
+                setattr(part, fields(part)[0].name, None)
+        if isinstance(part, np.ndarray):
+            assert not part.flags.writeable
+    return found
+
+
+def test_results_cannot_be_changed(clean: Results) -> None:
+    """Results are frozen through and through; writing into one of their arrays is an error."""
+    found = check_immutable(clean)
+    assert sum(isinstance(part, StaticFit) for part in found) == 2
+    assert sum(isinstance(part, np.ndarray) for part in found) > 10
+    with pytest.raises(ValueError, match="read-only"):
+        clean.joints[0].static["+"].covariance[0, 0] = 0.0
+
+
+def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`inspect` gives runs and segments, frozen too, and never comes near a fit."""
+    monkeypatch.delattr("bristle.identification.pipeline.fit_static")
+    measured = bristle.inspect(write(tmp_path, FEW))
+    assert isinstance(measured, Measured)
+    assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()
+    check_immutable((measured.runs, measured.segments))

@@ -1,0 +1,460 @@
+import errno
+import html
+import json
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping, Sequence
+from html.parser import HTMLParser
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from bristle import __version__, cli
+from bristle.data import document, reading
+from bristle.data.experiment import load_experiment
+from bristle.identification.pipeline import measure
+from bristle.report import files as report_files
+
+from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
+
+DOCS = Path(__file__).parents[1] / "docs"
+HOSTILE = '<script>alert("1")</script> ../../&x'
+"""A joint's name that is HTML and a path."""
+Patch = Callable[[pytest.MonkeyPatch], None]
+FOLDER = None
+"""Stands for a folder among the files of a bad input."""
+
+GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}
+"""A good experiment, which each bad input spoils."""
+IDENTIFY = ("identify", "e.yaml", "-o", "out.json")
+INSPECT = ("inspect", "e.yaml", "-o", "out.png")
+REPORT = ("report", "e.yaml", "-o", "out")
+VALIDATE = ("validate", "e.yaml")
+NEW = ("new", "data.csv", "-o", "draft.yaml")
+FIT = (REPORT, IDENTIFY, VALIDATE)
+READ = (*FIT, INSPECT)
+ALL = (*READ, NEW)
+
+
+def ramp(time: Sequence[float], velocity: Sequence[float]) -> dict[str, str]:
+    """A ramp experiment; its torque is that of viscous friction."""
+    rows = [f"{t:.6g},{v:.9g},{0.1 * v:.9g}\n" for t, v in zip(time, velocity, strict=True)]
+    signals = experiment().replace("signals:\n", "signals:\n  time: {column: t, unit: s}\n")
+    return {"e.yaml": signals.replace("points", "ramp"), "data.csv": "t,v,tau\n" + "".join(rows)}
+
+
+def full_disk(after: int, error: type[BaseException] | None = None) -> Patch:
+    """Once `after` files are written, the next is only begun: the disk is full (the system names no file), or another error comes."""
+
+    def patch(monkeypatch: pytest.MonkeyPatch) -> None:
+        write_file, count = report_files._write, 0
+
+        def fill(path: Path, data: bytes) -> None:
+            nonlocal count
+            count += 1
+            if count > after:
+                path.write_bytes(data[: len(data) // 2])
+                raise error() if error else OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            write_file(path, data)
+
+        monkeypatch.setattr(report_files, "_write", fill)
+
+    return patch
+
+
+def limited(module: object, name: str, limit: int) -> Patch:
+    """A limit of a reader, made small."""
+    return lambda monkeypatch: monkeypatch.setattr(module, name, limit)
+
+
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are not drawn, for that takes seconds: what is tested is where files land."""
+    monkeypatch.setattr("bristle.report.page.render", lambda _: (b"<svg/>", b""))
+
+
+def both(one: Patch, two: Patch) -> Patch:
+    """One patch after the other."""
+
+    def patch(monkeypatch: pytest.MonkeyPatch) -> None:
+        one(monkeypatch)
+        two(monkeypatch)
+
+    return patch
+
+
+def untouched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is patched."""
+
+
+def bad(
+    what: str,
+    commands: Sequence[Sequence[str]],
+    named: str,
+    spoilt: Mapping[str, str | None] | None = None,
+    *,
+    gone: Sequence[str] = (),
+    patch: Patch = untouched,
+) -> list[object]:
+    """One bad input, as it meets each of some commands.
+
+    Args:
+        what: it is.
+        commands: that it meets.
+        named: what the message must name.
+        spoilt: text of files, by path, that replace or join the good ones; None for a folder.
+        gone: good files that are not there.
+        patch: what is done to the readers or writers.
+    """
+    inputs = {name: text for name, text in {**GOOD, **(spoilt or {})}.items() if name not in gone}
+    return [pytest.param(inputs, c, named, patch, id=" ".join([what, "-", *c]).replace("\n", " ")) for c in commands]
+
+
+def yaml_with(old: str, new: str) -> dict[str, str]:
+    """The good experiment file with one thing changed."""
+    assert old in GOOD["e.yaml"]
+    return {"e.yaml": GOOD["e.yaml"].replace(old, new)}
+
+
+STEPS = np.arange(600) / 100
+TOSSED = np.random.default_rng(0).standard_normal(STEPS.size)
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+)
+MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
+BAD = [
+    *bad("missing file", READ, "'data.csv' is no file", gone=["data.csv"]),
+    *bad("missing file", [NEW], "data.csv: no such file", gone=["data.csv"]),
+    *bad("missing experiment", READ, "e.yaml: no such file", gone=["e.yaml"]),
+    *bad("empty file", ALL, "data.csv: the file is empty", {"data.csv": ""}),
+    *bad("empty experiment", READ, "e.yaml: got None", {"e.yaml": ""}),
+    *bad("header only", READ, "data.csv: has a header and no row", {"data.csv": "v,tau\n"}),
+    *bad("wrong column", READ, "data.csv: no column named 'speed'", yaml_with("column: v", "column: speed")),
+    *bad("wrong unit", READ, "e.yaml: signals.torque: unit 'blorp'", yaml_with("N*m", "blorp")),
+    *bad("wrong dimension", READ, "e.yaml: signals.torque: unit 'rad/s'", yaml_with("N*m", "rad/s")),
+    *bad("wrong dimension of rad/s", READ, "e.yaml: signals.velocity: unit 'Hz'", yaml_with("rad/s", "Hz")),
+    *bad(
+        "text among numbers", READ, "data.csv: row 3 of column 'tau' holds 'n.i.'",
+        {"data.csv": "v,tau\n" + "0.1,0.2\n" * 2 + "0.1,n.i.\n" + "0.2,0.3\n" * 5},
+    ),
+    *bad("all nan", READ, "data.csv: torque holds no finite number", {"data.csv": "v,tau\n0.1,nan\n0.2,nan\n0.3,nan\n"}),
+    *bad("one row", READ, "data.csv: only 1 row", {"data.csv": "v,tau\n0.1,0.2\n"}),
+    *bad("constant signal", READ, "data.csv: velocity is 0.1", {"data.csv": "v,tau\n0.1,0.2\n0.1,0.3\n0.1,0.4\n"}),
+    *bad("time backward", READ, "data.csv: time runs backward", ramp([0, 1, 2, 1.5, 3, 4], [1, 2, 3, 4, 5, 6])),
+    *bad("no steady segment", FIT, "data.csv", ramp(STEPS.tolist(), TOSSED.tolist())),
+    *bad("no steady segment in two rows", FIT, "data.csv", ramp([0, 1], [1, 2])),
+    *bad("malformed YAML", READ, "e.yaml: line 2", {"e.yaml": "joint: {name: wrist}\nsignals: ]\n"}),
+    *bad("YAML bomb", READ, "e.yaml: line 1", {"e.yaml": BOMB + GOOD["e.yaml"]}),
+    *bad("deep YAML", READ, "e.yaml: line 1", {"e.yaml": "a: " + "[" * 100}),
+    *bad("unknown key", READ, "e.yaml: unknown key 'joint.nmae'; did you mean 'name'?", yaml_with("name:", "nmae:")),
+    *bad("folder as experiment", READ, "e.yaml: is a folder", {"e.yaml": FOLDER}),
+    *bad("folder as data", ALL, "data.csv: is a folder", {"data.csv": FOLDER}),
+    *bad("glob of nothing", READ, "e.yaml: runs: files 'log_*.csv' matches no file", yaml_with("data.csv", "log_*.csv")),
+    *bad(
+        "long line", ALL, "data.csv: has a line longer than 64 bytes",
+        {"data.csv": f"v,tau\n0.1,0.2{'0' * 64}\n0.2,0.3\n"}, patch=limited(reading, "MAX_LINE", 64),
+    ),
+    *bad("long data", ALL, "data.csv: is ", patch=limited(reading, "MAX_BYTES", 16)),
+    *bad("long experiment", READ, "e.yaml: larger than 64 bytes", patch=limited(document, "MAX_BYTES", 64)),
+    *bad("two of one name", [("report", "e.yaml", "f.yaml", "-o", "out")], "joint.name", {"f.yaml": GOOD["e.yaml"]}),
+    *bad("output below a file", [("report", "e.yaml", "-o", "data.csv/out")], "data.csv/out", patch=undrawn),
+    *bad("output is a file", [("report", "e.yaml", "-o", "data.csv")], "data.csv: is a file", patch=undrawn),
+    *bad(
+        "output below a file",
+        [("identify", "e.yaml", "-o", "data.csv/x.json"), ("inspect", "e.yaml", "-o", "data.csv/x.png"),
+         ("new", "data.csv", "-o", "data.csv/x.yaml")],
+        "data.csv/x.",
+    ),
+    *bad(
+        "output in no folder",
+        [("identify", "e.yaml", "-o", "no/x.json"), ("inspect", "e.yaml", "-o", "no/x.png"), ("new", "data.csv", "-o", "no/x.yaml")],
+        "no/x.",
+    ),
+    *bad("output is a folder", [("identify", "e.yaml", "-o", "out"), ("new", "data.csv", "-o", "out")], "out: is ", {"out": FOLDER}),
+    *bad("figure of no kind", [("inspect", "e.yaml", "-o", "out.tiff")], "out.tiff"),
+    *bad("output two lines long", [("report", "e.yaml", "-o", "a\nb/out")], "a b/out", {"a\nb": "mine"}, patch=undrawn),
+    *bad("draft in the way", [("new", "data.csv", "-o", "e.yaml")], "e.yaml: is there already"),
+    *bad("page in the way", [REPORT], "out/index.html: is there already", {"out/index.html": "mine"}, patch=undrawn),
+    *bad("timings in the way", [REPORT], "out/timings.json: is there already", {"out/timings.json": "mine"}, patch=undrawn),
+    *bad("full disk", [REPORT], "out: No space left", patch=both(undrawn, full_disk(5))),
+    *bad("full disk, second report", [REPORT], "out: No space left", MADE, patch=both(undrawn, full_disk(5))),
+    *bad("full disk", [IDENTIFY], "out.json: No space left", patch=full_disk(0)),
+    *bad("full disk, second result", [IDENTIFY], "out.json: No space left", {"out.json": "old"}, patch=full_disk(0)),
+    *bad("full disk", [INSPECT], "out.png: No space left", patch=full_disk(0)),
+    *bad("full disk", [NEW], "draft.yaml: No space left", patch=full_disk(0)),
+    *bad("unknown option", [(*c, "--colour") for c in ALL], "--colour"),
+    *bad("unknown option", [(*c, "--stric") for c in FIT], "--stric"),
+    *bad("unknown option", [("--colour",)], "--colour"),
+    *bad("option without its value", [("report", "e.yaml", "-o")], "-o"),
+    *bad("unknown command", [("fit", "e.yaml")], "'fit'"),
+    *bad("missing argument", [("identify",), ("validate",), ("inspect",)], "EXPERIMENT"),
+    *bad("missing argument", [("new",)], "DATA"),
+    *bad("argument too many", [("identify", "e.yaml", "data.csv")], "data.csv"),
+]  # fmt: skip  # a table
+
+
+@pytest.mark.parametrize(("inputs", "command", "named", "patch"), BAD)
+def test_bad_input_gets_one_sentence(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    inputs: dict[str, str | None],
+    command: Sequence[str],
+    named: str,
+    patch: Patch,
+) -> None:
+    """Exit code 2, one sentence that names the file or key at fault, and not a byte on the disk is new, gone or changed."""
+    for name, text in inputs.items():
+        path = tmp_path / name
+        (path if text is FOLDER else path.parent).mkdir(parents=True, exist_ok=True)
+        if text is not None:
+            path.write_text(text, encoding="utf-8")
+    before = tree(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    patch(monkeypatch)
+    ran = run(*command)
+    assert ran.code == 2
+    assert len(ran.said) == 1
+    assert ran.said[0].startswith("bristle: ")
+    assert named in ran.said[0]
+    assert "Traceback" not in ran.out + ran.err
+    assert tree(tmp_path) == before
+
+
+def test_bad_inputs_are_all_there() -> None:
+    """The table of bad inputs has no two rows of one name, so that none hides another."""
+    names = [getattr(row, "id", None) for row in BAD]
+    assert None not in names
+    assert len(set(names)) == len(names)
+
+
+class Page(HTMLParser):
+    """The elements of a page, and its text."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: set[str] = set()
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep its name."""
+        assert not [name for name, _ in attrs if name.startswith("on")]
+        self.elements.add(tag)
+
+    def handle_data(self, data: str) -> None:
+        """Keep it."""
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
+    """The folder of an experiment in one direction, whose joint has a hostile name, and how its report, in `out`, ended."""
+    folder = tmp_path_factory.mktemp("hostile")
+    return folder, run("report", write(folder, speeds(both=False), joint=HOSTILE), "-o", folder / "out")
+
+
+def test_one_direction_is_a_doubt(hostile: tuple[Path, Ran]) -> None:
+    """One direction only is fitted, and said: exit 0, a fit of that direction alone, and the doubt in JSON and page."""
+    folder, ran = hostile
+    joint = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))["joints"][HOSTILE]
+    assert ran.code == 0
+    assert not ran.said
+    assert list(joint["static"]) == ["+"]
+    (doubt,) = joint["doubts"]
+    assert "Only direction + was measured" in doubt
+    assert doubt in html.unescape((folder / "out" / "index.html").read_text(encoding="utf-8"))
+
+
+def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
+    """A name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name."""
+    folder, ran = hostile
+    text = (folder / "out" / "index.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert ran.code == 0
+    assert "<script" not in text.lower()
+    assert "script" not in page.elements
+    assert HOSTILE in page.text
+    assert {p.name for p in folder.iterdir()} == {"wrist.yaml", "wrist.csv", "out"}
+    figures = [p.name for p in (folder / "out" / "figures").iterdir()]
+    assert figures
+    assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png)", name) for name in figures)
+
+
+def test_strict_ends_with_3_where_there_are_doubts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With --strict doubts are exit code 3 of every command that fits, and without it 0; the same result is written either way."""
+    path = write(tmp_path, FEW)
+    monkeypatch.chdir(tmp_path)
+    assert run("identify", path, "-o", "free.json").code == 0
+    strict = run("identify", path, "-o", "strict.json", "--strict")
+    assert strict.code == 3
+    assert len(strict.said) == 1
+    assert (tmp_path / "strict.json").read_bytes() == (tmp_path / "free.json").read_bytes()
+    undrawn(monkeypatch)
+    assert run("validate", path, "--strict").code == 3
+    assert run("report", "wrist.yaml", "--strict").code == 3
+    assert (tmp_path / "reports" / "wrist" / "results.json").read_bytes() == (tmp_path / "free.json").read_bytes()
+
+
+def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
+    """Where nothing is in doubt --strict is 0; the JSON satisfies its schema, holds the truth within 5 standard errors, and is printed."""
+    ran = run("identify", write(tmp_path, speeds()), "-o", tmp_path / "out.json", "--strict")
+    assert ran.code == 0
+    assert not ran.said
+    results = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    schema = json.loads((DOCS / "results.schema.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(results)
+    fits = results["joints"]["wrist"]["static"]
+    assert list(fits) == ["+", "-"]
+    for fit in fits.values():
+        assert set(fit["parameters"]) == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
+        for name, p in fit["parameters"].items():
+            assert abs(p["value"] - getattr(TRUTH, name)) < 5 * p["standard_error"]
+            shown = re.escape(f"{p['value']:.7g}")
+            assert re.search(rf"{name}: +{shown} ", ran.out)
+
+
+def test_validate_prints_a_verdict(tmp_path: Path) -> None:
+    """On points of the model itself the full fit and the grid agree in each direction, and that is printed."""
+    ran = run("validate", write(tmp_path, speeds()))
+    assert ran.code == 0
+    for direction in "+-":
+        assert f"wrist {direction}: Grid and full nonlinear fit agree" in ran.out
+
+
+def interrupted_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while fitting."""
+    monkeypatch.setattr("bristle.api.identify_joint", _raiser(KeyboardInterrupt()))
+
+
+@pytest.mark.parametrize("patch", [interrupted_fit, full_disk(0, KeyboardInterrupt)], ids=["fitting", "writing"])
+def test_an_interrupt_is_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, patch: Patch) -> None:
+    """Ctrl-C, while fitting or while writing, ends with 130, one word, no traceback, and nothing half-written."""
+    path = write(tmp_path, FEW)
+    before = tree(tmp_path)
+    patch(monkeypatch)
+    ran = run("identify", path, "-o", tmp_path / "out.json")
+    assert ran.code == 130
+    assert ran.said == ["interrupted"]
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("defect", [RuntimeError("ours"), KeyError("ours"), np.linalg.LinAlgError("ours")])
+def test_our_own_defect_is_not_called_bad_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: Exception
+) -> None:
+    """Any exception that is no word about the input leaves `main`, so that Python ends with its traceback and 1."""
+    monkeypatch.setattr("bristle.api.identify_joint", _raiser(defect))
+    monkeypatch.setattr(sys, "argv", ["bristle", "identify", str(write(tmp_path, FEW))])
+    with pytest.raises(type(defect), match="ours"):
+        cli.main()
+
+
+def _raiser(error: BaseException) -> Callable[..., None]:
+    def fail(*_: object) -> None:
+        raise error
+
+    return fail
+
+
+def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is."""
+    write(tmp_path / "here", speeds(both=False))
+    there = write(tmp_path / "far" / "away", speeds(both=False))
+    monkeypatch.chdir(tmp_path / "here")
+    assert run("report", "wrist.yaml", "-o", "out").code == 0
+    monkeypatch.chdir(tmp_path)
+    assert run("report", there, "-o", tmp_path / "new" / "out").code == 0
+    one, two = tree(tmp_path / "here" / "out"), tree(tmp_path / "new" / "out")
+    assert json.loads(one.pop("timings.json") or b"") != {}
+    assert two.pop("timings.json")
+    assert one == two
+    assert "index.html" in one
+    assert not [name for name, data in one.items() if data and str(tmp_path).encode() in data]
+
+
+def test_report_replaces_its_own_files_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second report keeps foreign files byte for byte, and of bristle's own leaves those of the second report alone."""
+    undrawn(monkeypatch)
+    foreign = {"notes.txt": b"mine", "figures/mine.svg": b"mine", "tables/mine.csv": b"mine"}
+    out = tmp_path / "out"
+    assert run("report", write(tmp_path, FEW, joint="old name"), "-o", out).code == 0
+    assert (out / "figures" / "old-name-curve.svg").is_file()
+    for name, data in foreign.items():
+        (out / name).write_bytes(data)
+    (out / "index.html").write_bytes(b"edited")
+    assert run("report", write(tmp_path, FEW, joint="new name"), "-o", out).code == 0
+    there = {name: data for name, data in tree(out).items() if data is not None}
+    listed = set((out / report_files.MANIFEST).read_text(encoding="utf-8").splitlines())
+    assert set(there) == listed | set(foreign) | {report_files.MANIFEST}
+    assert {name: there[name] for name in foreign} == foreign
+    assert not [name for name in there if "old-name" in name]
+    assert "figures/new-name-curve.svg" in there
+    assert list(json.loads(there["results.json"])["joints"]) == ["new name"]
+    assert b"new name" in there["index.html"]
+
+
+def test_inspect_lists_and_draws(tmp_path: Path) -> None:
+    """Every point is listed, kept or rejected with its reason, and drawn as what the file's name says."""
+    velocity = np.array([0.1, 0.0, 0.2, -0.1])
+    path = write(tmp_path, velocity)
+    ran = run("inspect", path, "-o", tmp_path / "out.png")
+    assert ran.code == 0
+    assert not ran.said
+    assert len(re.findall(r"^  kept ", ran.out, re.MULTILINE)) == 3
+    assert re.search(r"^  rejected 1-2: .*\n +At rest", ran.out, re.MULTILINE)
+    assert "3 of 4 candidates kept." in ran.out
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG\r\n")
+    assert run("inspect", path, "-o", tmp_path / "out.svg").code == 0
+    assert ET.parse(tmp_path / "out.svg").getroot().tag.endswith("}svg")  # noqa: S314  # our own file
+    assert run("inspect", path).out == ran.out.rsplit("Figure: ", 1)[0]
+
+
+def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
+    """A draft loads and reads as it is, from whatever folder it is written to, and what was assumed is said on stderr."""
+    data = tmp_path / "pairs.csv"
+    data.write_text(table(FEW).replace("v,tau", "velocity_rad_s,torque_Nm"), encoding="utf-8")
+    (tmp_path / "plans").mkdir()
+    ran = run("new", data, "-o", tmp_path / "plans" / "draft.yaml")
+    assert ran.code == 0
+    assert ran.said
+    assert all(line.startswith("not guessed: ") for line in ran.said)
+    (found,) = measure(load_experiment(tmp_path / "plans" / "draft.yaml")).runs
+    assert found.record.velocity is not None
+    np.testing.assert_array_equal(found.record.velocity, FEW)
+    printed = run("new", data)
+    (tmp_path / "draft.yaml").write_text(printed.out, encoding="utf-8")
+    assert printed.err == ran.err
+    assert len(measure(tmp_path / "draft.yaml").runs) == 1
+
+
+def test_version() -> None:
+    """`--version` prints the package's version and nothing else."""
+    assert run("--version") == Ran(0, f"{__version__}\n", "")
+
+
+def test_bristle_alone_shows_its_help() -> None:
+    """Without any argument the help is printed, as with --help, and each command shows its own."""
+    alone = run()
+    assert alone == run("--help")
+    assert alone.code == 0
+    for name in ("report", "identify", "inspect", "validate", "new"):
+        assert re.search(rf"^  {name} ", alone.out, re.MULTILINE)
+        assert "Usage: " in run(name, "--help").out
+
+
+def test_help_waits_for_no_library() -> None:
+    """`bristle --help` imports none of the libraries that take seconds."""
+    script = (
+        "import sys; from bristle.cli import main; sys.argv = ['bristle', '--help']\n"
+        "try: main()\n"
+        "except SystemExit as stop: print(stop.code, *{name.split('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)  # noqa: S603  # our own script
+    code, *modules = done.stdout.splitlines()[-1].split()
+    assert code == "0"
+    assert "Usage: bristle" in done.stdout
+    assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)

@@ -1,0 +1,120 @@
+import contextlib
+import io
+import json
+import re
+import shlex
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import typer.main
+
+from bristle import cli
+from bristle.bench import steady_points
+from bristle.data.experiment import load_experiment
+from bristle.model.motor import voltage
+from bristle.model.parameters import Motor
+
+from .conftest import TRUTH, run
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+MOTOR = Motor(0.35, 2.1, 0.0, 0.0)
+"""What README's experiment file says of the motor: N*m/A and ohm."""
+SPEEDS = np.geomspace(0.02, 0.8, 12)
+"""Of the logs, rad/s."""
+
+
+def blocks(language: str) -> list[str]:
+    """README's code blocks in a language."""
+    found = re.findall(rf"^( *)```{language}\n(.*?)^\1```$", README, re.MULTILINE | re.DOTALL)
+    return [textwrap.dedent(text) for _, text in found]
+
+
+def commands() -> list[list[str]]:
+    """Every `bristle ...` that README shows, in its text and in its shell blocks, as arguments."""
+    inline = re.findall(r"`bristle ([^`]+)`", README)
+    shell = re.findall(r"\bbin/bristle\b(.*)$", "\n".join(blocks("sh")), re.MULTILINE)
+    return [shlex.split(command) for command in (*inline, *shell)]
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's folder: README's experiment file, and a log for each speed, forth and back, under the names that README uses."""
+    folder = tmp_path_factory.mktemp("desk")
+    (plan,) = blocks("yaml")
+    (folder / "wrist.yaml").write_text(plan, encoding="utf-8")
+    rng = np.random.default_rng(0)
+    for speed in (0.1, *SPEEDS.tolist()):
+        v = np.repeat([speed, -speed], 300)
+        (torque,) = steady_points(TRUTH, v, 1e-4, rng, 1)
+        log = pd.DataFrame(
+            {"t": np.arange(v.size) / 100, "q": np.degrees(np.cumsum(v) / 100), "u": voltage(torque, v, MOTOR)}
+        )
+        log.to_csv(folder / f"velocity_{speed:.4g}.csv", index=False)
+    return folder
+
+
+def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """README's Python runs as it stands: it prints the table, whose parameters are those behind the logs, and writes the report where it says."""
+    monkeypatch.chdir(desk)
+    (code,) = blocks("python")
+    names: dict[str, Any] = {}
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README, run as a user would
+    results = names["results"]
+    frame = results.to_frame()
+    assert out.getvalue() == f"{frame}\n"
+    assert set(zip(frame["joint"], frame["direction"], strict=True)) == {("wrist", "+"), ("wrist", "-")}
+    for _, row in frame.iterrows():
+        assert row["value"] == pytest.approx(getattr(TRUTH, row["parameter"]), rel=0.1)
+    (folder,) = re.findall(r'write_report\("(.+?)"\)', code)
+    assert (desk / folder / "index.html").is_file()
+    assert results.to_json() == (desk / folder / "results.json").read_text(encoding="utf-8")
+    assert list(json.loads(results.to_json())["joints"]) == ["wrist"]
+
+
+def test_experiment_file_loads_and_reads(desk: Path) -> None:
+    """README's experiment file is one, and every log that its glob matches is a run."""
+    experiment = load_experiment(desk / "wrist.yaml")
+    assert (experiment.joint.name, experiment.joint.kind) == ("wrist", "revolute")
+    assert experiment.motor is not None
+    assert experiment.motor[:3] == MOTOR[:3]
+    ran = run("inspect", desk / "wrist.yaml")
+    assert ran.code == 0
+    logs = list(desk.glob("velocity_*.csv"))
+    assert len(re.findall(r"^velocity_.*csv \(ramp\): 600 rows, 0 dropped$", ran.out, re.MULTILINE)) == len(logs)
+
+
+def test_first_step_drafts(desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first of README's five minutes drafts an experiment file of the log that it names, and says what it could not guess."""
+    command = next(c for c in commands() if c[0] == "new")
+    (tmp_path / command[1]).write_bytes((desk / command[1]).read_bytes())
+    monkeypatch.chdir(tmp_path)
+    ran = run(*command)
+    assert ran.code == 0
+    assert "not guessed: motor" in ran.err
+    draft = (tmp_path / "wrist.yaml").read_text(encoding="utf-8")
+    (tmp_path / "wrist.yaml").write_text(draft.replace("# motor:", "motor:"), encoding="utf-8")
+    assert run("inspect", "wrist.yaml").code == 0
+
+
+@pytest.mark.parametrize("command", commands(), ids=" ".join)
+def test_command_exists(command: list[str]) -> None:
+    """Each command that README shows is one, with these options and these arguments."""
+    root: Any = typer.main.get_command(cli.app)
+    name, *arguments = command
+    context = root.commands[name].make_context(name, arguments)
+    given = {
+        str(value) for values in context.params.values() for value in (values if isinstance(values, list) else [values])
+    }
+    assert not context.args
+    assert {a for a in command[1:] if not a.startswith("-")} <= given
+
+
+def test_every_command_is_shown() -> None:
+    """README leaves no command out, and the way that commands are found in it misses none."""
+    root: Any = typer.main.get_command(cli.app)
+    assert {command[0] for command in commands()} == set(root.commands)
