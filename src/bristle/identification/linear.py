@@ -30,15 +30,16 @@ def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
 
 
 def orthonormal(columns: Array) -> tuple[Array, Array]:
-    """An orthonormal basis Q (n, m) of independent columns (n, m), and R (m, m), whose lower triangle is not to be read."""
+    """An orthonormal basis Q (n, m) of independent columns (n, m), and the inverse of R (m, m)."""
     factored, tau, _, _ = lapack.dgeqrf(columns)
-    return lapack.dorgqr(factored, tau)[0], factored[: columns.shape[1]]
+    return lapack.dorgqr(factored, tau)[0], _inverse(factored)
 
 
-def solve_triangle(r: Array, right: Array) -> Array:
-    """X of R x = right, (m,) or (m, k), with R from `orthonormal`."""
-    x: Array = lapack.dtrtrs(r, right)[0]
-    return x
+def _inverse(factored: Array) -> Array:
+    """The inverse of R, (m, m), from what dgeqrf leaves; solving with R instead would wake BLAS's threads, even for two unknowns."""
+    m = factored.shape[1]
+    inverse: Array = lapack.dtrtri(factored[:m] * _upper(m))[0]
+    return inverse
 
 
 @cache
@@ -51,9 +52,10 @@ def inverse_gram(jacobian: Array) -> Array:
     """(J'J)**-1, (m, m), by QR; a scaled pseudo-inverse where columns depend on one another."""
     n, m = jacobian.shape
     if n >= m > 0:
-        r = lapack.dgeqrf(jacobian)[0][:m] * _upper(m)
+        factored = lapack.dgeqrf(jacobian)[0]
+        r = factored[:m] * _upper(m)
         if (r.diagonal() ** 2 > _INDEPENDENT**2 * (r * r).sum(axis=0)).all():
-            inverse = lapack.dtrtri(r)[0]
+            inverse = _inverse(factored)
             gram: Array = inverse @ inverse.T
             return gram
     scale = np.linalg.norm(jacobian, axis=0)

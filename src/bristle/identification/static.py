@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize
 
-from bristle.identification.linear import bounded_least_squares, least_squares, orthonormal, solve_triangle
+from bristle.identification.linear import bounded_least_squares, least_squares, orthonormal
 from bristle.identification.regression import Regression
 from bristle.model.arrays import Array
 
@@ -154,7 +154,7 @@ class Projected:
     def __init__(self, problem: Regression) -> None:
         """Factor the linear columns once."""
         self.problem = problem
-        self.q, self.r = orthonormal(problem.linear)
+        self.q, self.r_inverse = orthonormal(problem.linear)
         self.torque_in_q = self.q.T @ problem.torque
         self.rest = problem.torque - self.q @ self.torque_in_q
         self.q_and_rest = np.concatenate([self.q.T, self.rest[None]])
@@ -223,7 +223,7 @@ class Projected:
 
     def back(self, in_q: Array) -> Array:
         """Linear parameters from their coefficients in Q, (m,) or (m, k)."""
-        return solve_triangle(self.r, in_q)
+        return self.r_inverse @ in_q
 
 
 def _vertex(left: float, middle: float, right: float) -> float:
