@@ -68,7 +68,9 @@ def report(
         page = results.write_report(folder, progress)
     for joint in results.joints:
         for direction, fit in joint.static.items():
-            print(f"{joint.name} {direction}: {fit.outcome} {len(fit.doubts)} doubts.")
+            print(f"{joint.name} {direction}: {fit.outcome} {_doubts(len(fit.doubts))}.")
+        if joint.doubts:
+            print(f"{joint.name}: {_doubts(len(joint.doubts))} about the joint as a whole.")
     print(f"Report: {page}")
     _finish(results, strict)
 
@@ -228,7 +230,11 @@ def _write(path: Path, text: str) -> None:
     write_text(path, text)
 
 
+def _doubts(count: int) -> str:
+    return f"{count} doubt{'' if count == 1 else 's'}"
+
+
 def _finish(results: "Results", strict: bool) -> None:
     if strict and results.doubts:
-        print(f"{len(results.doubts)} doubts (--strict)", file=sys.stderr)
+        print(f"{_doubts(len(results.doubts))} (--strict)", file=sys.stderr)
         raise typer.Exit(3)
