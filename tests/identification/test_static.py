@@ -43,6 +43,18 @@ def test_refined_minimum_is_below_every_value_of_the_plain_grid(seed: int) -> No
     assert solve(problem, v_s_range).cost <= costs.min() * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-3, 1.0])
+def test_flat_profiles_have_a_minimum_too(noise: float) -> None:
+    """Where there is no peak, or nothing but noise, the search ends, at no more than the cost of any grid value, for any of 200 draws."""
+    rng = np.random.default_rng(1)
+    velocity = np.geomspace(0.01, 0.8, 12)
+    for _ in range(200):
+        torque = 0.02 + 0.04 * velocity + noise * rng.standard_normal(12)
+        solution = solve(from_points(velocity, torque, ("both",)), default_range(velocity))
+        assert np.isfinite(solution.theta).all()
+        assert solution.cost <= solution.profiles[0].min() * (1 + 1e-6) + 1e-14 * (torque @ torque)
+
+
 def test_agrees_with_curve_fit_to_six_digits(gripper: Lugre[float], speeds: Array) -> None:
     """On noisy points an independent least-squares solver ends in the same minimum."""
     torque = curve(speeds, gripper) + 2e-4 * np.random.default_rng(3).standard_normal(speeds.size)

@@ -252,8 +252,17 @@ def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
         if turns:
             k = min(turns, key=lambda k: abs(k - 3.5))
             slope = _polynomial(_TO_SLOPE @ window)
-            at = float(brentq(slope, _COARSE[k], _COARSE[k + 1], xtol=1e-9))
-            bend = (slope(_COARSE[k + 1]) - slope(_COARSE[k])) / (_COARSE[k + 1] - _COARSE[k]) / reach**2
+            left, right = _COARSE[k], _COARSE[k + 1]
+            falls, rises = slope(left), slope(right)
+            # in a flat profile both are rounding, and their signs may differ from those of the matrix product
+            at = (
+                float(brentq(slope, left, right, xtol=1e-9))
+                if falls * rises < 0
+                else left
+                if abs(falls) < abs(rises)
+                else right
+            )
+            bend = (rises - falls) / (right - left) / reach**2
             return _polish(projected.problem, first * exp(u + reach * at), bend / 2)
         u += reach if coarse[-1] < 0 else -reach
         if not 0 < u < last:
