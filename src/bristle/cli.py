@@ -204,9 +204,10 @@ def main() -> NoReturn:
 
 
 def _sentence(bad: Exception) -> str:
+    text = str(bad)
     if isinstance(bad, OSError) and bad.strerror:
-        bad = ValueError(f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror)
-    return " ".join(str(bad).split())
+        text = f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror
+    return " ".join(text.split())
 
 
 @contextmanager

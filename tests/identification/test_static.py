@@ -55,6 +55,16 @@ def test_flat_profiles_have_a_minimum_too(noise: float) -> None:
         assert solution.cost <= solution.profiles[0].min() * (1 + 1e-6) + 1e-14 * (torque @ torque)
 
 
+def test_v_s_stays_in_the_range_searched(gripper: Lugre[float], speeds: Array) -> None:
+    """A range that ends short of the minimum, by much or by little, gives a v_s inside it, at the end nearest to the minimum."""
+    torque = curve(speeds, gripper) + 2e-4 * np.random.default_rng(3).standard_normal(speeds.size)
+    problem = from_points(speeds, torque, ("both",))
+    best = float(solve(problem, default_range(speeds)).theta[-1])
+    for factor in (1 - 1e-6, 0.999, 0.9, 0.5):
+        assert solve(problem, (0.1 * best, factor * best)).theta[-1] == pytest.approx(factor * best, rel=1e-9)
+        assert solve(problem, (best / factor, 10 * best)).theta[-1] == pytest.approx(best / factor, rel=1e-9)
+
+
 def test_agrees_with_curve_fit_to_six_digits(gripper: Lugre[float], speeds: Array) -> None:
     """On noisy points an independent least-squares solver ends in the same minimum."""
     torque = curve(speeds, gripper) + 2e-4 * np.random.default_rng(3).standard_normal(speeds.size)

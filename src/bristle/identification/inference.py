@@ -43,16 +43,18 @@ class Inferred:
 
 def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float]) -> Inferred:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval and its doubts on each parameter."""
-    dropped: dict[str, str] = {}
+    solution = None
     if problem.torque.size <= len(problem.names):
         reason = f"{problem.torque.size} points are too few for a Stribeck term; at least {len(problem.names) + 1} are needed."
         dropped = dict.fromkeys(problem.peaks, reason)
     else:
-        dropped = _unsupported(problem, solve(problem, v_s_range, options.grid))
+        solution = solve(problem, v_s_range, options.grid)
+        dropped = _unsupported(problem, solution)
     problem = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
     if options.loss == "huber":
         problem = problem.weighted(huber(problem, v_s_range, options.grid)[1])
-    solution = solve(problem, v_s_range, options.grid)
+    if solution is None or dropped or options.loss == "huber":
+        solution = solve(problem, v_s_range, options.grid)
     stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
@@ -123,9 +125,7 @@ def _profiles(
     threshold = uncertainty.profile_threshold(solution.cost, problem.torque.size, len(problem.names), stretch)
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
-        other = float(
-            solution.theta[-1 - k]
-        )  # of two peaks, the other's v_s: searched finely near its best, and on the grid
+        other = float(solution.theta[-1 - k])  # of two peaks, the other's v_s: searched near its best, and on the grid
         near = other * np.exp(np.linspace(-5, 5, 41) * min(errors[-1 - k] / other, 0.3))
         others = np.append(near, solution.grid)
 

@@ -72,7 +72,7 @@ class Regression:
 
     def design(self, v_s: Sequence[float] | Array) -> Array:
         """All linear columns at given v_s, one per peak: shape (n, m + peaks)."""
-        return self.columns(v_s)[0]
+        return np.concatenate([self.linear, *(self.shapes(np.array([s]), d) for d, s in enumerate(v_s))], axis=1)
 
     def columns(self, v_s: Sequence[float] | Array) -> tuple[Array, Array]:
         """`design`, and the derivative of its last columns with respect to their v_s, (n, peaks)."""

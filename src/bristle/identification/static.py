@@ -255,22 +255,18 @@ def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
             left, right = _COARSE[k], _COARSE[k + 1]
             falls, rises = slope(left), slope(right)
             # in a flat profile both are rounding, and their signs may differ from those of the matrix product
-            at = (
-                float(brentq(slope, left, right, xtol=1e-9))
-                if falls * rises < 0
-                else left
-                if abs(falls) < abs(rises)
-                else right
-            )
+            at = left if abs(falls) < abs(rises) else right
+            if falls * rises < 0:
+                at = float(brentq(slope, left, right, xtol=1e-9))
             bend = (rises - falls) / (right - left) / reach**2
-            return _polish(projected.problem, first * exp(u + reach * at), bend / 2)
+            return _polish(projected.problem, first * exp(u + reach * at), bend / 2, (first, float(values[-1])))
         u += reach if coarse[-1] < 0 else -reach
         if not 0 < u < last:
             break
     return solve_at(projected.problem, [first * exp(min(max(u, 0.0), last))])
 
 
-def _polish(problem: Regression, v_s: float, bend: float) -> Inner:
+def _polish(problem: Regression, v_s: float, bend: float, v_s_range: tuple[float, float]) -> Inner:
     """Follow the exact slope, by the secant method, to where rounding ends; most often the start is good enough.
 
     By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the residuals at the inner minimum and u = log(v_s). `bend` is
@@ -282,7 +278,7 @@ def _polish(problem: Regression, v_s: float, bend: float) -> Inner:
         if bend <= 0 or fall**2 / bend <= _SETTLED * at.cost / problem.torque.size:
             break
         step = max(-_STRIDE, min(_STRIDE, fall / bend))
-        v_s *= exp(step)
+        v_s = min(max(v_s * exp(step), v_s_range[0]), v_s_range[1])
         there = solve_at(problem, [v_s])
         if there.cost >= at.cost:
             break
