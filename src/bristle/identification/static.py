@@ -5,14 +5,14 @@ operations: with the linear columns projected out (Q from QR), one Stribeck colu
 (s'r)**2 / s's. The minimum is then refined to the continuous one.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
 
 from bristle.identification.linear import bounded_least_squares, least_squares, orthonormal
 from bristle.identification.regression import Regression
@@ -22,15 +22,9 @@ GRID = 32
 """Values of v_s in the refined grid."""
 PLAIN_GRID = 500
 """Values of v_s in the paper's plain grid."""
-_WINDOWS = 12
-_NODES = np.polynomial.chebyshev.chebpts1(6)
-_TO_SLOPE = np.arange(5, 0, -1)[:, None] * np.linalg.inv(np.vander(_NODES))[:-1]
-"""From values at the nodes to the coefficients of their polynomial's derivative, highest power first."""
-_COARSE = [k / 4 for k in range(-4, 5)]
-_TO_COARSE_SLOPE = np.vander(_COARSE, 5) @ _TO_SLOPE
+_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
+"""From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
 _STEPS = 20
-_STRIDE = 0.1
-"""The longest step in log(v_s) while polishing."""
 _SETTLED = 1e-12
 """A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
 _NONE = np.zeros(0, dtype=np.intp)
@@ -179,6 +173,21 @@ class Projected:
             costs[k] = solve_at(self.problem, [v_s[k]]).cost
         return costs
 
+    def at(self, v_s: float) -> Inner:
+        """The problem at one v_s, from what is projected already; one peak."""
+        shape, slope = self.problem.slopes(np.array([v_s]))
+        inside = self.q.T @ shape
+        off = (shape - self.q @ inside)[:, 0]
+        length = float(off @ off)
+        if length > _FLAT * float(shape[:, 0] @ shape[:, 0]):
+            alpha_1 = float(self.rest @ off) / length
+            linear = self.back(self.torque_in_q - inside[:, 0] * alpha_1)
+            if alpha_1 > 0 and (linear > self.lower).all():
+                residuals = self.rest - off * alpha_1
+                jacobian = np.concatenate([self.problem.linear, shape, slope * alpha_1], axis=1)
+                return Inner(np.array([*linear, alpha_1, v_s]), float(residuals @ residuals), (), residuals, jacobian)
+        return solve_at(self.problem, [v_s])
+
     def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
         """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,), inf where nothing is."""
         products = self.q_and_rest @ shapes
@@ -226,79 +235,44 @@ class Projected:
         return self.r_inverse @ in_q
 
 
-def _vertex(left: float, middle: float, right: float) -> float:
-    """Where the parabola through three equally spaced values is lowest, in steps from the middle one, within one step."""
-    bend = left - 2 * middle + right
-    return max(-1.0, min(1.0, (left - right) / (2 * bend))) if bend > 0 else 0.0
-
-
 def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
-    """The problem at the continuous minimum of the profile near its lowest grid value.
+    """The problem at the continuous minimum of the profile between the neighbours of its lowest grid value.
 
-    The profile is smooth in u = log(v_s): its derivative is that of a polynomial through its values at Chebyshev points of a window as wide
-    as the grid's step. Where that does not turn from falling to rising, the window moves downhill.
+    The start is the minimum of the quartic through five grid values; from there the exact slope is followed by the secant method, to where
+    rounding ends. By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the residuals at the inner minimum and u = log(v_s);
+    with `bend` = J_s'' / 2, a step lowers the cost by slope**2 / bend.
     """
-    best = int(costs.argmin())
-    first, step = float(values[0]), log(values[-1] / values[0]) / (values.size - 1)
-    u = step * best
-    if 0 < best < values.size - 1:
-        u += step * _vertex(*costs[best - 1 : best + 2].tolist())
-    last, reach = step * (values.size - 1), step / 2
-    for _ in range(_WINDOWS):
-        u = min(max(u, reach), last - reach)
-        window = projected.costs(first * np.exp(u + reach * _NODES))
-        coarse = (_TO_COARSE_SLOPE @ window).tolist()
-        turns = [k for k in range(8) if coarse[k] < 0 <= coarse[k + 1]]
-        if turns:
-            k = min(turns, key=lambda k: abs(k - 3.5))
-            slope = _polynomial(_TO_SLOPE @ window)
-            left, right = _COARSE[k], _COARSE[k + 1]
-            falls, rises = slope(left), slope(right)
-            # in a flat profile both are rounding, and their signs may differ from those of the matrix product
-            at = left if abs(falls) < abs(rises) else right
-            if falls * rises < 0:
-                at = float(brentq(slope, left, right, xtol=1e-9))
-            bend = (rises - falls) / (right - left) / reach**2
-            return _polish(projected.problem, first * exp(u + reach * at), bend / 2, (first, float(values[-1])))
-        u += reach if coarse[-1] < 0 else -reach
-        if not 0 < u < last:
-            break
-    return solve_at(projected.problem, [first * exp(min(max(u, 0.0), last))])
-
-
-def _polish(problem: Regression, v_s: float, bend: float, v_s_range: tuple[float, float]) -> Inner:
-    """Follow the exact slope, by the secant method, to where rounding ends; most often the start is good enough.
-
-    By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the residuals at the inner minimum and u = log(v_s). `bend` is
-    J_s'' / 2 there. A step would lower the cost by (slope)**2 / bend.
-    """
-    at = solve_at(problem, [v_s])
-    fall = v_s * float(at.jacobian[:, -1] @ at.residuals)
+    best, last = int(costs.argmin()), values.size - 1
+    first, step = float(values[0]), log(values[-1] / values[0]) / last
+    low, high = step * max(best - 1, 0), step * min(best + 1, last)
+    centre = min(max(best, 2), last - 2)
+    t, bend = _lowest((_TO_QUARTIC @ costs[centre - 2 : centre + 3]).tolist(), best - centre)
+    u, bend = min(max(step * (centre + t), low), high), bend / step**2
+    at = lowest = projected.at(first * exp(u))
     for _ in range(_STEPS):
-        if bend <= 0 or fall**2 / bend <= _SETTLED * at.cost / problem.torque.size:
+        fall = at.theta[-1] * float(at.jacobian[:, -1] @ at.residuals)
+        low, high = (u, high) if fall > 0 else (low, u)
+        if low >= high or 0 <= fall**2 <= bend * _SETTLED * at.cost / at.residuals.size:
             break
-        step = max(-_STRIDE, min(_STRIDE, fall / bend))
-        v_s = min(max(v_s * exp(step), v_s_range[0]), v_s_range[1])
-        there = solve_at(problem, [v_s])
-        if there.cost >= at.cost:
+        before, u = u, min(max(u + fall / bend, low), high) if bend > 0 else (low + high) / 2
+        if u == before:
             break
-        at, before = there, fall
-        fall = v_s * float(at.jacobian[:, -1] @ at.residuals)
-        bend = (before - fall) / step
-    return at
+        at = projected.at(first * exp(u))
+        lowest = min(lowest, at, key=lambda inner: inner.cost)
+        bend = (fall - at.theta[-1] * float(at.jacobian[:, -1] @ at.residuals)) / (u - before)
+    return lowest
 
 
-def _polynomial(coefficients: Array) -> Callable[[float], float]:
-    """A polynomial of one number, its highest power first."""
-    listed = coefficients.tolist()
-
-    def value(t: float) -> float:
-        x = 0.0
-        for c in listed:
-            x = x * t + c
-        return x
-
-    return value
+def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
+    """Where a quartic near t is lowest, by Newton's method, and half its second derivative there."""
+    a, b, c, d, _ = quartic
+    bend = c
+    for _ in range(4):
+        bend = (6 * a * t + 3 * b) * t + c
+        if bend <= 0:
+            break
+        t -= max(-1.0, min(1.0, (((4 * a * t + 3 * b) * t + 2 * c) * t + d) / (2 * bend)))
+    return t, bend
 
 
 def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
