@@ -19,6 +19,8 @@ from bristle.identification.regression import from_points
 from bristle.model.arrays import Array
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+BLOCK = 50
+"""Seeds simulated at a time: as many as fit in memory at ease."""
 P = edro.TABLE_1["gripper rotation"].positive
 
 
@@ -56,16 +58,17 @@ def embedded(seeds: int) -> None:
 
 def _estimates(stem: str, seeds: int) -> list[dict[str, dict[str, Estimate]]]:
     """Per seed and direction, the static parameters of a joint of the embedded experiment, from a log as a user would give it."""
-    logs = edro.logs(stem, range(seeds))
     text = (edro.datasets_folder() / f"{stem}.yaml").read_text().replace(f"{stem}.csv", "log.npz")
     found = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "experiment.yaml"
         file.write_text(text)
-        for position, voltage in zip(logs.position, logs.voltage, strict=True):
-            np.savez(Path(folder) / "log.npz", time=logs.time, position=position, voltage=voltage)
-            measured = measure(file)
-            found.append({sign: _fitted(measured, sign) for sign in DIRECTIONS})
+        for first in range(0, seeds, BLOCK):
+            logs = edro.logs(stem, range(first, min(first + BLOCK, seeds)))
+            for position, voltage in zip(logs.position, logs.voltage, strict=True):
+                np.savez(Path(folder) / "log.npz", time=logs.time, position=position, voltage=voltage)
+                measured = measure(file)
+                found.append({sign: _fitted(measured, sign) for sign in DIRECTIONS})
     return found
 
 

@@ -31,6 +31,8 @@ FOLDER = None
 
 GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}
 """A good experiment, which each bad input spoils."""
+OWN = '{\n "schema": "bristle-results/1"}\n'
+"""What a results file of bristle's begins with."""
 IDENTIFY = ("identify", "e.yaml", "-o", "out.json")
 INSPECT = ("inspect", "e.yaml", "-o", "out.png")
 REPORT = ("report", "e.yaml", "-o", "out")
@@ -125,6 +127,7 @@ TOSSED = np.random.default_rng(0).standard_normal(STEPS.size)
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
+AGAIN = "  - {files: data.csv, experiment: points}\n"
 MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
 BAD = [
     *bad("missing file", READ, "'data.csv' is no file", gone=["data.csv"]),
@@ -175,6 +178,18 @@ BAD = [
         "no/x.",
     ),
     *bad("output is a folder", [("identify", "e.yaml", "-o", "out"), ("new", "data.csv", "-o", "out")], "out: is ", {"out": FOLDER}),
+    *bad("output is the log", [("identify", "e.yaml", "-o", "data.csv"), ("inspect", "e.yaml", "-o", "data.csv")], "data.csv: is there already"),
+    *bad("output is the experiment", [("identify", "e.yaml", "-o", "e.yaml")], "e.yaml: is there already"),
+    *bad("torque of the wrong sign", FIT, "e.yaml: the torque opposes the velocity", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: -1")),
+    *bad(
+        "torque as magnitudes", FIT, "at the 3 points of direction -",
+        {"data.csv": "v,tau\n" + "".join(f"{v},{1 + abs(v)}\n" for v in (-3, -2, -1, 1, 2, 3))},
+    ),
+    *bad("file given twice", READ, "e.yaml: runs: data.csv is given twice", yaml_with("runs:\n", f"runs:\n{AGAIN}")),
+    *bad(
+        "held out and fitted", READ, "e.yaml: runs: data.csv is held out and fitted as well",
+        yaml_with("runs:\n", f"runs:\n{AGAIN}".replace("points", "points, hold_out: true")),
+    ),
     *bad("figure of no kind", [("inspect", "e.yaml", "-o", "out.tiff")], "out.tiff"),
     *bad("output two lines long", [("report", "e.yaml", "-o", "a\nb/out")], "a b/out", {"a\nb": "mine"}, patch=undrawn),
     *bad("draft in the way", [("new", "data.csv", "-o", "e.yaml")], "e.yaml: is there already"),
@@ -183,7 +198,7 @@ BAD = [
     *bad("full disk", [REPORT], "out: No space left", patch=both(undrawn, full_disk(5))),
     *bad("full disk, second report", [REPORT], "out: No space left", MADE, patch=both(undrawn, full_disk(5))),
     *bad("full disk", [IDENTIFY], "out.json: No space left", patch=full_disk(0)),
-    *bad("full disk, second result", [IDENTIFY], "out.json: No space left", {"out.json": "old"}, patch=full_disk(0)),
+    *bad("full disk, second result", [IDENTIFY], "out.json: No space left", {"out.json": OWN}, patch=full_disk(0)),
     *bad("full disk", [INSPECT], "out.png: No space left", patch=full_disk(0)),
     *bad("full disk", [NEW], "draft.yaml: No space left", patch=full_disk(0)),
     *bad("unknown option", [(*c, "--colour") for c in ALL], "--colour"),
@@ -265,7 +280,7 @@ def test_one_direction_is_a_doubt(hostile: tuple[Path, Ran]) -> None:
     assert not ran.said
     assert list(joint["static"]) == ["+"]
     (doubt,) = joint["doubts"]
-    assert "Only direction + was measured" in doubt
+    assert "Nothing is known of direction -" in doubt
     assert doubt in html.unescape((folder / "out" / "index.html").read_text(encoding="utf-8"))
 
 
@@ -458,3 +473,35 @@ def test_help_waits_for_no_library() -> None:
     assert code == "0"
     assert "Usage: bristle" in done.stdout
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
+
+
+def test_doubts_of_segments_count(tmp_path: Path) -> None:
+    """Position and velocity that disagree by a unit are a doubt about the joint that names the unit, and --strict exits with 3."""
+    time = np.arange(4000) / 100
+    speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
+    position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed
+    rows = zip(time, position, 60 / (2 * np.pi) * speed, torque, strict=True)
+    (tmp_path / "log.csv").write_text(
+        "t,q,dq,tau\n" + "".join(f"{a:.2f},{b:.9f},{c:.9f},{d:.9f}\n" for a, b, c, d in rows)
+    )
+    (tmp_path / "e.yaml").write_text(
+        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        "  velocity: {column: dq, unit: rad/s}\n  torque: {column: tau, unit: N*m}\nruns:\n  - {files: log.csv, experiment: ramp}\n"
+    )
+    ran = run("identify", tmp_path / "e.yaml", "--strict")
+    assert ran.code == 3
+    assert "Position and velocity disagree in 4 of 4 kept segments" in ran.out
+    assert "a velocity in rpm read as rad/s" in ran.out
+
+
+def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:
+    """`bristle identify ... | head -1` ends without a word and with exit code 0."""
+    path = write(tmp_path, speeds())
+    command = [sys.executable, "-m", "bristle", "identify", str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603 # our own command
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+        assert process.wait() == 0
+    assert said == b""

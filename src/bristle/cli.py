@@ -3,6 +3,7 @@
 0 a result was written, doubts included; 1 our own defect; 2 bad input; 3 doubts, with --strict; 130 interrupted.
 """
 
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -60,9 +61,11 @@ def report(
 ) -> None:
     """Identify and write the report: index.html, results.json, figures, tables."""
     from bristle import identify
+    from bristle.report.files import check_folder
 
     sources = experiments or []
     folder = output or Path("reports") / (sources[0].stem if sources else "edro")
+    check_folder(folder)
     with _progress() as progress:
         results = identify(*sources, progress=progress)
         page = results.write_report(folder, progress)
@@ -86,6 +89,7 @@ def identify(
     """Identify one joint and print the fit report; write the JSON with -o."""
     from bristle import identify as run
 
+    _check(output)
     results = run(experiment)
     print(results.fit_report())
     if output is not None:
@@ -105,6 +109,7 @@ def inspect(
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     from bristle.api import inspect as run
 
+    _check(output)
     measured = run(experiment)
     unit = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}[measured.experiment.joint.kind]
     for recorded, segments in zip(measured.runs, measured.segments, strict=True):
@@ -186,8 +191,12 @@ def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
     try:
         code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
+        sys.stdout.flush()
     except (KeyboardInterrupt, typer.Abort):
         code = 130
+    except (BrokenPipeError, SystemExit):  # who read the output has seen enough; click makes an exit of it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+        code = 0
     except (ValueError, OSError) as bad:
         if type(bad).__name__ == "LinAlgError":
             raise
@@ -229,6 +238,13 @@ def _write(path: Path, text: str) -> None:
     from bristle.report.files import write_text
 
     write_text(path, text)
+
+
+def _check(output: Path | None) -> None:
+    from bristle.report.files import check_file
+
+    if output is not None:
+        check_file(output)
 
 
 def _doubts(count: int) -> str:

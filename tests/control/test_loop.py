@@ -109,7 +109,7 @@ def test_stick_gains_no_energy(sigma_0: float, stretch: float, kick: float) -> N
     states = stepper(Pair(p, p), MOTOR).mapaccum(300)(start, 0.0, 0.0, 1e-3).full()
     states = np.column_stack([start, states])
     energy = MOTOR.J * states[1] ** 2 / 2 + sigma_0 * states[2] ** 2 / 2
-    assert (np.diff(energy) <= 1e-12 * energy[0]).all()
+    assert (np.diff(energy) <= 1e-12 * energy[0] + 1e-300).all()
 
 
 def test_step_is_second_order() -> None:

@@ -1,5 +1,6 @@
 """Constant-velocity segments: found, judged and explained."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, filtfilt, lfilter
 
+from bristle.data.options import SegmentLimits
 from bristle.data.record import Record
+from bristle.data.signals import Context
 from bristle.data.steady import Segment, Thresholds, find_segments, nothing_left
 from bristle.model.arrays import Array, evaluate
 from bristle.model.functions import steady_torque
@@ -269,3 +272,41 @@ def test_short_runs_are_candidates_too(n: int) -> None:
     assert found
     assert not accepted(found)
     assert "No segment" in nothing_left(found, (record,), Thresholds())
+
+
+def test_pieces_of_a_settling_edge_are_no_points_of_their_own() -> None:
+    """Where the velocity rings before it settles, nothing but the plateau counts, however the cut falls."""
+    time = np.arange(0, 6, 1 / RATE)
+    for seed in range(10):
+        noise = np.random.default_rng(seed).normal(size=(2, time.size))
+        ringing = 0.05 * np.exp(-(time - 1) / 0.15) * np.sin(2 * np.pi * 4 * time) * (time > 1)
+        v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 1, 1, 0, 0]) + ringing + 1e-3 * noise[0]
+        record = Record(file="ring.csv", time=time, velocity=v, torque=friction(v) + NOISE * noise[1])
+        assert len(accepted(find_segments(record, Thresholds()))) == 1
+
+
+@pytest.mark.parametrize("name", ["triangle", "sine", "ramp", "rest", "stick-slip", "staircase"])
+def test_what_a_reason_proposes_answers_it(name: str) -> None:
+    """A threshold that a reason proposes can be set, and when it is, that reason is gone."""
+    records = {
+        "triangle": motion(np.abs(2 * (T / 3 % 1) - 1)),
+        "sine": motion(np.sin(2 * np.pi * T)),
+        "ramp": motion(np.linspace(0.2, 1, N)),
+        "rest": motion(1e-4 * T),
+        "stick-slip": motion(0.3 * np.maximum(np.sin(2 * np.pi * 0.5 * T), 0.0)),
+        "staircase": staircase(),
+    }
+    kinds = {"velocity_tolerance": ("Accel", "Stick"), "minimum_duration": ("Too",), "minimum_velocity": ("At rest",)}
+    units = {"velocity_tolerance": "", "minimum_duration": " s", "minimum_velocity": " rad/s"}
+    proposed = 0
+    for s in find_segments(records[name], Thresholds()):
+        for option, value in re.findall(r"segments\.(\w+)(?: of|:) ([\d.e-]+)", " ".join(s.reasons)):
+            proposed += 1
+            limits = Thresholds(
+                **SegmentLimits.model_validate(
+                    {option: value + units[option]}, context=Context(kind="revolute")
+                ).model_dump()
+            )
+            (same,) = [x for x in find_segments(records[name], limits) if (x.start, x.stop) == (s.start, s.stop)]
+            assert not any(reason.startswith(kinds[option]) for reason in same.reasons)
+    assert proposed or name in {"triangle", "sine", "rest"}

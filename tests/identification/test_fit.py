@@ -133,3 +133,32 @@ def test_prismatic_joints_have_their_units(speeds: Array) -> None:
     torque = curve(speeds, GRIPPER) + 1e-5 * np.random.default_rng(10).standard_normal(speeds.size)
     found = estimate_static(from_points(speeds, torque, ("both",)), FitOptions(), "prismatic")
     assert [found[name].unit for name in STATIC] == ["N", "N", "N*s/m", "m/s"]
+
+
+def test_a_peak_that_rests_on_stick_slip_is_called_so(gripper: Lugre[float]) -> None:
+    """Where only stick-slip points show the Stribeck region, the outcome itself says that the term rests on them."""
+    v = np.concatenate([np.geomspace(0.01, 0.1, 6), np.linspace(0.3, 1.2, 12)])
+    torque = curve(v, gripper) + 1e-4 * np.random.default_rng(1).standard_normal(v.size)
+    fit = points(v, torque, v < 0.2)
+    assert fit.parameters["alpha_1"].value is not None
+    assert fit.without_stick_slip["alpha_0"].value is not None
+    assert fit.outcome is Outcome.STICK_SLIP
+
+
+def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
+    """Without a Stribeck term the full fit has none either, and finds the cost that the reported residuals have."""
+    torque = 0.02 + 0.04 * speeds + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
+    options = FitOptions()
+    fits, checks = fit_static(from_points(speeds, torque, ("+",)), options, "revolute", Where())
+    assert fits["+"].outcome is Outcome.NO_STRIBECK
+    assert checks["+"].cost_grid == pytest.approx(float(fits["+"].residuals @ fits["+"].residuals), rel=1e-12)
+    assert checks["+"].agrees
+    assert set(checks["+"].parameters) == {"alpha_0", "alpha_2"}
+
+
+def test_a_range_of_v_s_that_was_given_is_named(gripper: Lugre[float], speeds: Array) -> None:
+    """Where the term is dropped within a range that the user set, the doubt says that only this range was searched."""
+    torque = curve(speeds, gripper) + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
+    fits, _ = fit_static(from_points(speeds, torque, ("+",)), FitOptions(v_s_range=(20.0, 40.0)), "revolute", Where())
+    assert fits["+"].outcome is Outcome.NO_STRIBECK
+    assert any("between 20 and 40 only" in doubt for doubt in fits["+"].doubts)

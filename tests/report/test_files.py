@@ -4,6 +4,9 @@ from pathlib import Path
 import pytest
 
 from bristle.report import files
+from bristle.report.style import new_figure, render
+
+OWN = '{\n "schema": "bristle-results/1"}\n'
 
 
 def _tree(folder: Path) -> dict[str, bytes]:
@@ -94,10 +97,26 @@ def test_text_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest
     path = tmp_path / "results.json"
     files.write_text(path, '"\udc80"')
     assert path.read_bytes() == b'"\\udc80"'
+    path.write_text(OWN)
     _fill_disk(monkeypatch, 0)
     with pytest.raises(OSError, match="No space left"):
         files.write_text(path, "new")
-    assert _tree(tmp_path) == {"results.json": b'"\\udc80"'}
+    assert _tree(tmp_path) == {"results.json": OWN.encode()}
+
+
+def test_only_what_bristle_made_is_replaced(tmp_path: Path) -> None:
+    """Results and figures that bristle wrote may be written again; a log, an experiment file or a foreign figure may not."""
+    figure = new_figure(2.0)
+    figure.subplots().plot([0, 1])
+    for name, data in {"r.json": OWN.encode(), "f.png": render(figure)[1], "f.svg": render(figure)[0]}.items():
+        (tmp_path / name).write_bytes(data)
+        files.write_bytes(tmp_path / name, b"new")
+        assert (tmp_path / name).read_bytes() == b"new"
+    for name in ("log.csv", "e.yaml", "f.png"):
+        (tmp_path / name).write_text("t,q\n0,1 of bristle\n")
+        with pytest.raises(ValueError, match="is there already, and bristle did not make it"):
+            files.write_text(tmp_path / name, "new")
+        assert (tmp_path / name).read_text() == "t,q\n0,1 of bristle\n"
 
 
 def test_bad_paths_are_refused_in_one_sentence(tmp_path: Path) -> None:

@@ -105,7 +105,8 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
     try:
         return model.model_validate(data, context=context)
     except ValidationError as error:
-        found = error.errors()
+        errors = error.errors()  # pydantic also calls a sequence short whose items it refused
+        found = [e for e in errors if not any(o is not e and o["loc"][: len(e["loc"])] == e["loc"] for o in errors)]
         first = min(found, key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         raise ValueError(f"{name}: {_sentence(first, model)}{more}") from error
@@ -128,7 +129,10 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     if error["type"] == "missing":
         return f"{key}: missing; add this key"
     if error["type"] == "value_error":
-        return f"{key}: {error['ctx']['error']}" if key else str(error["ctx"]["error"])
+        said = str(error["ctx"]["error"])
+        return f"{key}: {said}" if key and not said.startswith(f"{key}.") else said
+    if error["type"] == "too_short":
+        return f"{key}: got {short(error['input'])}; expected at least one entry"
     message = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
     return f"{key}: got {short(error['input'])}; expected {message}"
 

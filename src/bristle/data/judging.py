@@ -1,6 +1,8 @@
 """Whether a stretch of a run counts as motion at constant velocity: each reason a sentence, with what would have let it in."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil, floor, log10
 
 from bristle.data.evidence import Evidence, Scale
 
@@ -8,6 +10,9 @@ _TOLERANCE = 0.05
 """Default drift of the velocity, relative to its mean; or what noise alone gives, where that is more."""
 _SWING = 0.25
 """Scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to speak of."""
+POSITION_DIFFERS = "The slope of the position"
+"""How the doubt begins that position and velocity disagree."""
+_LETS = "would let it in"
 _INDEPENDENT = 5.0
 """Fewest independent samples of velocity and torque."""
 
@@ -36,8 +41,10 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[str, ...]:
         or _unsteady(e, t)
         or _unsettled(e)
     )
-    found = (_too_short(e, usual, t), steady, _saturated(e, t))
-    return tuple(reason for reason in found if reason)
+    found = [reason for reason in (_too_short(e, usual, t), steady, _saturated(e, t)) if reason]
+    return tuple(
+        found if len(found) < 2 else [r.replace(_LETS, "would answer this reason, not the other") for r in found]
+    )
 
 
 def doubts(e: Evidence) -> tuple[str, ...]:
@@ -51,7 +58,7 @@ def doubts(e: Evidence) -> tuple[str, ...]:
         )
     if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
         found.append(
-            f"The slope of the position, {e.velocity:.4g}, and the mean of the velocity, {e.logged:.4g}, differ: "
+            f"{POSITION_DIFFERS}, {e.velocity:.4g}, and the mean of the velocity, {e.logged:.4g}, differ: "
             "samples may be missing, or a unit or the sampling rate be off."
         )
     if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
@@ -82,7 +89,8 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> str | None:
         asked = f"a tenth of this run's typical plateau, {usual.duration / 10:.3g} s or {usual.distance / 10:.3g} of travel, is asked for"
     else:
         return None
-    return f"Too short: it lasts {e.duration:.3g} s, and {asked}; a longer hold, or segments.minimum_duration: {e.duration:.3g} s, would let it in."
+    option = f"segments.minimum_duration: {_rounded(e.duration, floor)} s"
+    return f"Too short: it lasts {e.duration:.3g} s, and {asked}; a longer hold, or {option}, {_LETS}."
 
 
 def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> str | None:
@@ -91,11 +99,9 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> str | No
     speed = abs(e.velocity)
     if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
         return None
-    floor = "the noise floor" if t.minimum_velocity is None else "segments.minimum_velocity"
-    return (
-        f"At rest or below breakaway: its mean speed is {speed:.3g}, and {floor} is {least:.3g}; more torque, "
-        f"or a segments.minimum_velocity below {speed:.3g}, would let it in."
-    )
+    wanted = "the noise floor" if t.minimum_velocity is None else "segments.minimum_velocity"
+    option = f", or a segments.minimum_velocity of {_rounded(speed, floor)}," if speed > 1e-6 * usual.fastest else ""
+    return f"At rest or below breakaway: its mean speed is {speed:.3g}, and {wanted} is {least:.3g}; more torque{option} {_LETS}."
 
 
 def _accelerating(e: Evidence, t: Thresholds) -> str | None:
@@ -105,15 +111,15 @@ def _accelerating(e: Evidence, t: Thresholds) -> str | None:
     if e.drift <= allowed:
         return None
     return (
-        f"Accelerating: its velocity drifts by {e.drift:.3g}, mean {e.velocity:.3g}, and {allowed:.3g} is allowed; a steadier motion, "
-        f"or a segments.velocity_tolerance of {e.drift / max(speed, 1e-300):.2g}, would let it in."
+        f"Accelerating: its velocity drifts by {e.drift:.3g}, mean {e.velocity:.3g}, and {allowed:.3g} is allowed; a steadier motion"
+        f"{_tolerance(e.drift, speed)} {_LETS}."
     )
 
 
 def _hunting(e: Evidence) -> str | None:
     if e.backward <= 0.1:
         return None
-    return f"Hunting: it moves backward {e.backward:.0%} of the time, and 10 % is allowed; a controller that does not oscillate would let it in."
+    return f"Hunting: it moves backward {e.backward:.0%} of the time, and 10 % is allowed; a controller that does not oscillate {_LETS}."
 
 
 def _unsteady(e: Evidence, t: Thresholds) -> str | None:
@@ -123,8 +129,20 @@ def _unsteady(e: Evidence, t: Thresholds) -> str | None:
         return None
     return (
         f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g} about {e.velocity:.3g}, and {allowed:.3g} is "
-        f"allowed; a longer hold, a stiffer controller, or a segments.velocity_tolerance of {e.scatter / max(speed, 1e-300):.2g}, would let it in."
+        f"allowed; a longer hold or a stiffer controller{_tolerance(e.scatter, speed)} {_LETS}."
     )
+
+
+def _tolerance(deviation: float, speed: float) -> str:
+    """What to set to allow this deviation, where that can be set at all."""
+    share = _rounded(deviation / max(speed, 1e-300), ceil)
+    return f", or a segments.velocity_tolerance of {share}," if float(share) < 1 else ""
+
+
+def _rounded(x: float, way: Callable[[float], int]) -> str:
+    """A number of three digits, rounded down (floor) or up (ceil), so that as a threshold it does what is said of it."""
+    unit = 10.0 ** (floor(log10(x)) - 2) if x > 0 else 1.0
+    return f"{way(x / unit * (1 - 1e-9 if way is floor else 1 + 1e-9)) * unit:.3g}"
 
 
 def _unsettled(e: Evidence) -> str | None:
@@ -132,7 +150,7 @@ def _unsettled(e: Evidence) -> str | None:
         return None
     return (
         f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}, more than its mean {e.torque:.4g}; "
-        "a longer hold at this speed would let it in."
+        f"a longer hold at this speed {_LETS}."
     )
 
 
@@ -143,4 +161,4 @@ def _saturated(e: Evidence, t: Thresholds) -> str | None:
         share, limit = e.clipped, "the largest torque or voltage of the run"
     if share <= 0.05:
         return None
-    return f"Saturated: {share:.0%} of its samples are at {limit}, and 5 % is allowed; a lower speed, or a higher torque_limit, would let it in."
+    return f"Saturated: {share:.0%} of its samples are at {limit}, and 5 % is allowed; a lower speed, or a higher torque_limit, {_LETS}."

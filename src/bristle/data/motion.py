@@ -9,6 +9,8 @@ from bristle.model.arrays import Array
 
 ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
+_PAD = 15
+"""Least samples by which a stretch is continued, mirrored about its ends, before it is filtered; else as many as the cut-off's period has."""
 SHORTEST = 16
 """Samples that a stretch without a gap must have to be filtered."""
 
@@ -44,8 +46,14 @@ def smoothed(record: Record, values: Array, cutoff: float) -> Array:
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(ORDER, cutoff, fs=1 / record.step, output="sos")
+    reach = max(_PAD, round(1 / (record.step * cutoff)))
     # scipy-stubs cannot tell which of the layouts `butter` returns
-    return np.concatenate([np.asarray(sosfiltfilt(sections, values[s]), dtype=float) for s in stretches(record)])
+    return np.concatenate(
+        [
+            np.asarray(sosfiltfilt(sections, values[s], padlen=min(reach, s.stop - s.start - 1)), dtype=float)
+            for s in stretches(record)
+        ]
+    )
 
 
 def derivative(record: Record, values: Array) -> Array:

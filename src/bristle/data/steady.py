@@ -100,24 +100,30 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
     nearest = (
         f" Nearest, rows {longest.start}-{longest.stop} of {longest.file}: {longest.reasons[0]}" if longest else ""
     )
-    hints = [hint for hint in (*map(_unit_mistake, records), *(_magnitudes(r, thresholds) for r in records)) if hint]
+    hints = [hint for hint in (*map(unit_mistake, records), *(_magnitudes(r, thresholds) for r in records)) if hint]
     looks = f" It looks like {Counter(hints).most_common(1)[0][0]}." if hints else ""
     return message + nearest + looks
 
 
 def _settling(velocity: Array, found: Sequence[Stretch]) -> list[Stretch | None]:
-    """For each stretch, the plateau next to it that it is the beginning or end of: at least three times as long, at the same speed within 10 %."""
+    """For each stretch, the plateau that it is the beginning or end of.
+
+    That is at least three times as long, at the same speed within 10 %, and reached from the stretch, in a third of its length, without ever
+    leaving that speed.
+    """
     means = [float(np.mean(velocity[s.start : s.stop])) for s in found]
     owner: list[Stretch | None] = [None] * len(found)
-    for k, own in enumerate(found):
-        for j in (k - 1, k + 1):
-            if (
-                0 <= j < len(found)
-                and found[j].plateau
-                and found[j].stop - found[j].start >= 3 * (own.stop - own.start)
-            ):
-                touches = own.stop == found[j].start or own.start == found[j].stop
-                owner[k] = found[j] if touches and abs(means[k] - means[j]) <= 0.1 * abs(means[j]) else owner[k]
+    for j, plateau in enumerate(found):
+        reach = (plateau.stop - plateau.start) / 3
+        for way in (-1, 1):
+            k = j + way
+            while plateau.plateau and 0 <= k < len(found) and abs(means[k] - means[j]) <= 0.1 * abs(means[j]):
+                s, before = found[k], found[k - way]
+                touches = s.stop == before.start or s.start == before.stop
+                away = plateau.start - s.start if way < 0 else s.stop - plateau.stop
+                if not touches or away > reach:
+                    break
+                owner[k], k = plateau, k + way
     return owner
 
 
@@ -147,8 +153,8 @@ def _segment(record: Record, stretch: Stretch, usual: Scale, thresholds: Thresho
     )
 
 
-def _unit_mistake(record: Record) -> str | None:
-    """Where position and velocity are both logged, their ratio betrays the unit."""
+def unit_mistake(record: Record) -> str | None:
+    """Where position and velocity are both logged, their ratio betrays the unit: what it looks like, or None."""
     if record.position is None or record.velocity is None or record.time.size < 3:
         return None
     inner = np.setdiff1d(np.arange(1, record.time.size), record.starts)

@@ -87,7 +87,7 @@ def crosscheck(
         v_s_range: the range that the grid searched.
     """
     full, cost_full, costs = full_fit(problem, v_s_range)
-    tolerance = _SAME * cost_full + 1e-14 * float(problem.torque @ problem.torque)
+    tolerance = _SAME * cost_full + 1e-12 * float(problem.torque @ problem.torque)
     known = np.isfinite(standard_errors) & (standard_errors > 0)
     difference = {
         name: float((f - g) / s)
@@ -95,6 +95,7 @@ def crosscheck(
         if k
     }
     reached = int(np.count_nonzero(costs <= cost_full + tolerance))
+    agrees = abs(cost - cost_full) <= tolerance
     return Crosscheck(
         cost_grid=cost,
         cost_full=cost_full,
@@ -102,15 +103,16 @@ def crosscheck(
         reached=reached,
         parameters=dict(zip(problem.names, map(float, full), strict=True)),
         difference_in_se=difference,
-        verdict=_verdict(cost, cost_full, tolerance, difference, reached),
+        verdict=_verdict(cost, cost_full, difference, reached, agrees=agrees),
+        agrees=agrees,
     )
 
 
-def _verdict(cost: float, full: float, tolerance: float, difference: dict[str, float], reached: int) -> str:
+def _verdict(cost: float, full: float, difference: dict[str, float], reached: int, *, agrees: bool) -> str:
     ended = f"{reached} of {STARTS} random starts of the full fit ended in its best minimum"
-    if cost > full + tolerance:
+    if not agrees and full < cost:
         return f"The full nonlinear fit found a lower cost than the grid ({full:.6g} against {cost:.6g}); trust neither before you know why. {ended}."
-    if full > cost + tolerance:
+    if not agrees:
         return f"The grid found a lower cost than any start of the full nonlinear fit ({cost:.6g} against {full:.6g})."
     worst = max(map(abs, difference.values()), default=0.0)
     return f"Grid and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. {ended[0].upper()}{ended[1:]}."

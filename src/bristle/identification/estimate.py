@@ -17,7 +17,8 @@ class Outcome(StrEnum):
     CONVERGED = "The best fit lies inside the range searched, away from every bound."
     AT_BOUND = "A parameter lies at its physical bound; its interval is one-sided."
     AT_EDGE = "The best v_s lies at the edge of the range searched; these velocities do not enclose it."
-    NO_STRIBECK = "Stribeck not identifiable: Coulomb and viscous friction alone explain these data as well."
+    NO_STRIBECK = "Stribeck not identifiable from these data: Coulomb and viscous friction alone are fitted."
+    STICK_SLIP = "The Stribeck term rests on points that stick and slip; without them it is not identifiable."
     TOO_FEW = "Too few points for the parameters asked for; none is estimated."
 
 
@@ -136,6 +137,8 @@ class Crosscheck:
     """(full - grid) in standard errors of the grid fit."""
     verdict: str
     """One sentence."""
+    agrees: bool = True
+    """Whether both found the same cost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -65,19 +65,16 @@ def fit_static(
         HoldOut(file=file, relative_error=replace(p, peaks=core.problem.peaks).relative_error(core.solution.theta))
         for file, p in held
     )
-    fits = {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}
     label = _parts(problem)[-1]
     started = perf_counter()
-    check = solve(problem, v_s_range, options.grid) if core.dropped else core.solution
-    if not core.dropped:
-        solve(core.problem, v_s_range, options.grid)
+    solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
     grid_done = perf_counter()
-    checked = crosscheck(
-        problem if core.dropped else core.problem, check.theta, check.cost, _errors(core, problem), v_s_range
-    )
+    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, _errors(core), v_s_range)
     if timings is not None:
         timings |= {f"grid {label}": grid_done - started, f"full fit {label}": perf_counter() - grid_done}
-    return fits, {label: checked}
+    if not checked.agrees:
+        beside = replace(beside, doubts=(*beside.doubts, checked.verdict))
+    return {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}, {label: checked}
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: Kind) -> Mapping[str, Estimate]:
@@ -148,7 +145,7 @@ def _beside(
         if _too_few(rest):
             doubts.append(f"Without the points that stick and slip nothing can be fitted. {_too_few(rest)}")
         else:
-            alone = infer(rest, options, kind, v_s_range)
+            alone = infer(rest, options, kind, options.v_s_range or default_range(rest.velocity))
             without = alone.parameters
             doubts += [f"Without the points that stick and slip: {doubt}" for doubt in alone.doubts]
     measured = slice(problem.torque.size - problem.priors)
@@ -191,7 +188,7 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))),
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / np.linalg.norm(measured[rows])),
         n=int(rows.sum()),
-        outcome=core.outcome,
+        outcome=_outcome(core, part, beside),
         doubts=beside.doubts,
         hold_out=errors,
         names=tuple(core.names[k].rstrip("+-") for k in keep),
@@ -209,12 +206,16 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
     )
 
 
+def _outcome(core: Inferred, part: str, beside: _Beside) -> Outcome:
+    name = "alpha_1" + (part if len(core.problem.directions) == 2 else "")
+    rests = name in core.parameters and bool(beside.without) and name not in beside.without
+    return Outcome.STICK_SLIP if rests else core.outcome
+
+
 def _unit_like(core: Inferred, name: str, two: bool, part: str) -> str:
     torque = core.parameters["alpha_0" + (part if two else "")].unit
     return unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
 
 
-def _errors(core: Inferred, problem: Regression) -> Array:
-    return np.array(
-        [(e.standard_error or np.nan) if (e := core.parameters.get(name)) else np.nan for name in problem.names]
-    )
+def _errors(core: Inferred) -> Array:
+    return np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])

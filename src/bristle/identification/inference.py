@@ -20,6 +20,8 @@ SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
 SEEN = 1.5
 """Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
+UNTOUCHED = 0.34
+"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1 is invented."""
 _NEAR = 40
 """Values of v_s around the minimum at which the profile is drawn."""
 
@@ -49,7 +51,7 @@ def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
         dropped = dict.fromkeys(problem.peaks, reason)
     else:
         solution = solve(problem, v_s_range, options.grid)
-        dropped = _unsupported(problem, solution)
+        dropped = _unsupported(problem, solution, options, v_s_range)
     problem = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
     if options.loss == "huber":
         problem = problem.weighted(huber(problem, v_s_range, options.grid)[1])
@@ -79,7 +81,9 @@ def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
     )
 
 
-def _unsupported(problem: Regression, solution: Solution) -> dict[str, str]:
+def _unsupported(
+    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
+) -> dict[str, str]:
     """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the sentence that says so."""
     stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     projected = Projected(problem)
@@ -99,16 +103,34 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[str, str]:
                 f"its v_s of {v_s[k]:.3g} would lie near the fastest speed, {_fastest(problem, direction):.3g}, so the term is a bend over the "
                 f"whole range and not a drop at low speed (speeds beyond {SEEN:g} v_s would tell)"
             )
+        elif v_s[k] < UNTOUCHED * _slowest(problem, direction):
+            why = (
+                f"its v_s of {v_s[k]:.3g} would lie below a third of the slowest speed, {_slowest(problem, direction):.3g}, so the term would "
+                "rest on that one speed (slower ones would tell)"
+            )
         if why:
             dropped[direction] = (
                 f"Stribeck not identifiable{in_direction(direction)}: {why}; Coulomb and viscous friction alone are fitted."
             )
+            if options.v_s_range is not None:
+                dropped[direction] += (
+                    f" fit.v_s_range lets v_s be between {v_s_range[0]:.3g} and {v_s_range[1]:.3g} only."
+                )
     return dropped
 
 
 def _fastest(problem: Regression, direction: str) -> float:
+    return float(_speeds(problem, direction).max())
+
+
+def _slowest(problem: Regression, direction: str) -> float:
+    return float(_speeds(problem, direction).min())
+
+
+def _speeds(problem: Regression, direction: str) -> Array:
     moving = {"+": problem.velocity > 0, "-": problem.velocity < 0}.get(direction, problem.velocity != 0)
-    return float(np.abs(problem.velocity[moving]).max())
+    speeds: Array = np.abs(problem.velocity[moving])
+    return speeds
 
 
 def _profiles(

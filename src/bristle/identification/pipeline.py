@@ -1,5 +1,6 @@
 """From an experiment file to everything found out about its joint: reading, segments, static fits, cross-check."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from bristle.data.experiment import Experiment, Run, load_experiment, read_runs
+from bristle.data.judging import POSITION_DIFFERS
 from bristle.data.record import Record
-from bristle.data.steady import Segment, find_segments, nothing_left
+from bristle.data.steady import Segment, find_segments, nothing_left, unit_mistake
 from bristle.identification import regression
 from bristle.identification.estimate import Crosscheck, Input, Joint, StaticFit
 from bristle.identification.fit import Where, fit_static
@@ -44,6 +46,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     """
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
+    _refuse_repeated(experiment, runs)
     return Measured(experiment=experiment, runs=runs, segments=tuple(_segments(experiment, run) for run in runs))
 
 
@@ -86,6 +89,32 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
         assumptions=experiment.assumptions,
         settings=_settings(experiment, moving=not points),
     )
+
+
+def _refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
+    """A run given twice would count twice, and a hold-out that was fitted is none."""
+    for k, run in enumerate(runs):
+        for other in runs[:k]:
+            a, b = run.record, other.record
+            same = a.sha256 == b.sha256 and run.kind == other.kind and a.time.size == b.time.size
+            if same and all(_equal(getattr(a, name), getattr(b, name)) for name in ("time", "torque", "velocity")):
+                what = "is held out and fitted as well" if run.hold_out != other.hold_out else "is given twice"
+                raise ValueError(
+                    f"{experiment.path.name}: runs: {a.file} {what} (as {b.file}, the same bytes); name each run once"
+                )
+
+
+def _equal(a: Array | None, b: Array | None) -> bool:
+    return (a is None) == (b is None) and (a is None or b is None or np.array_equal(a, b))
+
+
+def _refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
+    """Friction opposes motion, so the drive's torque does not: else its sign is wrong."""
+    if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
+        raise ValueError(
+            f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
+            "scale: -1 under signals, or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
+        )
 
 
 def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
@@ -136,6 +165,9 @@ def _fit_points(
             groups = [(tuple(DIRECTIONS), tuple(points))]
     static: dict[str, StaticFit] = {}
     checks: dict[str, Crosscheck] = {}
+    for d, sign in DIRECTIONS.items() if not regressors else ():
+        v, T = (np.array([getattr(s, x) for s in points if s.velocity * sign > 0]) for x in ("velocity", "torque"))
+        _refuse_opposing(experiment, v, T, f"at the {v.size} points of direction {d}")
     for directions, own in groups:
         signs = [DIRECTIONS[d] for d in directions if d in DIRECTIONS] or list(DIRECTIONS.values())
         by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
@@ -171,10 +203,11 @@ def _where(points: Sequence[Segment]) -> Where:
     def known(values: list[float | None]) -> Array:
         return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
 
+    alone = len({s.file for s in points})  # a run of one point has no course over time
     return Where(
         names=tuple(f"{s.file} rows {s.start}-{s.stop} at {s.velocity:.3g}" for s in points),
         stick_slip=np.array([s.stick_slip for s in points], dtype=bool),
-        time=known([s.time for s in points]),
+        time=known([s.time for s in points]) if alone < len(points) else np.zeros(0),
         position=known([s.position for s in points]),
     )
 
@@ -202,6 +235,8 @@ def _fit_moving(
     def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
         return regression.from_records(chosen, directions, regressors, experiment.fit.decimation, fixed)
 
+    velocity, torque = (np.concatenate([x(r) for r in records]) for x in (_velocity, _torque))
+    _refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
     training, (time, position), _ = problem(records)
     if prior is not None and "inertia" in regressors:
         free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
@@ -215,6 +250,10 @@ def _fit_moving(
 
 def _velocity(record: Record) -> Array:
     return record.velocity if record.velocity is not None else np.zeros(0)
+
+
+def _torque(record: Record) -> Array:
+    return record.torque if record.torque is not None else np.zeros(0)
 
 
 def _input(record: Record) -> Input:
@@ -231,8 +270,11 @@ def _input(record: Record) -> Input:
 def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[str, ...]:
     experiment, doubts = measured.experiment, []
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
-        only = next(iter(set(static) & set(DIRECTIONS)))
-        doubts.append(f"Only direction {only} was measured; nothing is known of the other one.")
+        other = next(d for d in DIRECTIONS if d not in static)
+        tried = sum(s.velocity * DIRECTIONS[other] > 0 for found in measured.segments for s in found)
+        why = f"none of its {tried} candidate segments was kept" if tried else "it was not measured"
+        doubts.append(f"Nothing is known of direction {other}: {why}.")
+    doubts += _segment_doubts(measured)
     if from_points and measured.moving(hold_out=False):
         doubts.append(
             "The moving runs (tracking) are not used by the static fit, which has points at constant velocity."
@@ -244,6 +286,25 @@ def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points:
     if experiment.truth and not experiment.simulated:
         doubts.append("A truth is given, but the data are not declared simulated.")
     return tuple(doubts)
+
+
+def _segment_doubts(measured: Measured) -> list[str]:
+    """What kept segments let doubt, counted: each is listed with its segment."""
+    kept = measured.points(hold_out=False)
+    doubts = []
+    differ = sum(any(d.startswith(POSITION_DIFFERS) for d in s.doubts) for s in kept)
+    if differ:
+        looks = Counter(filter(None, (unit_mistake(run.record) for run in measured.runs))).most_common(1)
+        hint = f" It looks like {looks[0][0]}." if looks else ""
+        doubts.append(
+            f"Position and velocity disagree in {differ} of {len(kept)} kept segments; the slope of the position counts.{hint}"
+        )
+    others = sum(any(not d.startswith((POSITION_DIFFERS, "Stick-slip")) for d in s.doubts) for s in kept)
+    if others:
+        doubts.append(
+            f"{others} of {len(kept)} kept segments have a torque to doubt; each says why in the list of segments."
+        )
+    return doubts
 
 
 def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:

@@ -32,7 +32,9 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 
 def condition(jacobian: Array) -> float:
-    """Condition number of the Jacobian with its columns scaled to unit length."""
+    """Condition number of the Jacobian with its columns scaled to unit length; 1 where it has none."""
+    if jacobian.shape[1] == 0:
+        return 1.0
     scale = np.linalg.norm(jacobian, axis=0)
     return float(np.linalg.cond(jacobian / np.where(scale == 0, 1.0, scale)))
 

@@ -55,6 +55,24 @@ def stribeck_shape_slope() -> ca.Function:
 
 
 @cache
+def loading_displacement() -> ca.Function:
+    """(T, g0, sigma_0) -> (y, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
+    s = _symbols("T", "g0", "sigma_0")
+    y = law.loading_displacement(s["T"], Lugre(s["g0"], 0.0, 0.0, 1.0, s["sigma_0"], 0.0))
+    free = {name: s[name] for name in ("g0", "sigma_0")}
+    return _function("loading_displacement", s, {"y": y, **_derivatives("y", y, free)})
+
+
+@cache
+def presliding_damping() -> ca.Function:
+    """(sigma_0, J, damping_ratio) -> (sigma_1, sigma_1_sigma_0, sigma_1_J): (15) for any damping ratio, with its derivatives."""
+    s = _symbols("sigma_0", "J", "damping_ratio")
+    sigma_1 = law.presliding_damping(s["sigma_0"], s["J"], s["damping_ratio"])
+    free = {name: s[name] for name in ("sigma_0", "J")}
+    return _function("presliding_damping", s, {"sigma_1": sigma_1, **_derivatives("sigma_1", sigma_1, free)})
+
+
+@cache
 def drive_torque() -> ca.Function:
     """(V, w, k_t, R) -> T: the torque that voltage V drives at velocity w (7)-(8), N*m."""
     s = _symbols("V", "w", "k_t", "R")

@@ -50,6 +50,21 @@ def steady_torque(v: Expression, p: Lugre[Any]) -> Expression:
     return stribeck(v, p) * ca.sign(v) + p.alpha_2 * v
 
 
+def loading_displacement(T: Expression, p: Lugre[Any]) -> Expression:
+    """y(T) = -(g0 / sigma_0) log(1 - T / g0), g0 = alpha_0 + alpha_1, rad: how far slow loading from z = 0 moves the joint, 0 <= T < g0.
+
+    The solution of (4) with T = sigma_0 z where v goes to zero from above: dz/dy = 1 - sigma_0 z / g(0). Its inverse is
+    T = g0 (1 - exp(-sigma_0 y / g0)), which (14) takes for sigma_0 y.
+    """
+    g0 = stribeck(0.0, p)
+    return -(g0 / p.sigma_0) * ca.log1p(-T / g0)
+
+
+def presliding_damping(sigma_0: Expression, J: Expression, damping_ratio: Expression) -> Expression:
+    """sigma_1 = 2 damping_ratio sqrt(J sigma_0), N*m*s/rad: the damping of J on the bristle spring; (15) assumes a ratio of 0.1."""
+    return 2 * damping_ratio * ca.sqrt(J * sigma_0)
+
+
 def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
     """exp(-(v / v_s)**2) sgn(v): what multiplies alpha_1 in (9), the second column of (11)-(12)."""
     return steady_torque(v, Lugre(0.0, 1.0, 0.0, v_s, 1.0, 0.0))

@@ -1,10 +1,12 @@
 """Results as matplotlib figures. Every axis carries quantity and unit; directions differ in colour, marker and line."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from bristle.data.record import Record
 from bristle.data.steady import Segment
@@ -20,6 +22,14 @@ FIG_1_V_S = (0.036, 0.072, 0.144)
 """Assumed: the paper shows three distinct v_s and names none. The middle one is the gripper's in Table 1."""
 MOST_POINTS = 600
 """Points drawn per direction; denser data are thinned evenly, which the caption says."""
+
+
+_SHADES: dict[str, dict[str, Any]] = {
+    "kept": {"facecolor": "#009E73", "alpha": 0.3, "linewidth": 0},
+    "kept, stick-slip": {"facecolor": "#009E73", "alpha": 0.3, "hatch": "..", "linewidth": 0},
+    "rejected": {"facecolor": "none", "edgecolor": "#D55E00", "alpha": 0.5, "hatch": "//", "linewidth": 0},
+}
+"""How the segments of a run are marked."""
 
 
 @styled
@@ -78,7 +88,8 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
         x, y = np.abs(v), np.abs(y)
     ax.plot(x, y, look.line, color=look.colour)
     if half is not None:
-        ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0)
+        named = None if "95 % band" in ax.get_legend_handles_labels()[1] else "95 % band"
+        ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
 
 
 def _fitted_points(ax: Axes, joint: Joint, fit: StaticFit, look: Look, label: str, *, magnitude: bool = False) -> None:
@@ -203,7 +214,8 @@ def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind:
             _signal(ax, record, quantity)
             _shade(ax, record, own)
             _label(ax, axis("time", kind), axis(quantity, kind))
-        row[0].set_title(shortened(record.file, 48), loc="left")
+        row[0].set_title(shortened(record.file, 48, end=True), loc="left")
+        _legend_of_shades(axes[0, 1], segments)
         row[1].set_title(f"{sum(s.accepted for s in own)} of {len(own)} segments kept", loc="left")
     return figure
 
@@ -215,16 +227,26 @@ def _signal(ax: Axes, record: Record, quantity: str) -> None:
         return
     k = np.unique(np.linspace(0, record.time.size - 1, min(record.time.size, 3000)).astype(int))
     ax.plot(record.time[k], values[k], "-", color="black", linewidth=0.8)
+    low, high = np.percentile(values, [1, 99])
+    if np.ptp(values) > 3 * (high - low) > 0:  # a transient would flatten all else
+        ax.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
 
 
 def _shade(ax: Axes, record: Record, segments: Sequence[Segment]) -> None:
     for s in segments:
         ends = float(record.time[s.start]), float(record.time[min(s.stop, record.time.size) - 1])
-        if s.accepted:
-            hatch = ".." if s.stick_slip else None
-            ax.axvspan(*ends, facecolor="#009E73", alpha=0.3, hatch=hatch, linewidth=0)
-        else:
-            ax.axvspan(*ends, facecolor="none", edgecolor="#D55E00", alpha=0.5, hatch="//", linewidth=0)
+        ax.axvspan(*ends, **_SHADES[_shade_of(s)])
+
+
+def _shade_of(s: Segment) -> str:
+    return "rejected" if not s.accepted else "kept, stick-slip" if s.stick_slip else "kept"
+
+
+def _legend_of_shades(ax: Axes, segments: Sequence[Segment]) -> None:
+    seen = {_shade_of(s) for s in segments}
+    handles = [Patch(**look, label=name) for name, look in _SHADES.items() if name in seen]
+    if handles:
+        ax.legend(handles=handles, loc="lower right", ncols=len(handles), fontsize="small")
 
 
 def _label(ax: Axes, x: str, y: str) -> None:

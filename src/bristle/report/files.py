@@ -8,28 +8,55 @@ from pathlib import Path, PurePosixPath
 
 MANIFEST = ".bristle-manifest"
 """Lists what the last report made in its folder, one relative path per line."""
+_OWN = (b'"schema": "bristle-results/', b"Software\0bristle", b"<dc:title>bristle</dc:title>")
+"""By which a file that bristle wrote is known, near its beginning: results, a PNG, an SVG."""
+_HEAD = 4096
 
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8 under a temporary name, then rename it; an older file stays whole until then.
 
-    Raises ValueError where the path is a folder or lies in none, and OSError where it cannot be written.
+    Raises ValueError as `check_file` does, and OSError where it cannot be written.
     """
     write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
 
 def write_bytes(path: Path, data: bytes) -> None:
     """`write_text` for bytes."""
-    if path.is_dir():
-        raise ValueError(f"{path}: is a folder; name a file")
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: its folder {path.parent} does not exist; create it or name another file")
+    check_file(path)
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".bristle-") as stage:
             _write(Path(stage) / "file", data)
             (Path(stage) / "file").replace(path)
     except OSError as error:
         raise _about(path, error) from error
+
+
+def check_file(path: Path) -> None:
+    """Whether a file can be written there, as far as can be told before.
+
+    Raises ValueError where the path is a folder or lies in none, or holds a file that bristle did not make.
+    """
+    if path.is_dir():
+        raise ValueError(f"{path}: is a folder; name a file")
+    if not path.parent.is_dir():
+        raise ValueError(f"{path}: its folder {path.parent} does not exist; create it or name another file")
+    if path.is_file():
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+        if head and not any(mark in head for mark in _OWN):
+            raise ValueError(f"{path}: is there already, and bristle did not make it; move it, or name another file")
+
+
+def check_folder(folder: Path) -> None:
+    """Whether a report can be written there, as far as can be told before.
+
+    Raises ValueError where the folder is a file, or neither it nor the nearest one above it that exists can be written.
+    """
+    _refuse_foreign(folder, {})
+    nearest = next(path for path in (folder.resolve(), *folder.resolve().parents) if path.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        raise ValueError(f"{folder}: {nearest} cannot be written; name another folder")
 
 
 def _write(path: Path, data: bytes) -> None:

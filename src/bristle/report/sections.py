@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from bristle import __version__
 from bristle.identification.estimate import Joint, StaticFit
+from bristle.model.parameters import unit
 from bristle.report import figures, tables
 from bristle.report.advice import next_measurements
 from bristle.report.curves import band
@@ -101,9 +102,11 @@ def _inputs(joint: Joint) -> dict[str, Any]:
 
 
 def _segments(joint: Joint) -> dict[str, Any]:
-    frame = tables.segments([joint])
+    units = {name: f"{name} ({pretty(unit(name, joint.kind))})" for name in ("velocity", "torque")}
+    units["standard_error"] = f"its standard error ({pretty(unit('torque', joint.kind))})"
+    frame = tables.segments([joint]).rename(columns=units)
     kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip"])
-    rejected = frame[~frame["accepted"]][["file", "start", "stop", "velocity", "torque", "reasons"]]
+    rejected = frame[~frame["accepted"]][["file", "start", "stop", units["velocity"], units["torque"], "reasons"]]
     return {"kept": _shown(kept), "rejected": _shown(rejected), "sticking": int(frame["stick_slip"].sum())}
 
 

@@ -92,7 +92,7 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
 
 def title(ax: Axes, name: str, simulated: bool) -> None:
     """The joint's name, and whether its data are simulated: figures travel without their captions."""
-    ax.set_title(f"{shortened(name, 40)}{' (SIMULATED data)' if simulated else ''}", loc="left", pad=14)
+    ax.set_title(f"{shortened(name, 40)}{' (SIMULATED data)' if simulated else ''}", loc="left", pad=17)
 
 
 def decimal_log(ax: Axes) -> None:
@@ -105,14 +105,14 @@ def decimal_log(ax: Axes) -> None:
 
 @styled
 def render(figure: Figure) -> tuple[bytes, bytes]:
-    """A figure as SVG and as PNG: the same bytes for the same data, with no date and no program name."""
+    """A figure as SVG and as PNG: the same bytes for the same data, with no date and no version."""
     return render_as(figure, "svg"), render_as(figure, "png")
 
 
 @styled
 def render_as(figure: Figure, kind: str) -> bytes:
     """A figure as bytes of one kind, `svg` or `png`."""
-    metadata = {"Date": None, "Creator": None} if kind == "svg" else {"Software": None}
+    metadata = {"Date": None, "Creator": "bristle"} if kind == "svg" else {"Software": "bristle"}
     buffer = io.BytesIO()
     encoder: Any = {} if kind == "svg" else {"pil_kwargs": {"compress_level": 4}}  # twice as fast, hardly larger
     figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata, **encoder)

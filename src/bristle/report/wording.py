@@ -81,10 +81,12 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
-def shortened(text: str, length: int = 60) -> str:
-    """Text that fits a figure's title."""
+def shortened(text: str, length: int = 60, *, end: bool = False) -> str:
+    """Text that fits a figure's title: its beginning, or its end, where files are told apart."""
     text = printable(text)
-    return text if len(text) <= length else f"{text[: length - 1]}…"
+    if len(text) <= length:
+        return text
+    return f"…{text[1 - length :]}" if end else f"{text[: length - 1]}…"
 
 
 def slugs(names: list[str]) -> list[str]:
