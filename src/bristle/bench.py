@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from bristle.control.loop import Clock, Loop, simulate
+from bristle.control.loop import STILL, Clock, Loop, simulate
 from bristle.control.pid import Gains
 from bristle.data.sensor import Sensors, white_noise
 from bristle.model import functions
@@ -57,6 +57,20 @@ class Ramps(NamedTuple):
     """Least time before each plateau, s."""
     turn: float = 0.2
     """Time to reach a leg's first speed from rest, and to stop from its last, s."""
+
+
+class Loads(NamedTuple):
+    """The plan of a presliding experiment, open loop: torque grows slowly to a peak below breakaway, falls faster, and so to the other side."""
+
+    positive: float
+    """Peak along positive torque, N*m, > 0."""
+    negative: float
+    """Peak along negative torque, N*m, > 0."""
+    rise: float = 25.0
+    """Time to each peak, s."""
+    fall: float = 4.0
+    """Time from it back to zero, s."""
+    cycles: int = 1
 
 
 class Rig(NamedTuple):
@@ -114,15 +128,56 @@ def ramp_reference(ramps: Ramps, clock: Clock) -> Reference:
     return Reference(time, position, sampled, tuple(plateaus))
 
 
+def multisine(
+    lines: Sequence[tuple[float, float, float]], duration: float, clock: Clock, rest: float = 0.5
+) -> Reference:
+    """A sum of sines of the angle, (amplitude rad, frequency Hz, phase rad) each, faded in and out over `rest` seconds."""
+    every = clock.decimation
+    time = np.arange(ceil(duration / (clock.period * every)) * every, dtype=np.float64) * clock.period
+    fade = np.clip(np.minimum(time, duration - time) / rest, 0.0, 1.0)
+    fade = fade**3 * (10 - 15 * fade + 6 * fade**2)
+    position = fade * sum(a * np.sin(2 * np.pi * f * time + phase) for a, f, phase in lines)
+    return Reference(time, position, np.gradient(position, clock.period), ())
+
+
+def follow_logs(joint: Rig, reference: Reference, seeds: Sequence[Seed]) -> Logs:
+    """A motion followed under the joint's controller, once for each seed."""
+    load, noise, _ = _noises(joint, reference.time.size, seeds)
+    log = simulate(joint.loop, reference.position, reference.velocity, load)
+    return Logs(reference.time[:: joint.loop.clock.decimation], log.position, log.voltage + noise, ())
+
+
+def load_logs(joint: Rig, loads: Loads, seeds: Sequence[Seed]) -> Logs:
+    """The presliding experiment, once for each seed: the voltage follows the plan, open loop; the joint rests anywhere in a count."""
+    clock = joint.loop.clock
+    times, torques = [0.0, 1.0], [0.0, 0.0]
+    for _ in range(loads.cycles):
+        for peak in (loads.positive, -loads.negative):
+            times += [times[-1] + loads.rise, times[-1] + loads.rise + loads.fall]
+            torques += [peak, 0.0]
+    periods = ceil((times[-1] + 1.0) / (clock.period * clock.decimation)) * clock.decimation
+    time = np.arange(periods, dtype=np.float64) * clock.period
+    load, noise, phase = _noises(joint, periods, seeds)
+    still = np.zeros(periods)
+    open_loop = joint.loop._replace(gains=Gains(0.0, 0.0, 0.0, 0.0))
+    start = STILL._replace(position=phase * joint.sensors.resolution)
+    log = simulate(open_loop, still, still, load, start, np.interp(time, times, torques))
+    return Logs(time[:: clock.decimation], log.position, log.voltage + noise, ())
+
+
+def _noises(joint: Rig, periods: int, seeds: Sequence[Seed]) -> tuple[Array, Array, Array]:
+    """Disturbing torque, N*m, (seeds, periods); voltage noise, V, (seeds, samples); and where in a count the joint rests, in counts, (seeds,)."""
+    rngs = [np.random.default_rng(seed) for seed in seeds]
+    load = np.stack([white_noise(rng, joint.sensors.torque_noise, (periods,)) for rng in rngs])
+    samples = periods // joint.loop.clock.decimation
+    noise = np.stack([white_noise(rng, joint.sensors.voltage_noise, (samples,)) for rng in rngs])
+    return load, noise, np.array([rng.uniform(-0.5, 0.5) for rng in rngs])
+
+
 def ramp_logs(joint: Rig, ramps: Ramps, seeds: Sequence[Seed]) -> Logs:
     """The same ramp experiment, once for each seed; one seed gives the same numbers whatever the others are."""
     reference = ramp_reference(ramps, joint.loop.clock)
-    every, periods = joint.loop.clock.decimation, reference.time.size
-    rngs = [np.random.default_rng(seed) for seed in seeds]
-    load = np.stack([white_noise(rng, joint.sensors.torque_noise, (periods,)) for rng in rngs])
-    log = simulate(joint.loop, reference.position, reference.velocity, load)
-    noise = np.stack([white_noise(rng, joint.sensors.voltage_noise, (periods // every,)) for rng in rngs])
-    return Logs(reference.time[::every], log.position, log.voltage + noise, reference.plateaus)
+    return follow_logs(joint, reference, seeds)._replace(plateaus=reference.plateaus)
 
 
 def ramp_experiment(joint: Rig, ramps: Ramps, seed: Seed) -> pd.DataFrame:

@@ -23,6 +23,7 @@ from bristle.model.parameters import Motor, Pair
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""
 
+_INPUTS = 4
 _CHUNK = 100
 """Logged samples of every scenario in one CasADi call: what bounds the memory."""
 _THREADS = 2
@@ -128,14 +129,14 @@ def plant_step(
 
 @lru_cache(maxsize=64)
 def _tick(loop: Loop) -> ca.Function:
-    """One control period: (memory, (reference, its velocity, disturbance)) -> (memory, (reading, voltage, velocity, deflection))."""
-    memory, u = ca.SX.sym("memory", 6), ca.SX.sym("u", 3)
+    """One control period: (memory, (reference, its velocity, feed-forward, disturbance)) -> (memory, (reading, voltage, velocity, deflection))."""
+    memory, u = ca.SX.sym("memory", 6), ca.SX.sym("u", _INPUTS)
     state, control = State(*ca.vertsplit(memory[:3])), Memory(*ca.vertsplit(memory[3:]))
-    reference, speed, load = ca.vertsplit(u)
+    reference, speed, forward, load = ca.vertsplit(u)
     reading = quantise(state.position, loop.resolution)
     period, substeps, _ = loop.clock
     demand, control = pid(control, reference - reading, period, loop.gains, loop.torque_limit)
-    V = motor.voltage(demand, speed, loop.motor)
+    V = motor.voltage(demand + forward, speed, loop.motor)
     new = state
     for _ in range(substeps):
         new = plant_step(new, V, load, period / substeps, loop.pair, loop.motor)
@@ -147,21 +148,29 @@ def _tick(loop: Loop) -> ca.Function:
 def _run(loop: Loop, samples: int, scenarios: int) -> ca.Function:
     """Many logged samples of many scenarios: `decimation` ticks make a sample, which logs its first tick and its mean voltage."""
     n = loop.clock.decimation
-    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", 3, n)
+    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", _INPUTS, n)
     ends, logs = _tick(loop).mapaccum(n)(memory, u)
     log = ca.vertcat(logs[0, 0], ca.sum2(logs[1, :]) / n, logs[2:, 0])
     sample = ca.Function("sample", [memory, u], [ends[:, -1], log])
-    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", 3, n * samples)
+    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", _INPUTS, n * samples)
     ends, logs = sample.mapaccum(samples)(memory, u)
     run = ca.Function("run", [memory, u], [ends[:, -1], logs])
     return run.map(scenarios, "thread", _THREADS) if scenarios > 1 else run
 
 
-def simulate(loop: Loop, reference: Array, speed: Array, load: Array, start: State = STILL) -> Log:
+def simulate(
+    loop: Loop,
+    reference: Array,
+    speed: Array,
+    load: Array,
+    start: State = STILL,
+    forward: Array | float = 0.0,
+) -> Log:
     """Runs the loop from `start`, controller at rest, once for each disturbance.
 
-    reference (rad) and its velocity speed (rad/s), shape (periods,); load, the disturbing torque (N*m), shape (scenarios, periods). Each value
-    holds over one control period; periods must be a multiple of the clock's decimation, else ValueError.
+    reference (rad) and its velocity speed (rad/s), shape (periods,); load, the disturbing torque (N*m), shape (scenarios, periods); forward, a torque
+    (N*m) added to the controller's, shape (periods,): with gains of zero the loop is open. Each value holds over one control period; periods must be
+    a multiple of the clock's decimation, else ValueError. Each number of `start` is one for all scenarios, or an array (scenarios,).
     """
     scenarios, periods = load.shape
     samples, rest = divmod(periods, loop.clock.decimation)
@@ -170,12 +179,13 @@ def simulate(loop: Loop, reference: Array, speed: Array, load: Array, start: Sta
             f"the disturbance has {periods} control periods, reference and speed have {reference.size} and {speed.size}; "
             f"expected the same number, a multiple of the decimation {loop.clock.decimation}"
         )
-    memory: Any = np.repeat(np.array([*start, *AT_REST])[:, None], scenarios, axis=1)
+    memory: Any = np.array([np.broadcast_to(x, scenarios) for x in (*start, *AT_REST)])
+    forward = np.broadcast_to(forward, periods)
     logs = np.empty((4, scenarios, samples))
     for first in range(0, samples, _CHUNK):
         last = min(first + _CHUNK, samples)
         window = slice(first * loop.clock.decimation, last * loop.clock.decimation)
-        part = np.broadcast_arrays(reference[window], speed[window], load[:, window])
-        memory, log = _run(loop, last - first, scenarios)(memory, np.stack(part).reshape(3, -1))
+        part = np.broadcast_arrays(reference[window], speed[window], forward[window], load[:, window])
+        memory, log = _run(loop, last - first, scenarios)(memory, np.stack(part).reshape(_INPUTS, -1))
         logs[:, :, first:last] = log.full().reshape(4, scenarios, last - first)
     return Log(*logs)

@@ -79,6 +79,10 @@ class FitOptions(Model):
     """Low pass of position before it is differentiated, tracking runs, Hz."""
     velocity_cutoff: Hertz = 10.0
     """The same, ramp and presliding runs without logged velocity, Hz."""
+    presliding_cutoff: Hertz = 2.0
+    """Low pass of the torque of presliding runs, Hz."""
+    breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
+    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of loading."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
 
     @model_validator(mode="after")

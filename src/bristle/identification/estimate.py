@@ -6,6 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from bristle.data.loading import Loading, Loop
 from bristle.data.steady import Segment
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, Lugre
@@ -142,6 +143,59 @@ class Crosscheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PreslidingFit:
+    """sigma_0 of one direction by four estimators side by side, and sigma_1 by (15)."""
+
+    direction: str
+    printed: Estimate
+    """(14) as it stands, T1 / x1."""
+    corrected: Estimate
+    """Its closed-form inverse, exact where rest lies on a count edge."""
+    edges: Estimate
+    """From count edge to count edge."""
+    samples: Estimate
+    """From all samples."""
+    sigma_1: Estimate
+    """(15): a prior from an assumed damping ratio."""
+    recommended: str
+    """Which of the four to use."""
+    level: float
+    """g0, the torque at which slow loading slides, N*m."""
+    level_standard_error: float
+    level_source: str
+    quantum: float
+    """One count, rad; 0 where no counts are seen."""
+    counts: int
+    """Count edges crossed in all loadings."""
+    bias_on_edge: float
+    """Relative bias of (14) with this encoder where rest lies on a count edge."""
+    bias_mean: float
+    """Its mean over rest positions anywhere in the count."""
+    bias_spread: float
+    """Its standard deviation over them."""
+    loadings: tuple[Loading, ...]
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def sigma_0(self) -> Estimate:
+        """The recommended estimate."""
+        return {"edges": self.edges, "samples": self.samples}[self.recommended]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Presliding:
+    """What slow loading showed: sigma_0 per direction, breakaway, and hysteresis."""
+
+    fits: Mapping[str, PreslidingFit]
+    breakaway: Mapping[str, Estimate]
+    """Per direction, the median torque at which the joint began to slide."""
+    breakaways: tuple[Loading, ...] = ()
+    """The loadings that broke away."""
+    loops: tuple[Loop, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
     """One file that went in."""
 
@@ -163,6 +217,8 @@ class Joint:
     segments: tuple[Segment, ...]
     static: Mapping[str, StaticFit]
     crosscheck: Mapping[str, Crosscheck]
+    presliding: Presliding | None = None
+    """None where no presliding run was given."""
     doubts: tuple[str, ...] = ()
     truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""

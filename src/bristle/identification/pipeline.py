@@ -1,7 +1,7 @@
 """From an experiment file to everything found out about its joint: reading, segments, static fits, cross-check."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +12,9 @@ from bristle.data.judging import POSITION_DIFFERS
 from bristle.data.record import Record
 from bristle.data.steady import Segment, find_segments, nothing_left, unit_mistake
 from bristle.identification import regression
-from bristle.identification.estimate import Crosscheck, Input, Joint, StaticFit
+from bristle.identification.estimate import Crosscheck, Input, Joint, Presliding, StaticFit
 from bristle.identification.fit import Where, fit_static
+from bristle.identification.presliding import Level, identify_presliding
 from bristle.identification.regression import Regression
 from bristle.model.arrays import Array
 
@@ -60,11 +61,14 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
     """
     experiment = measured.experiment
     points = measured.points(hold_out=False)
+    slow = tuple(run.record for run in measured.runs if run.kind == "presliding" and not run.hold_out)
+    static: dict[str, StaticFit] = {}
+    checks: dict[str, Crosscheck] = {}
     if points:
         static, checks = _fit_points(measured, points, timings)
     elif measured.moving(hold_out=False):
         static, checks = _fit_moving(measured, timings)
-    else:
+    elif not slow or any(run.kind in {"ramp", "points"} for run in measured.runs):
         training = [
             (r, s)
             for r, s in zip(measured.runs, measured.segments, strict=True)
@@ -72,7 +76,7 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
         ]
         if not training:
             raise ValueError(
-                f"{experiment.path.name}: no run of kind ramp, points or tracking to fit (hold-out runs are never fitted); add one under runs"
+                f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
             )
         candidates = tuple(s for _, found in training for s in found)
         raise ValueError(nothing_left(candidates, tuple(r.record for r, _ in training), experiment.segments))
@@ -83,6 +87,7 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
         segments=tuple(s for found in measured.segments for s in found),
         static=static,
         crosscheck=checks,
+        presliding=_presliding(experiment, slow, static) if slow else None,
         doubts=_joint_doubts(measured, static, bool(points)),
         truth=experiment.truth,
         simulated=experiment.simulated,
@@ -212,6 +217,35 @@ def _where(points: Sequence[Segment]) -> Where:
     )
 
 
+def _presliding(experiment: Experiment, slow: Sequence[Record], static: Mapping[str, StaticFit]) -> Presliding:
+    """sigma_0 and sigma_1 from the slow runs, with g0 and the inertia from wherever they are known."""
+    levels = {d: level for d in DIRECTIONS if (level := _level(static.get(d) or static.get("both"))) is not None}
+    inertia = None
+    if experiment.inertia is not None:
+        inertia = Level(experiment.inertia.value, experiment.inertia.standard_error or 0.0, "the experiment file")
+    else:
+        for part in ("shared", "both", *DIRECTIONS):
+            e = static[part].parameters.get("inertia") if part in static else None
+            if inertia is None and e is not None and e.value is not None:
+                inertia = Level(e.value, e.standard_error or 0.0, "the moving runs")
+    return identify_presliding(
+        slow, levels, inertia, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
+    )
+
+
+def _level(fit: StaticFit | None) -> Level | None:
+    """g0 = alpha_0 + alpha_1 of a static fit, with the error that their covariance gives; alpha_0 alone where no Stribeck term was seen."""
+    if fit is None or fit.parameters["alpha_0"].value is None:
+        return None
+    terms = [name for name in ("alpha_0", "alpha_1") if fit.parameters[name].value]
+    value = sum(fit.parameters[name].value or 0.0 for name in terms)
+    share = np.array([float(name in terms) for name in fit.names])
+    error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
+    return Level(
+        value, error, "the static fit" if "alpha_1" in terms else "alpha_0 of the static fit, which shows no peak"
+    )
+
+
 def _regressors(experiment: Experiment) -> tuple[str, ...]:
     """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
     asked: tuple[str, ...] | None = experiment.fit.regressors
@@ -279,8 +313,6 @@ def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points:
         doubts.append(
             "The moving runs (tracking) are not used by the static fit, which has points at constant velocity."
         )
-    if any(run.kind == "presliding" for run in measured.runs):
-        doubts.append("The presliding runs are not used: this version identifies the static parameters only.")
     if not from_points and experiment.fit.directions == "separate":
         doubts.append("With separate directions an offset cannot be told from the two Coulomb terms; it is left out.")
     if experiment.truth and not experiment.simulated:
