@@ -14,7 +14,8 @@ from bristle import bench, edro
 from bristle.data.options import FitOptions
 from bristle.identification.estimate import Estimate
 from bristle.identification.fit import estimate_static
-from bristle.identification.pipeline import DIRECTIONS, Measured, measure
+from bristle.identification.moving import DIRECTIONS
+from bristle.identification.pipeline import Measured, measure
 from bristle.identification.regression import from_points
 from bristle.model.arrays import Array
 

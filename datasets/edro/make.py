@@ -18,8 +18,10 @@ def truth(p: Lugre[float]) -> dict[str, str]:
     return {name: f"{value} {unit(name)}" for name, value in p._asdict().items()}
 
 
-def experiment(stem: str, file: str, title: str, assumptions: tuple[str, ...] = edro.ASSUMPTIONS) -> str:
-    """The experiment file of one joint, as YAML; `file` names its log, `title` the joint."""
+def experiment(
+    stem: str, title: str, runs: list[dict[str, object]], assumptions: tuple[str, ...] = edro.ASSUMPTIONS
+) -> str:
+    """The experiment file of one joint, as YAML, with its runs; `title` names the joint."""
     name = edro.SETTINGS[stem].name
     pair, motor = edro.TABLE_1[name], edro.motor(name)
     document = {
@@ -31,7 +33,8 @@ def experiment(stem: str, file: str, title: str, assumptions: tuple[str, ...] = 
             "position": {"column": "position", "unit": "rad"},
             "voltage": {"column": "voltage", "unit": "V"},
         },
-        "runs": [{"files": file, "experiment": "ramp"}],
+        "runs": runs,
+        "fit": {"position_cutoff": f"{edro.CUTOFF:g} Hz", "decimation": edro.DECIMATION},
         "simulated": True,
         "truth": {"+": truth(pair.positive), "-": truth(pair.negative)},
         "assumptions": list(assumptions),
@@ -40,9 +43,10 @@ def experiment(stem: str, file: str, title: str, assumptions: tuple[str, ...] = 
 
 
 def table(logs: Logs) -> str:
-    """A log as CSV: time (s), position (rad), voltage (V)."""
+    """A log as CSV: time (s), position (rad), voltage (V); a count, 6e-6 rad, is more than the last digit."""
     rows = np.column_stack([logs.time, logs.position[0], logs.voltage[0]])
-    return "time,position,voltage\n" + "".join(f"{t:.2f},{y:.6f},{V:.5f}\n" for t, y, V in rows.tolist())
+    digits = 2 if logs.time[1] > 5e-3 else 3
+    return "time,position,voltage\n" + "".join(f"{t:.{digits}f},{y:.7f},{V:.5f}\n" for t, y, V in rows.tolist())
 
 
 def write(path: Path, text: str) -> None:
@@ -55,11 +59,21 @@ def write(path: Path, text: str) -> None:
 def main(folder: Path) -> None:
     """Write the four experiment files and their logs, and the example of slow plateaus that stick and slip."""
     for stem in edro.SETTINGS:
-        write(folder / f"{stem}.yaml", experiment(stem, f"{stem}.csv", edro.SETTINGS[stem].name))
+        runs: list[dict[str, object]] = [
+            {"files": f"{stem}.csv", "experiment": "ramp"},
+            {"files": f"{stem}_presliding.csv", "experiment": "presliding"},
+            {"files": f"{stem}_tracking.csv", "experiment": "tracking"},
+            {"files": f"{stem}_held_out.csv", "experiment": "tracking", "hold_out": True},
+        ]
+        write(folder / f"{stem}.yaml", experiment(stem, edro.SETTINGS[stem].name, runs))
         write(folder / f"{stem}.csv", table(edro.logs(stem, [0])))
+        write(folder / f"{stem}_presliding.csv", table(edro.load_logs(stem, [0])))
+        write(folder / f"{stem}_tracking.csv", table(edro.tracking_logs(stem, [0])))
+        write(folder / f"{stem}_held_out.csv", table(edro.tracking_logs(stem, [0], held_out=True)))
     example = "base_paper_pid"
     title = f"{edro.SETTINGS['base'].name}, the paper's PID"
-    write(folder / f"{example}.yaml", experiment("base", f"{example}.csv", title, edro.PAPER_PID_ASSUMPTIONS))
+    runs = [{"files": f"{example}.csv", "experiment": "ramp"}]
+    write(folder / f"{example}.yaml", experiment("base", title, runs, edro.PAPER_PID_ASSUMPTIONS))
     write(folder / f"{example}.csv", table(edro.paper_pid_logs("base", edro.PAPER_PID_SPEEDS)))
 
 

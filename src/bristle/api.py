@@ -1,6 +1,6 @@
 """What `import bristle` offers: experiment files in, results out. The command line only calls these."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,12 +31,7 @@ class Results:
     def doubts(self) -> tuple[str, ...]:
         """Every doubt about every joint, each with the joint's name and direction."""
         of_joints = [f"{joint.name}: {doubt}" for joint in self.joints for doubt in joint.doubts]
-        of_fits = [
-            f"{joint.name} {d}: {doubt}"
-            for joint in self.joints
-            for d, fit in joint.static.items()
-            for doubt in fit.doubts
-        ]
+        of_fits = [f"{joint.name} {what}: {doubt}" for joint in self.joints for what, doubt in _of_fits(joint)]
         return (*of_joints, *of_fits)
 
     def to_json(self) -> str:
@@ -60,6 +55,17 @@ class Results:
 
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
         return write_report(self.joints, Path(folder), title=title, seed=0, timings=self.timings, progress=progress)
+
+
+def _of_fits(joint: Joint) -> Iterator[tuple[str, str]]:
+    """Each doubt about a stage of a joint, with the stage's name."""
+    stages: dict[str, tuple[str, ...]] = {d: fit.doubts for d, fit in joint.static.items()}
+    if joint.presliding is not None:
+        stages["presliding"] = joint.presliding.doubts
+        stages |= {f"presliding {d}": fit.doubts for d, fit in joint.presliding.fits.items()}
+    for name, moving in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
+        stages |= {name: moving.doubts} if moving is not None else {}
+    yield from ((name, doubt) for name, doubts in stages.items() for doubt in doubts)
 
 
 def identify(*experiments: Source, progress: Progress | None = None) -> Results:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from bristle.control.loop import STILL, Clock, Loop, simulate
+from bristle.control.loop import STILL, Clock, Log, Loop, simulate
 from bristle.control.pid import Gains
 from bristle.data.sensor import Sensors, white_noise
 from bristle.model import functions
@@ -141,10 +141,19 @@ def multisine(
 
 
 def follow_logs(joint: Rig, reference: Reference, seeds: Sequence[Seed]) -> Logs:
-    """A motion followed under the joint's controller, once for each seed."""
+    """A motion followed under the joint's controller, once for each seed; the voltage is the mean of the two logged intervals about each sample.
+
+    A voltage that is held until the next sample belongs half an interval later than the position: at 17 Hz and 500 Hz that is 0.1 rad of phase.
+    """
+    log, noise, time = _followed(joint, reference, seeds)
+    before = np.concatenate([log.voltage[:, :1], log.voltage[:, :-1]], axis=1)
+    return Logs(time, log.position, (before + log.voltage) / 2 + noise, ())
+
+
+def _followed(joint: Rig, reference: Reference, seeds: Sequence[Seed]) -> tuple[Log, Array, Array]:
     load, noise, _ = _noises(joint, reference.time.size, seeds)
     log = simulate(joint.loop, reference.position, reference.velocity, load)
-    return Logs(reference.time[:: joint.loop.clock.decimation], log.position, log.voltage + noise, ())
+    return log, noise, reference.time[:: joint.loop.clock.decimation]
 
 
 def load_logs(joint: Rig, loads: Loads, seeds: Sequence[Seed]) -> Logs:
@@ -177,7 +186,8 @@ def _noises(joint: Rig, periods: int, seeds: Sequence[Seed]) -> tuple[Array, Arr
 def ramp_logs(joint: Rig, ramps: Ramps, seeds: Sequence[Seed]) -> Logs:
     """The same ramp experiment, once for each seed; one seed gives the same numbers whatever the others are."""
     reference = ramp_reference(ramps, joint.loop.clock)
-    return follow_logs(joint, reference, seeds)._replace(plateaus=reference.plateaus)
+    log, noise, time = _followed(joint, reference, seeds)
+    return Logs(time, log.position, log.voltage + noise, reference.plateaus)
 
 
 def ramp_experiment(joint: Rig, ramps: Ramps, seed: Seed) -> pd.DataFrame:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bristle.bench import Logs, Ramps, Rig, on_bench, ramp_gains, ramp_logs
+from bristle.bench import Loads, Logs, Ramps, Rig, follow_logs, multisine, on_bench, ramp_gains, ramp_logs
+from bristle.bench import load_logs as load_bench
 from bristle.control.loop import Clock
 from bristle.control.pid import Gains
 from bristle.data.sensor import Sensors
@@ -44,11 +45,36 @@ FIG_1_V_S: tuple[float, float, float] = (0.036, 0.072, 0.144)
 TORQUE_CONSTANT, RESISTANCE, DRIVE = 0.35, 2.1, 12.0
 """Assumed of every joint: k_t (N*m/A, at the joint), R (ohm), and the drive's largest voltage (V) at rest."""
 
+PEAK = 0.85
+"""Assumed: of each direction's true alpha_0 + alpha_1, where its slow loading turns."""
+
+FAST_CLOCK = Clock(period=2e-3, substeps=1, decimation=1)
+"""Assumed, moving runs: control and logging at 500 Hz."""
+
+LINES: tuple[tuple[float, float, float], ...] = (
+    (0.0, 0.23, 0.0), (8.0, 0.61, 0.3), (5.0, 1.7, 1.0), (1.2, 4.1, 2.0), (0.5, 7.3, 0.5), (0.15, 13.0, 2.2),
+)  # fmt: skip  # a table
+"""Assumed, moving runs: amplitude in largest bristle deflections of the joint, frequency (Hz) and phase (rad); the first line has `WIDE` rad."""
+
+MOVING_NOISE = 0.5
+"""Assumed, moving runs: voltage noise of a sample, relative to that of the ramps."""
+
+WIDE = 0.35
+"""Assumed: amplitude of the slowest line, rad."""
+
+HELD_OUT_LINES: tuple[tuple[float, float, float], ...] = (
+    (0.0, 0.31, 1.0), (7.0, 0.83, 2.3), (4.0, 1.3, 0.1), (1.0, 3.3, 1.4), (0.4, 6.1, 2.9),
+)  # fmt: skip  # a table
+"""Assumed: the same of the held-out run, at other frequencies."""
+
+CUTOFF, DECIMATION = 60.0, 5
+"""How the moving runs are fitted: low pass of the position, Hz, and one equation in so many samples, so that 40 Hz are left."""
+
 CLOCK = Clock(period=2e-3, substeps=1, decimation=5)
 """Assumed: control at 500 Hz, logged at 100 Hz."""
 
-RESOLUTION = 2 * pi / 2**18
-"""Assumed: rad per count at the joint, as of a 4096-count encoder on the motor behind a 64:1 gear."""
+RESOLUTION = 2 * pi / 2**20
+"""Assumed: rad per count at the joint, as of a 4096-line encoder, read in quadrature, on the motor behind a 64:1 gear."""
 
 BANDWIDTH = 60.0
 """Assumed: of the bench's ramp controller, rad/s."""
@@ -79,13 +105,17 @@ ASSUMPTIONS: tuple[str, ...] = (
     f"Motor, every joint: torque constant {TORQUE_CONSTANT} N*m/A at the joint, resistance {RESISTANCE} ohm, no inductance; "
     "the paper gives none of them.",
     "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions (the paper gives none).",
-    f"Encoder: {RESOLUTION:.3g} rad per count at the joint, 18 bits a turn, ideal.",
+    f"Encoder: {RESOLUTION:.3g} rad per count at the joint, 20 bits a turn, ideal.",
     f"Ramp controller: the bench's own PID at {BANDWIDTH:g} rad/s with velocity feed-forward; "
     "with the paper's, slow plateaus stick and slip.",
     f"Sampling: control at {1 / CLOCK.period:g} Hz; position and the mean voltage since, logged at {1 / (CLOCK.period * CLOCK.decimation):g} Hz.",
     f"Noise: white on the logged voltage, such that a 4 s plateau's mean torque has a standard error of {100 * NOISE:g} % of the larger alpha_0; "
     f"white torque noise on the plant, {100 * DISTURBANCE:g} % of it per control period.",
     "Speeds: 22 of our choice, the same forth and back, from a quarter of the smaller v_s to 1.0 rad/s (pitch) or 1.2 rad/s (rotation).",
+    f"Presliding: voltage along a slow open-loop ramp to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, no torque noise: "
+    "LuGre creeps under vibration, and the ramps' noise would halve the sigma_0 that is found.",
+    "Moving runs: six sines of the angle of our choice, from a slow wide one to a few bristle deflections at 13 Hz, no torque noise; control and "
+    "logging at 500 Hz, each voltage the mean of the two control periods about its sample, with half the ramps' noise.",
     "Gravity, cables, temperature and position-dependent friction are absent.",
 )
 """What the embedded default assumes, a sentence each."""
@@ -144,6 +174,33 @@ def logs(stem: str, seeds: Sequence[int]) -> Logs:
     """What the bench logs of a joint, once for each seed; seed 0 is the embedded default. Joints have independent noise."""
     stream = list(SETTINGS).index(stem)
     return ramp_logs(rig(stem), ramps(stem), [(seed, stream) for seed in seeds])
+
+
+def load_logs(stem: str, seeds: Sequence[int]) -> Logs:
+    """What the bench logs of a joint in presliding, once for each seed."""
+    positive, negative = (PEAK * (p.alpha_0 + p.alpha_1) for p in TABLE_1[SETTINGS[stem].name])
+    return load_bench(_quiet(stem, CLOCK), Loads(positive, negative), _stream(seeds, stem, 1))
+
+
+def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False) -> Logs:
+    """What the bench logs of a joint following `LINES` for 14 s, or `HELD_OUT_LINES` for 6 s, once for each seed."""
+    pair = TABLE_1[SETTINGS[stem].name]
+    deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in pair)
+    lines = [(a * deflection or WIDE, f, phase) for a, f, phase in (HELD_OUT_LINES if held_out else LINES)]
+    reference = multisine(lines, 6.0 if held_out else 14.0, FAST_CLOCK)
+    return follow_logs(_quiet(stem, FAST_CLOCK), reference, _stream(seeds, stem, 2 + held_out))
+
+
+def _quiet(stem: str, clock: Clock) -> Rig:
+    """A joint on the bench without torque noise, under another clock."""
+    joint = rig(stem)
+    noise = joint.sensors.voltage_noise * (1.0 if clock == CLOCK else MOVING_NOISE)
+    return Rig(joint.loop._replace(clock=clock), joint.sensors._replace(torque_noise=0.0, voltage_noise=noise))
+
+
+def _stream(seeds: Sequence[int], stem: str, experiment: int) -> list[tuple[int, ...]]:
+    """Seeds whose noise no other joint and no other experiment has."""
+    return [(seed, list(SETTINGS).index(stem), experiment) for seed in seeds]
 
 
 def paper_pid_logs(stem: str, multiples: Sequence[float], seed: int = 0) -> Logs:

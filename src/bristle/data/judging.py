@@ -13,6 +13,8 @@ _SWING = 0.25
 POSITION_DIFFERS = "The slope of the position"
 """How the doubt begins that position and velocity disagree."""
 _LETS = "would let it in"
+_SHARE = 0.25
+"""Of the typical plateau of a run: what is shorter both in time and in travel is a piece of something else."""
 _INDEPENDENT = 5.0
 """Fewest independent samples of velocity and torque."""
 
@@ -85,8 +87,9 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> str | None:
         asked = "fewer than two of its torque samples are independent"
     elif e.samples < _INDEPENDENT * e.correlation:
         asked = f"{_INDEPENDENT * e.correlation * e.duration / e.samples:.3g} s hold the {_INDEPENDENT:g} independent samples asked for"
-    elif e.duration < usual.duration / 10 and abs(e.velocity) * e.duration < usual.distance / 10:
-        asked = f"a tenth of this run's typical plateau, {usual.duration / 10:.3g} s or {usual.distance / 10:.3g} of travel, is asked for"
+    elif e.duration < _SHARE * usual.duration and abs(e.velocity) * e.duration < _SHARE * usual.distance:
+        least = f"{_SHARE * usual.duration:.3g} s or {_SHARE * usual.distance:.3g} of travel"
+        asked = f"a quarter of this run's typical plateau, {least}, is asked for"
     else:
         return None
     option = f"segments.minimum_duration: {_rounded(e.duration, floor)} s"

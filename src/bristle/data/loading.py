@@ -26,6 +26,8 @@ _SHORTEST = 8
 """Samples in a piece."""
 _SLIDES = (0.05, 0.8)
 """A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load."""
+_NEAR, _ENOUGH = 50.0, 8
+"""Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid by chance."""
 _CLOSED = 0.1
 """Of the range of torque: how far apart the ends of a closed cycle may be."""
 
@@ -155,10 +157,11 @@ def smallest_step(position: Array) -> float:
     if levels.size < 2:
         return 0.0
     steps = np.diff(levels)
-    real = steps[steps > 1e-3 * np.median(steps)]
-    step = float(np.median(real[real < 1.5 * real.min()]))
-    in_steps = real[real < 10 * step] / step
-    return step if np.abs(in_steps - np.round(in_steps)).max() < 0.1 else 0.0
+    steps = steps[steps > 1e-3 * np.median(steps)]
+    near = steps[steps < _NEAR * steps.min()]
+    step = float(near.sum() / np.round(near / np.median(near[near < 1.5 * near.min()])).sum())
+    on_grid = bool(np.abs(near / step - np.round(near / step)).max() < 0.1)
+    return step if on_grid and (near.size >= _ENOUGH or levels.size <= position.size / 2) else 0.0
 
 
 def _signals(record: Record) -> tuple[Array, Array]:

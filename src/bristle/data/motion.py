@@ -1,4 +1,4 @@
-"""Velocity and acceleration from what was logged: a zero-phase low pass, then central differences."""
+"""Velocity and acceleration from what was logged: a zero-phase low pass, then the derivatives of a spline through it."""
 
 from dataclasses import replace
 
@@ -18,9 +18,10 @@ SHORTEST = 16
 def estimate_motion(record: Record, cutoff: float) -> Record:
     """The record with velocity and acceleration filled, stretch by stretch; its notes state the cut-off.
 
-    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward, and is differentiated twice by central
-    differences. A velocity that was logged stays as it is; the acceleration is then its derivative, after the same filter. A cut-off
-    at or above the Nyquist frequency is lowered to 0.8 of it. Stretches shorter than 16 samples are left out of the record and counted.
+    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward; a quintic spline through it gives both
+    derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the sampling rate). A velocity that was logged stays as
+    it is; the acceleration is then its derivative, after the same filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it.
+    Stretches shorter than 16 samples are left out of the record and counted.
 
     Raises ValueError where there is neither position nor velocity, or no stretch is long enough.
     """
@@ -34,10 +35,10 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
     lowered = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency" if used < cutoff else ""
     smooth = smoothed(record, values, used)
     velocity = derivative(record, smooth) if record.velocity is None else record.velocity
-    acceleration = derivative(record, velocity if record.velocity is None else smooth)
+    acceleration = derivative(record, smooth, 2 if record.velocity is None else 1)
     what = "Velocity and acceleration" if record.velocity is None else "Acceleration"
     low_pass = f"Butterworth low pass of order {ORDER}, forward and backward, cut-off {used:g} Hz{lowered}"
-    note = f"{what} from {source}: {low_pass}; then central differences."
+    note = f"{what} from {source}: {low_pass}; then the derivatives of a quintic spline."
     return replace(record, velocity=velocity, acceleration=acceleration, notes=(*record.notes, note))
 
 
@@ -56,9 +57,22 @@ def smoothed(record: Record, values: Array, cutoff: float) -> Array:
     )
 
 
-def derivative(record: Record, values: Array) -> Array:
-    """Time derivative of a signal of the record, shape (n,), by central differences; one-sided at the ends of each stretch."""
-    return np.concatenate([np.gradient(values[s], record.time[s]) for s in stretches(record)])
+def derivative(record: Record, values: Array, order: int = 1) -> Array:
+    """Time derivative of a signal of the record, shape (n,): that of the quintic spline through it.
+
+    The spline is of lower degree where a stretch is shorter; the derivative is zero where it is too short for any.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    parts = []
+    for s in stretches(record):
+        degree = max((k for k in (1, 3, 5) if k < s.stop - s.start), default=0)
+        if degree < order:
+            parts.append(np.zeros(s.stop - s.start))
+            continue
+        spline = make_interp_spline(record.time[s], values[s], k=degree)
+        parts.append(np.asarray(spline.derivative(order)(record.time[s])))
+    return np.concatenate(parts)
 
 
 def stretches(record: Record) -> list[slice]:

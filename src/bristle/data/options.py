@@ -83,6 +83,8 @@ class FitOptions(Model):
     """Low pass of the torque of presliding runs, Hz."""
     breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
     """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of loading."""
+    moving_above: Annotated[float, quantity("velocity"), Field(gt=0)] | None = None
+    """Equations of moving runs slower than this are left out of the static fit, and of its errors, rad/s; None: none are."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
 
     @model_validator(mode="after")

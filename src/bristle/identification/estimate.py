@@ -196,6 +196,70 @@ class Presliding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingFit:
+    """All parameters from moving data; per-direction ones carry their sign, as alpha_0+, shared ones stand bare."""
+
+    parameters: Mapping[str, Estimate]
+    rms: float
+    """Root mean square residual of the equations, N*m."""
+    relative_error: float
+    """100 * norm(residual) / norm(torque), percent."""
+    n: int
+    outcome: str
+    """One sentence."""
+    starts: int
+    reached: int
+    """How many starts ended within 1e-6 relative of the lowest cost."""
+    condition: float
+    """Of the Jacobian with columns of unit length."""
+    doubts: tuple[str, ...] = ()
+    hold_out: tuple[HoldOut, ...] = ()
+    names: tuple[str, ...] = ()
+    """The free parameters, in the order of `covariance`."""
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    bias: Mapping[str, float] = field(default_factory=dict)
+    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
+    check: Crosscheck | None = None
+    """The same problem by CasADi and IPOPT."""
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    """Of each equation, s from the start of its run, (n,)."""
+    velocity: Array = field(default_factory=lambda: np.zeros(0))
+    torque: Array = field(default_factory=lambda: np.zeros(0))
+    residuals: Array = field(default_factory=lambda: np.zeros(0))
+    starts_of_runs: tuple[int, ...] = (0,)
+    """First equation of each stretch."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        _freeze(self)
+
+    def values(self, direction: str) -> Lugre[float] | None:
+        """The fitted set of a direction (`+`, `-`, `both`), or None where a parameter of it has no value."""
+        tag = "" if direction == "both" else direction
+        found = [self.parameters.get(name + tag) for name in Lugre._fields]
+        return Lugre(*(e.value for e in found)) if all(e and e.value is not None for e in found) else None  # type: ignore[union-attr,arg-type]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Consistency:
+    """One parameter from its own stage and from the moving data."""
+
+    parameter: str
+    stage: str
+    """`static`, `presliding` or `experiment file`."""
+    stage_value: float
+    stage_error: float
+    tracking_value: float | None
+    """From the moving data alone; None where they do not show it."""
+    tracking_error: float | None
+    joint_value: float | None
+    joint_error: float | None
+    difference: float | None
+    """(tracking - stage) in combined standard errors."""
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
     """One file that went in."""
 
@@ -219,6 +283,11 @@ class Joint:
     crosscheck: Mapping[str, Crosscheck]
     presliding: Presliding | None = None
     """None where no presliding run was given."""
+    tracking: TrackingFit | None = None
+    """All parameters from the moving runs alone; None where there are none."""
+    joint_fit: TrackingFit | None = None
+    """The same with what the other stages say as priors."""
+    consistency: tuple[Consistency, ...] = ()
     doubts: tuple[str, ...] = ()
     truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""
@@ -228,7 +297,7 @@ class Joint:
     """Thresholds, cut-offs and options in force, as the report states them."""
 
 
-def _freeze(result: Profile | StaticFit) -> None:
+def _freeze(result: Profile | StaticFit | TrackingFit) -> None:
     for name in (item.name for item in fields(result)):
         value = getattr(result, name)
         if isinstance(value, np.ndarray):

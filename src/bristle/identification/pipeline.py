@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 
@@ -12,13 +13,14 @@ from bristle.data.judging import POSITION_DIFFERS
 from bristle.data.record import Record
 from bristle.data.steady import Segment, find_segments, nothing_left, unit_mistake
 from bristle.identification import regression
-from bristle.identification.estimate import Crosscheck, Input, Joint, Presliding, StaticFit
+from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit, TrackingFit
 from bristle.identification.fit import Where, fit_static
+from bristle.identification.moving import DIRECTIONS, fit_moving, refuse_opposing
+from bristle.identification.moving import regressors as asked_regressors
 from bristle.identification.presliding import Level, identify_presliding
 from bristle.identification.regression import Regression
+from bristle.identification.stages import track
 from bristle.model.arrays import Array
-
-DIRECTIONS = {"+": 1.0, "-": -1.0}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +66,13 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
     slow = tuple(run.record for run in measured.runs if run.kind == "presliding" and not run.hold_out)
     static: dict[str, StaticFit] = {}
     checks: dict[str, Crosscheck] = {}
+    left_out: tuple[str, ...] = ()
     if points:
         static, checks = _fit_points(measured, points, timings)
     elif measured.moving(hold_out=False):
-        static, checks = _fit_moving(measured, timings)
+        static, checks, left_out = fit_moving(
+            experiment, measured.moving(hold_out=False), measured.moving(hold_out=True), timings
+        )
     elif not slow or any(run.kind in {"ramp", "points"} for run in measured.runs):
         training = [
             (r, s)
@@ -80,6 +85,22 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
             )
         candidates = tuple(s for _, found in training for s in found)
         raise ValueError(nothing_left(candidates, tuple(r.record for r, _ in training), experiment.segments))
+    presliding = _presliding(experiment, slow, static, None) if slow else None
+    alone, both, agree = None, None, tuple[Consistency, ...]()
+    if measured.moving(hold_out=False):
+        started = perf_counter()
+        alone, both, agree = track(
+            experiment,
+            measured.moving(hold_out=False),
+            measured.moving(hold_out=True),
+            static,
+            presliding,
+            static_is_apart=bool(points),
+        )
+        if timings is not None:
+            timings["moving runs"] = perf_counter() - started
+        if slow:
+            presliding = _presliding(experiment, slow, static, both or alone)
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,
@@ -87,12 +108,15 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
         segments=tuple(s for found in measured.segments for s in found),
         static=static,
         crosscheck=checks,
-        presliding=_presliding(experiment, slow, static) if slow else None,
-        doubts=_joint_doubts(measured, static, bool(points)),
+        presliding=presliding,
+        tracking=alone,
+        joint_fit=both,
+        consistency=agree,
+        doubts=(*_joint_doubts(measured, static, bool(points)), *left_out),
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
-        settings=_settings(experiment, moving=not points),
+        settings=_settings(experiment, moving=bool(measured.moving(hold_out=False))),
     )
 
 
@@ -111,15 +135,6 @@ def _refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
 
 def _equal(a: Array | None, b: Array | None) -> bool:
     return (a is None) == (b is None) and (a is None or b is None or np.array_equal(a, b))
-
-
-def _refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
-    """Friction opposes motion, so the drive's torque does not: else its sign is wrong."""
-    if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
-        raise ValueError(
-            f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
-            "scale: -1 under signals, or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
-        )
 
 
 def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
@@ -154,7 +169,9 @@ def _fit_points(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     experiment = measured.experiment
-    regressors = experiment.fit.regressors or ()
+    regressors = tuple(experiment.fit.regressors or ())
+    if measured.moving(hold_out=False):  # which can tell the inertia, as points cannot
+        regressors = tuple(r for r in regressors if r != "inertia")
     if "inertia" in regressors:
         raise ValueError(
             f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
@@ -172,7 +189,7 @@ def _fit_points(
     checks: dict[str, Crosscheck] = {}
     for d, sign in DIRECTIONS.items() if not regressors else ():
         v, T = (np.array([getattr(s, x) for s in points if s.velocity * sign > 0]) for x in ("velocity", "torque"))
-        _refuse_opposing(experiment, v, T, f"at the {v.size} points of direction {d}")
+        refuse_opposing(experiment, v, T, f"at the {v.size} points of direction {d}")
     for directions, own in groups:
         signs = [DIRECTIONS[d] for d in directions if d in DIRECTIONS] or list(DIRECTIONS.values())
         by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
@@ -217,19 +234,19 @@ def _where(points: Sequence[Segment]) -> Where:
     )
 
 
-def _presliding(experiment: Experiment, slow: Sequence[Record], static: Mapping[str, StaticFit]) -> Presliding:
+def _presliding(
+    experiment: Experiment, slow: Sequence[Record], static: Mapping[str, StaticFit], moving: TrackingFit | None
+) -> Presliding:
     """sigma_0 and sigma_1 from the slow runs, with g0 and the inertia from wherever they are known."""
     levels = {d: level for d in DIRECTIONS if (level := _level(static.get(d) or static.get("both"))) is not None}
-    inertia = None
+    inertia = moving.parameters.get("inertia") if moving is not None else None
+    known = (
+        Level(inertia.value, inertia.standard_error or 0.0, "the moving runs") if inertia and inertia.value else None
+    )
     if experiment.inertia is not None:
-        inertia = Level(experiment.inertia.value, experiment.inertia.standard_error or 0.0, "the experiment file")
-    else:
-        for part in ("shared", "both", *DIRECTIONS):
-            e = static[part].parameters.get("inertia") if part in static else None
-            if inertia is None and e is not None and e.value is not None:
-                inertia = Level(e.value, e.standard_error or 0.0, "the moving runs")
+        known = Level(experiment.inertia.value, experiment.inertia.standard_error or 0.0, "the experiment file")
     return identify_presliding(
-        slow, levels, inertia, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
+        slow, levels, known, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
     )
 
 
@@ -244,50 +261,6 @@ def _level(fit: StaticFit | None) -> Level | None:
     return Level(
         value, error, "the static fit" if "alpha_1" in terms else "alpha_0 of the static fit, which shows no peak"
     )
-
-
-def _regressors(experiment: Experiment) -> tuple[str, ...]:
-    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
-    asked: tuple[str, ...] | None = experiment.fit.regressors
-    if asked is None:
-        asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
-    fixed = experiment.inertia is not None and not experiment.inertia.standard_error
-    return tuple(r for r in asked if not (r == "inertia" and fixed))
-
-
-def _fit_moving(
-    measured: Measured, timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    experiment = measured.experiment
-    records = measured.moving(hold_out=False)
-    moving = {d: any((_velocity(r) * sign > 0).any() for r in records) for d, sign in DIRECTIONS.items()}
-    directions = tuple(d for d in DIRECTIONS if moving[d]) if experiment.fit.directions == "separate" else ("both",)
-    regressors = _regressors(experiment)
-    prior = experiment.inertia if experiment.inertia is not None and experiment.inertia.standard_error else None
-    fixed = experiment.inertia.value if experiment.inertia is not None and prior is None else None
-
-    def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
-        return regression.from_records(chosen, directions, regressors, experiment.fit.decimation, fixed)
-
-    velocity, torque = (np.concatenate([x(r) for r in records]) for x in (_velocity, _torque))
-    _refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
-    training, (time, position), _ = problem(records)
-    if prior is not None and "inertia" in regressors:
-        free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
-        sigma = float(np.std(training.torque - free))
-        training = regression.with_prior(training, "inertia", prior.value, float(prior.standard_error or 0.0), sigma)
-    tests = [(record.file, problem([record])[0]) for record in measured.moving(hold_out=True)]
-    return fit_static(
-        training, experiment.fit, experiment.joint.kind, Where(time=time, position=position), tests, timings
-    )
-
-
-def _velocity(record: Record) -> Array:
-    return record.velocity if record.velocity is not None else np.zeros(0)
-
-
-def _torque(record: Record) -> Array:
-    return record.torque if record.torque is not None else np.zeros(0)
 
 
 def _input(record: Record) -> Input:
@@ -309,10 +282,6 @@ def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points:
         why = f"none of its {tried} candidate segments was kept" if tried else "it was not measured"
         doubts.append(f"Nothing is known of direction {other}: {why}.")
     doubts += _segment_doubts(measured)
-    if from_points and measured.moving(hold_out=False):
-        doubts.append(
-            "The moving runs (tracking) are not used by the static fit, which has points at constant velocity."
-        )
     if not from_points and experiment.fit.directions == "separate":
         doubts.append("With separate directions an offset cannot be told from the two Coulomb terms; it is left out.")
     if experiment.truth and not experiment.simulated:
@@ -354,7 +323,7 @@ def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:
         settings |= {
             "position filter": f"4th-order Butterworth, zero phase, {fit.position_cutoff:g} Hz",
             "decimation": f"one sample in {fit.decimation}, both sides through 0.8 of the new Nyquist frequency, zero phase",
-            "regressors": ", ".join(_regressors(experiment)) or "none",
+            "regressors": ", ".join(asked_regressors(experiment)) or "none",
         }
         if experiment.inertia is not None:
             known = experiment.inertia

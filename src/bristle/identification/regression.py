@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy import signal, sparse
 
 from bristle.data.record import Record
@@ -116,9 +117,17 @@ class Regression:
         root = np.sqrt(weight)
         return replace(self, torque=self.torque * root, linear=self.linear * root[:, None], root_weight=root)
 
-    def rows(self, keep: Array) -> "Regression":
-        """The same problem with only some equations; for points only (nothing smoothed). `keep` is a mask or an index, (n,)."""
-        return replace(self, velocity=self.velocity[keep], torque=self.torque[keep], linear=self.linear[keep])
+    def rows(self, keep: NDArray[np.bool_]) -> "Regression":
+        """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
+        return replace(
+            self,
+            velocity=self.velocity[keep] if self.smooth is None else self.velocity,
+            torque=self.torque[keep],
+            linear=self.linear[keep],
+            smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
+            known=None if self.known is None else self.known[keep],
+            memory={},
+        )
 
     def _per_direction(self, name: str) -> tuple[str, ...]:
         return tuple(name + ("" if len(self.directions) == 1 else d) for d in self.peaks)
@@ -177,10 +186,11 @@ def from_records(
     Raises:
         ValueError: where a stretch is too short for the filter, with the length it needs.
     """
-    smooth, dropped = _decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
+    smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
     velocity = np.concatenate([_needed(r, "velocity") for r in records])
     torque = np.concatenate([_needed(r, "torque") for r in records])
-    extra = {name: column for regressor in regressors for name, column in _extra(regressor, records).items()}
+    columns = [extra_columns(regressors, record) for record in records]
+    extra = {name: np.concatenate([own[name] for own in columns]) for name in columns[0]}
     problem = _build(velocity, torque, directions, extra, smooth)
     if inertia is not None:
         known = smooth @ (inertia * np.concatenate([_needed(r, "acceleration") for r in records]))
@@ -247,12 +257,16 @@ def _needed(record: Record, name: str) -> Array:
     return values
 
 
-def _extra(regressor: str, records: Sequence[Record]) -> dict[str, Array]:
-    if regressor == "inertia":
-        return {"inertia": np.concatenate([_needed(r, "acceleration") for r in records])}
-    if regressor == "offset":
-        return {"offset": np.ones(sum(r.time.size for r in records))}
-    return gravity(np.concatenate([_needed(r, "position") for r in records]))
+def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
+    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises ValueError where the record lacks what one needs."""
+    columns: dict[str, Array] = {}
+    if "inertia" in regressors:
+        columns["inertia"] = _needed(record, "acceleration")
+    if "offset" in regressors:
+        columns["offset"] = np.ones(record.time.size)
+    if "gravity" in regressors:
+        columns |= gravity(_needed(record, "position"))
+    return columns
 
 
 def gravity(position: Array) -> dict[str, Array]:
@@ -260,8 +274,11 @@ def gravity(position: Array) -> dict[str, Array]:
     return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
 
 
-def _decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
-    """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost."""
+def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+    """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost.
+
+    Raises ValueError where no stretch is longer than the transients.
+    """
     lengths = np.concatenate(stretches).astype(int)
     samples = int(lengths.sum())
     if decimation == 1:

@@ -1,0 +1,191 @@
+"""All parameters from moving runs beside the other stages: starts and priors from them, and whether they agree."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from bristle.data.experiment import Experiment
+from bristle.data.record import Record
+from bristle.identification.counts import without_count_bias
+from bristle.identification.estimate import Consistency, Estimate, Presliding, StaticFit, TrackingFit
+from bristle.identification.moving import directions, inertia, regressors
+from bristle.identification.tracking import fit_tracking
+from bristle.identification.trajectory import Prior, Tracking, tracking, with_priors
+from bristle.model import functions
+from bristle.model.arrays import evaluate
+from bristle.model.parameters import Lugre
+
+_APART = 2.6
+"""Combined standard errors by which two stages differ in one of a hundred cases."""
+_BENDS = 0.01
+"""A start for the bristle's deflection where no stage gives one, as a share of the travel."""
+_DAMPING_RATIO = 0.1
+"""A start for sigma_1 where no stage gives one, as (15) assumes."""
+
+
+def track(
+    experiment: Experiment,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    static: Mapping[str, StaticFit],
+    slow: Presliding | None,
+    *,
+    static_is_apart: bool,
+) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...]]:
+    """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
+
+    Args:
+        experiment: with its options.
+        records: training runs.
+        held: hold-out runs.
+        static: the static fits.
+        slow: the presliding stage.
+        static_is_apart: whether the static fits rest on other data than these runs.
+
+    Raises ValueError where a run lacks a signal, or shows none of the parameters.
+    """
+
+    def pose(chosen: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
+        known, _ = inertia(experiment)
+        return tracking(
+            chosen, directions(experiment, records), regressors(experiment), experiment.fit.decimation, known, fixed
+        )
+
+    kind, counts = experiment.joint.kind, experiment.encoder_resolution if experiment.signals.velocity is None else None
+    start = _start(pose(records, {}), static, slow)
+    fixed = {} if static_is_apart else _dropped(pose(records, {}), static, start)
+    problem = pose(records, fixed)
+    start = {name: value for name, value in start.items() if name not in fixed}
+    tests = [(r.file, pose([r], fixed)) for r in held]
+    found = fit_tracking(problem, start, kind, tests)
+    alone = without_count_bias(found, records, pose, experiment.fit.position_cutoff, counts) if counts else found.fit
+    priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
+    if not priors:
+        return alone, None, ()
+    found = fit_tracking(with_priors(problem, priors, alone.rms), start, kind, tests, starts=1)
+    joint = without_count_bias(found, records, pose, experiment.fit.position_cutoff, counts) if counts else found.fit
+    return alone, joint, _consistency(priors, alone, joint)
+
+
+def _tags(problem: Tracking) -> tuple[str, ...]:
+    return ("",) if problem.directions == ("both",) else problem.directions
+
+
+def _static_of(static: Mapping[str, StaticFit], tag: str) -> StaticFit | None:
+    return static.get(tag or "both") or static.get("both")
+
+
+def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding | None) -> dict[str, float]:
+    """A first guess of every parameter, from the stages where they have one."""
+    torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
+    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions)
+    shared = {n: e for fit in static.values() for n, e in fit.parameters.items() if n in problem.extra_names}
+    extra = {name: _value(shared.get(name), 0.0) for name in problem.extra_names}
+    out: dict[str, float] = {}
+    for tag in _tags(problem):
+        fit = _static_of(static, tag)
+        known = fit.parameters if fit is not None else {}
+        alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
+        bristles = slow.fits.get(tag or "+") if slow else None
+        sigma_0 = _value(bristles.sigma_0 if bristles else None, alpha_0 / (_BENDS * travel))
+        (sigma_1, *_) = evaluate(
+            functions.presliding_damping(),
+            sigma_0,
+            extra.get("inertia", 0.0) or alpha_0 / sigma_0 * 1e-2,
+            _DAMPING_RATIO,
+        )
+        first = Lugre(
+            alpha_0=alpha_0,
+            alpha_1=_value(known.get("alpha_1"), 0.1 * alpha_0),
+            alpha_2=max(_value(known.get("alpha_2"), 0.1 * torque / speed), 1e-3 * torque / speed),
+            v_s=_value(known.get("v_s"), 0.1 * speed),
+            sigma_0=sigma_0,
+            sigma_1=float(sigma_1),
+        )
+        out |= {name + tag: value for name, value in first._asdict().items()}
+    if "inertia" in extra and not extra["inertia"]:
+        extra["inertia"] = 1e-3 * torque / speed
+    return out | extra
+
+
+def _value(e: Estimate | None, otherwise: float) -> float:
+    return otherwise if e is None or not e.value else e.value
+
+
+def _dropped(problem: Tracking, static: Mapping[str, StaticFit], start: Mapping[str, float]) -> dict[str, float]:
+    """Stribeck terms that the static fit of the same data refused."""
+    fixed: dict[str, float] = {}
+    for tag in _tags(problem):
+        fit = _static_of(static, tag)
+        if fit is not None and fit.parameters["alpha_1"].value is None:
+            fixed |= {"alpha_1" + tag: 0.0, "v_s" + tag: start["v_s" + tag]}
+    return fixed
+
+
+def _priors(
+    problem: Tracking, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
+) -> list[Prior]:
+    """What static, presliding and the experiment file say, as normal distributions."""
+    found = []
+    for tag in _tags(problem):
+        fit = _static_of(static, tag)
+        if fit is not None:
+            own = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
+            covariance = fit.covariance[np.ix_(own, own)]
+            if own and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
+                value = np.array([fit.parameters[fit.names[k]].value for k in own], dtype=float)
+                root = np.linalg.inv(np.linalg.cholesky(covariance))
+                found.append(Prior("static", tuple(fit.names[k] + tag for k in own), value, root))
+        bristles = slow.fits.get(tag or "+") if slow else None
+        if bristles is not None and bristles.sigma_0.value and bristles.sigma_0.standard_error:
+            found.append(
+                _single("presliding", "sigma_0" + tag, bristles.sigma_0.value, bristles.sigma_0.standard_error)
+            )
+    _, known = inertia(experiment)
+    if known is not None and "inertia" in problem.extra_names:
+        found.append(_single("experiment file", "inertia", known.value, known.standard_error or 0.0))
+    free = set(problem.names)
+    return [prior for prior in found if free.issuperset(prior.names)]
+
+
+def _single(stage: str, name: str, value: float, error: float) -> Prior:
+    return Prior(stage, (name,), np.array([value]), np.array([[1 / error]]))
+
+
+def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
+    """Each parameter of each stage beside the moving data alone and the joint fit."""
+    found = []
+    for prior in priors:
+        errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
+        for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
+            own, both = alone.parameters[name], joint.parameters[name]
+            if own.value is None or own.standard_error is None:
+                verdict, difference = "The moving data do not show it.", None
+            else:
+                difference = (own.value - value) / float(np.hypot(error, own.standard_error))
+                verdict = _verdict(
+                    prior.stage, difference, error / abs(value or 1.0), own.standard_error / abs(own.value or 1.0)
+                )
+            found.append(
+                Consistency(
+                    parameter=name,
+                    stage=prior.stage,
+                    stage_value=value,
+                    stage_error=error,
+                    tracking_value=own.value,
+                    tracking_error=own.standard_error,
+                    joint_value=both.value,
+                    joint_error=both.standard_error,
+                    difference=difference,
+                    verdict=verdict,
+                )
+            )
+    return tuple(found)
+
+
+def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> str:
+    if abs(difference) <= _APART:
+        return "They agree."
+    wider = "the moving data" if own_share > stage_share else f"the {stage} stage"
+    return f"They differ by more than chance; distrust {wider} first, which knows it less well."

@@ -1,0 +1,346 @@
+"""The fit of moving data judged: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.data.statistics import inflation, lag_one
+from bristle.identification.estimate import Estimate, HoldOut, TrackingFit
+from bristle.identification.linear import inverse_gram
+from bristle.identification.marquardt import Minimum
+from bristle.identification.trajectory import (
+    Tracking,
+    fit,
+    parameters,
+    residuals,
+    scales,
+    slopes_of_scaling,
+)
+from bristle.identification.uncertainty import condition, student
+from bristle.model.arrays import Array
+from bristle.model.parameters import Kind, Lugre, is_passive, unit
+
+SEED = 0
+STARTS = 4
+"""One from the other stages, the others at random about it."""
+_APART = {"sigma_0": 10.0, "sigma_1": 10.0}
+"""How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
+_SAME = 1e-6
+_TRIES = 30
+"""Steps that a random start is given to reach the lowest cost."""
+_UNSEEN = 1e-3
+"""A direction whose singular value is this share of the largest is not seen."""
+_WIDE = 0.5
+"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
+_NOT_SEEN = "Not identifiable from this motion"
+_LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """A minimum with what is known of it."""
+
+    values: Mapping[str, float]
+    minimum: Minimum
+    names: tuple[str, ...]
+    scaled_errors: Array
+    """Standard errors of the scaled unknowns, (p,); inf where nothing is seen of one."""
+    covariance: Array
+    """Of the parameters, (p, p)."""
+    freedom: float
+    stretch: float
+    starts: int
+    reached: int
+
+
+class Tracked(NamedTuple):
+    """A fit with the problem that it solved in the end, where what the motion does not show is fixed, and every free value."""
+
+    fit: TrackingFit
+    problem: Tracking
+    values: Mapping[str, float]
+
+
+def fit_tracking(
+    problem: Tracking,
+    start: Mapping[str, float],
+    kind: Kind,
+    held: Sequence[tuple[str, Tracking]] = (),
+    starts: int = STARTS,
+    seed: int = SEED,
+) -> Tracked:
+    """All parameters of moving data with intervals and doubts.
+
+    Args:
+        problem: the training runs.
+        start: LuGre parameters and extra regressors by name, from the other stages or guessed.
+        kind: of the joint, for units.
+        held: hold-out runs by name, posed as the problem is.
+        starts: how many, >= 1; the first is `start`.
+        seed: of the others.
+
+    Raises ValueError where a start shows no dependence on any parameter.
+    """
+    judged = judge(problem, start, starts, seed)
+    estimates = _estimates(problem, judged, kind)
+    reached, moved = judged.reached, judged.minimum.steps
+    unseen: dict[str, Estimate] = {}
+    while weak := _weak(estimates):
+        unseen |= {name: _without(estimates[name]) for name in weak}
+        fixed = {name: 0.0 if name.startswith(("alpha_1", "sigma_1")) else judged.values[name] for name in weak}
+        problem = replace(problem, fixed={**problem.fixed, **fixed})
+        held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
+        judged = judge(problem, {n: v for n, v in judged.values.items() if n not in fixed}, 1, seed)
+        estimates = _estimates(problem, judged, kind)
+    order = (*problem.friction_names, *problem.extra_names)
+    rows, _ = residuals(problem, judged.values)
+    torque = problem.torque
+    doubts = (*_doubts(judged, rows, reached, starts, moved), *_physics(problem, judged.values), *_dropped(unseen))
+    bound = [n for n, e in estimates.items() if any(d.startswith("At its physical bound") for d in e.doubts)]
+    outcome = (
+        "The fit converged inside every bound."
+        if judged.minimum.converged
+        else "The fit did not converge; its numbers are not to be trusted."
+    )
+    fit = TrackingFit(
+        parameters={n: {**estimates, **unseen}[n] for n in order if n in estimates or n in unseen},
+        rms=float(np.sqrt(np.mean(rows**2))),
+        relative_error=float(100 * np.linalg.norm(rows) / np.linalg.norm(torque)),
+        n=rows.size,
+        outcome=f"The fit converged, with {', '.join(bound)} at a bound."
+        if bound and judged.minimum.converged
+        else outcome,
+        starts=starts,
+        reached=reached,
+        condition=condition(judged.minimum.jacobian[:, judged.scaled_errors < np.inf]),
+        doubts=doubts,
+        hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
+        names=tuple(n for n in judged.names if n in estimates),
+        covariance=judged.covariance[: len(estimates), : len(estimates)],
+        time=problem.time,
+        velocity=problem.velocity,
+        torque=torque,
+        residuals=rows,
+        starts_of_runs=_starts(problem),
+    )
+    return Tracked(fit, problem, judged.values)
+
+
+def _weak(estimates: Mapping[str, Estimate]) -> list[str]:
+    """The next parameters that the motion does not show: Stribeck terms first, then bristles; empty where all are seen."""
+    for group in (("alpha_1", "v_s"), ("sigma_0", "sigma_1"), ("sigma_1",)):
+        asked = group[:1] if group[0] == "sigma_0" else group  # without a spring there is nothing to damp
+        tags = {n.removeprefix(b) for n, e in estimates.items() for b in asked if n.rstrip("+-") == b and _is_weak(e)}
+        if tags:
+            return [b + tag for tag in sorted(tags) for b in group if b + tag in estimates]
+    return []
+
+
+def _is_weak(e: Estimate) -> bool:
+    return any(doubt.startswith(_NOT_SEEN) for doubt in e.doubts)
+
+
+def _without(e: Estimate) -> Estimate:
+    """What is left of an estimate that the motion does not show: its interval, and the reason."""
+    said = e.doubts if _is_weak(e) else (f"{_NOT_SEEN}: what it goes with is not.",)
+    return replace(e, value=None, standard_error=None, doubts=said)
+
+
+def _dropped(unseen: Mapping[str, Estimate]) -> list[str]:
+    if not unseen:
+        return []
+    return [f"Not identifiable from this motion: {', '.join(unseen)}; the other parameters are fitted without them."]
+
+
+def judge(problem: Tracking, start: Mapping[str, float], starts: int, seed: int) -> Judged:
+    """The lowest minimum from several starts, and the covariance there."""
+    rng = np.random.default_rng(seed)
+    first = _with_deflections(problem, start)
+    ends = [fit(problem, first)]
+    for _ in range(starts - 1):
+        moved = {name: value * _factor(name, rng) for name, value in start.items()}
+        try:
+            ends.append(fit(problem, _with_deflections(problem, moved), _TRIES))
+        except ValueError:  # a random start may well lie where nothing depends on anything
+            continue
+    values, minimum = min(ends, key=lambda end: end[1].cost)
+    reached = sum(m.cost <= minimum.cost * (1 + _SAME) + 1e-20 for _, m in ends)
+    errors, covariance, freedom, stretch = _scatter(problem, values, minimum)
+    return Judged(
+        values=values,
+        minimum=minimum,
+        names=problem.names,
+        scaled_errors=errors,
+        covariance=covariance,
+        freedom=freedom,
+        stretch=stretch,
+        starts=starts,
+        reached=reached,
+    )
+
+
+def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
+    """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted: each starts in steady state."""
+    shown = {name: value for name, value in values.items() if not name.startswith("z0")}
+    rows, _ = residuals(problem, _with_deflections(problem, shown))
+    return float(100 * np.linalg.norm(rows) / np.linalg.norm(problem.torque))
+
+
+def _factor(name: str, rng: np.random.Generator) -> float:
+    reach = np.log(_APART.get(name.rstrip("+-"), 3.0))
+    return float(np.exp(rng.uniform(-reach, reach))) if name.startswith(("alpha", "v_s", "sigma")) else 1.0
+
+
+def _with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str, float]:
+    """A start with the deflection of each stretch: what carries its first torque, within the steady one."""
+    p = parameters(problem, start)
+    out = dict(start)
+    for k, m in enumerate(problem.motions):
+        own = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
+        most = own.alpha_0 / own.sigma_0
+        out[f"z0[{k}]"] = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
+    return out
+
+
+def _starts(problem: Tracking) -> tuple[int, ...]:
+    sizes = [m.time.size if m.smooth is None else m.smooth.shape[0] for m in problem.motions]
+    return (0, *np.cumsum(sizes)[:-1].tolist())
+
+
+def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -> tuple[Array, Array, float, float]:
+    """Standard errors of the scaled unknowns, the parameters' covariance, degrees of freedom, and the widening by correlated residuals.
+
+    Each unknown's error is a weighted sum of the residuals; its variance allows for their correlation and for a variance that changes.
+    """
+    jacobian, rest = minimum.jacobian, minimum.residuals
+    length = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
+    seen = length > 1e-9 * length.max()
+    n, p = jacobian.shape[0], int(seen.sum())
+    priors = sum(len(prior.names) for prior in problem.priors)
+    inner = inverse_gram(jacobian[:, seen])
+    weights = jacobian[:, seen] @ inner
+    naive = np.diag(inner) * minimum.cost / max(n - p, 1)
+    scores = weights[: n - priors] * rest[: n - priors, None]
+    stretch = np.array([inflation(score) for score in scores.T])
+    spread = np.einsum("np,np->p", scores, scores) * stretch * n / max(n - p, 1)
+    spread += problem.sigma**2 * np.einsum("np,np->p", weights[n - priors :], weights[n - priors :])
+    spread = np.maximum(spread, naive if not priors else 0.0)
+    ratio = np.sqrt(spread / naive)
+    chain = slopes_of_scaling(problem, values, scales(problem, values))
+    covariance = np.full((length.size, length.size), np.nan)
+    covariance[np.ix_(seen, seen)] = (
+        inner * minimum.cost / max(n - p, 1) * np.outer(ratio, ratio) * np.outer(chain[seen], chain[seen])
+    )
+    errors = np.full(length.size, np.inf)
+    errors[seen] = np.sqrt(spread)
+    widening = float(np.median(ratio))
+    return errors, covariance, max(n / float(stretch.max()) - p, 1.0), widening
+
+
+def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estimate]:
+    """Each parameter but the deflections at the start, in SI units."""
+    scale = scales(problem, judged.values)
+    out = {}
+    reach = student(judged.freedom)
+    for name, x, error, size in zip(
+        judged.names, judged.minimum.x, judged.scaled_errors.tolist(), scale.tolist(), strict=True
+    ):
+        if name.startswith("z0"):
+            continue
+        bare, value = name.rstrip("+-"), judged.values[name]
+        doubts: list[str] = []
+        if bare in _LOGARITHMIC:
+            with np.errstate(over="ignore"):
+                low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
+            se = value * error
+            relative = error
+        else:
+            se = size * error
+            low, high = value - reach * se, value + reach * se
+            relative = se / abs(value) if value else np.inf
+            if bare.startswith(("alpha", "sigma", "inertia")):
+                low = max(low, 0.0)
+            if value == 0.0 and bare.startswith(("alpha", "sigma")):
+                doubts.append("At its physical bound of zero: the interval is one-sided.")
+        if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
+            doubts.append(f"Not identifiable from this motion: its standard error is {_percent(relative)} its value.")
+        out[name] = Estimate(
+            value=value,
+            unit=unit(bare, kind),
+            standard_error=se if np.isfinite(se) else None,
+            interval=(low, high),
+            doubts=tuple(doubts),
+        )
+    return out
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0%} of" if share < 10 else "over ten times"
+
+
+def _doubts(judged: Judged, rows: Array, reached: int, starts: int, moved: int) -> tuple[str, ...]:
+    found = []
+    if moved == 0:
+        found.append("The fit did not move from its start; it may lie on a bound or in a flat place.")
+    if not judged.minimum.converged:
+        found.append("The fit ran out of steps before it settled.")
+    if judged.stretch > sqrt(2):
+        found.append(
+            f"Residuals are correlated (lag one {lag_one(rows):.2f}): standard errors are widened by {judged.stretch:.1f} for it."
+        )
+    if reached < starts / 2:
+        found.append(f"Only {reached} of {starts} starts reached the lowest cost.")
+    return (*found, *_unseen(judged))
+
+
+def _unseen(judged: Judged) -> list[str]:
+    """The directions in parameter space that the data hardly see, in words."""
+    keep = [k for k, n in enumerate(judged.names) if not n.startswith("z0") and judged.scaled_errors[k] < np.inf]
+    jacobian = judged.minimum.jacobian[:, keep]
+    jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
+    _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
+    said = []
+    for value, direction in zip(values, directions, strict=True):
+        if value < _UNSEEN * values[0]:
+            members = [
+                (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
+            ]
+            said.append(_in_words(members))
+    said += [
+        f"Nothing is seen of {n}: the torque does not depend on it in this motion."
+        for k, n in enumerate(judged.names)
+        if judged.scaled_errors[k] == np.inf and not n.startswith("z0")
+    ]
+    return said
+
+
+def _in_words(members: Sequence[tuple[str, float]]) -> str:
+    if len(members) == 1:
+        return f"The data hardly see {members[0][0]}."
+    up = [n for n, w in members if w * members[0][1] > 0]
+    down = [n for n, w in members if w * members[0][1] < 0]
+    if not down:
+        return f"The data see {' and '.join(up)} only against one another: raising them together changes nothing."
+    return f"The data see {' and '.join([*up, *down])} only as a sum: raising {' and '.join(up)} and lowering {' and '.join(down)} changes nothing."
+
+
+def _physics(problem: Tracking, values: Mapping[str, float]) -> list[str]:
+    """Verdicts that need no data: passivity, and damping in presliding."""
+    said = []
+    p = parameters(problem, values)
+    sets = {"": p} if isinstance(p, Lugre) else dict(zip(problem.directions, p, strict=True))
+    J = {**problem.fixed, **values}.get("inertia")
+    for d, own in sets.items():
+        where = f" in direction {d}" if d else ""
+        if not is_passive(own):
+            said.append(
+                f"Not passive{where}: alpha_2 = {own.alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {own.sigma_1 * own.alpha_1 / own.alpha_0:.3g}."
+            )
+        if J and J > 0:
+            ratio = (own.sigma_1 + own.alpha_2) / (2 * sqrt(J * own.sigma_0))
+            if not 0.02 < ratio < 5:
+                said.append(f"The damping ratio in presliding{where} would be {ratio:.2g}; 0.1 to 1 is usual.")
+    return said

@@ -1,0 +1,312 @@
+"""All parameters on moving data: the measured velocity drives LuGre, the measured torque is what it must explain.
+
+    T = T_f(v; alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1) + J dv/dt + offset + gravity
+
+Each stretch without a gap has a bristle deflection z0 of its own to begin with. Both sides pass the decimation filter. The unknowns are scaled:
+alpha_0, v_s and sigma_0 by their logarithms, the others by a typical size.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+
+from bristle.data.motion import stretches
+from bristle.data.record import Record
+from bristle.identification.marquardt import Minimum, minimise
+from bristle.identification.regression import decimator, extra_columns
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout, rollout_jacobian
+
+_LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
+_BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """A stretch of a moving run without a gap, of N samples and n equations."""
+
+    file: str
+    time: Array
+    """s from the start of its run, (N,)."""
+    velocity: Array
+    """rad/s, (N,)."""
+    torque: Array
+    """Measured, less what is known (a fixed inertia's), N*m, (N,)."""
+    extra: Array
+    """Columns of the extra regressors, (N, k)."""
+    smooth: sparse.csr_array | None
+    """The decimation filter, (n, N); None: none."""
+    whole: Array
+    """The measured torque itself, N*m, (N,)."""
+
+    @property
+    def step(self) -> Array:
+        """Time between samples, s, (N - 1,)."""
+        return np.diff(self.time)
+
+    def smoothed(self, values: Array) -> Array:
+        """Values at the samples, (N,) or (N, k), as the equations see them, (n,) or (n, k)."""
+        return values if self.smooth is None else np.asarray(self.smooth @ values)
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What another stage says of some parameters: a normal distribution."""
+
+    stage: str
+    """`static`, `presliding` or `experiment file`."""
+    names: tuple[str, ...]
+    value: Array
+    """(p,)."""
+    root: Array
+    """The inverse of the Cholesky factor of their covariance, (p, p): `root @ (x - value)` scatters by one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracking:
+    """The nonlinear least-squares problem of moving data."""
+
+    motions: tuple[Motion, ...]
+    directions: tuple[str, ...]
+    """("both",) or ("+", "-")."""
+    extra_names: tuple[str, ...]
+    fixed: Mapping[str, float]
+    """Parameters that are not estimated, by name."""
+    priors: tuple[Prior, ...] = ()
+    sigma: float = 1.0
+    """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
+
+    @property
+    def friction_names(self) -> tuple[str, ...]:
+        """The LuGre parameters, a direction's sign appended where there are two."""
+        tags = ("",) if self.directions == ("both",) else self.directions
+        return tuple(name + tag for tag in tags for name in Lugre._fields)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The free parameters: LuGre, extra regressors, then z0 of each stretch."""
+        every = (*self.friction_names, *self.extra_names)
+        return (*(n for n in every if n not in self.fixed), *(f"z0[{k}]" for k in range(len(self.motions))))
+
+    @property
+    def torque(self) -> Array:
+        """Measured torque as the equations see it, (n,)."""
+        return np.concatenate([m.smoothed(m.whole) for m in self.motions])
+
+    @property
+    def velocity(self) -> Array:
+        """The same of the velocity, (n,)."""
+        return np.concatenate([m.smoothed(m.velocity) for m in self.motions])
+
+    @property
+    def time(self) -> Array:
+        """The same of the time, (n,)."""
+        return np.concatenate([m.smoothed(m.time) for m in self.motions])
+
+
+def tracking(
+    records: Sequence[Record],
+    directions: tuple[str, ...],
+    regressors: Sequence[str],
+    decimation: int,
+    inertia: float | None,
+    fixed: Mapping[str, float] | None = None,
+) -> Tracking:
+    """The problem that moving records pose; arguments as in `regression.from_records`.
+
+    Raises ValueError where a record lacks what a regressor needs, is at rest, or has a stretch too short for the filter.
+    """
+    motions: list[Motion] = []
+    names: tuple[str, ...] = ()
+    for record in records:
+        extra = extra_columns(regressors, record)
+        names = tuple(extra)
+        columns = np.column_stack(list(extra.values())) if extra else np.zeros((record.time.size, 0))
+        if record.velocity is None or record.torque is None or (inertia is not None and record.acceleration is None):
+            raise ValueError(
+                f"{record.file}: a tracking run needs position (or velocity) and torque; name them under signals"
+            )
+        if not record.velocity.any():
+            raise ValueError(
+                f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
+            )
+        known = 0.0 if inertia is None or record.acceleration is None else inertia * record.acceleration
+        for part in stretches(record):
+            smooth, _ = decimator([np.array([part.stop - part.start])], decimation, record.file)
+            motions.append(
+                Motion(
+                    file=record.file,
+                    time=record.time[part] - record.time[0],
+                    velocity=record.velocity[part],
+                    torque=(record.torque - known)[part],
+                    extra=columns[part],
+                    smooth=None if decimation == 1 else smooth,
+                    whole=record.torque[part],
+                )
+            )
+    return Tracking(motions=tuple(motions), directions=directions, extra_names=names, fixed=dict(fixed or {}))
+
+
+def parameters(problem: Tracking, values: Mapping[str, float]) -> Lugre[float] | Pair[float]:
+    """The LuGre set, or pair of sets, among some values by name."""
+    known = {**problem.fixed, **values}
+    sets = [
+        Lugre(*(known[name + tag] for name in Lugre._fields))
+        for tag in (("",) if problem.directions == ("both",) else problem.directions)
+    ]
+    return sets[0] if len(sets) == 1 else Pair(*sets)
+
+
+def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Array]:
+    """Measured less modelled torque of every equation, N*m, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
+
+    `values` holds every name of `problem.names`.
+    """
+    known = {**problem.fixed, **values}
+    names = problem.names
+    p = parameters(problem, values)
+    extra = np.array([known[name] for name in problem.extra_names])
+    columns = [problem.friction_names.index(n) for n in names if n in problem.friction_names]
+    free_extra = [k for k, n in enumerate(problem.extra_names) if n in names]
+    rows, slopes = [], []
+    for k, m in enumerate(problem.motions):
+        rolled = rollout_jacobian(m.velocity, m.step, p, values[f"z0[{k}]"])
+        slope = np.zeros((len(names), m.time.size)).T
+        slope[:, : len(columns)] = rolled.by_parameters[:, columns]
+        slope[:, len(columns) : len(columns) + len(free_extra)] = m.extra[:, free_extra]
+        slope[:, names.index(f"z0[{k}]")] = rolled.by_z0
+        rows.append(m.smoothed(m.torque - rolled.torque - m.extra @ extra))
+        slopes.append(m.smoothed(slope))
+    return np.concatenate(rows), -np.concatenate(slopes)
+
+
+def modelled(problem: Tracking, values: Mapping[str, float]) -> Array:
+    """The modelled torque of every sample, what is known included, N*m, one motion after the other, (N,)."""
+    known = {**problem.fixed, **values}
+    extra = np.array([known[name] for name in problem.extra_names])
+    p = parameters(problem, values)
+    return np.concatenate(
+        [
+            rollout(m.velocity, m.step, p, values[f"z0[{k}]"]).torque + m.extra @ extra + (m.whole - m.torque)
+            for k, m in enumerate(problem.motions)
+        ]
+    )
+
+
+def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
+    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
+
+    Raises ValueError as `minimise` does.
+    """
+    scale = scales(problem, start)
+    lower, upper = bounds(problem)
+    found = minimise(scaled(problem, scale), to_scaled(problem, start, scale), lower, upper, most)
+    return from_scaled(problem, found.x, scale), found
+
+
+def bounds(problem: Tracking) -> tuple[Array, Array]:
+    """What the scaled unknowns lie between, (p,) each: physical bounds, and for what stands as a logarithm the range that a motion can show.
+
+    No motion shows a v_s below 1e-4 or above ten times its fastest speed, nor a bristle that bends by more than ten times the travel or less than
+    a billionth of it. z0 lies within twice the typical deflection.
+    """
+    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
+    travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
+    limits = {
+        "alpha_0": (1e-6 * torque, 1e3 * torque),
+        "v_s": (1e-4 * speed, 1e1 * speed),
+        "sigma_0": (1e-1 * torque / travel, 1e9 * torque / travel),
+    }
+    box = []
+    for name in problem.names:
+        bare = name.rstrip("+-")
+        if bare in limits:
+            box.append((float(np.log(limits[bare][0])), float(np.log(limits[bare][1]))))
+        elif bare.startswith("z0"):
+            box.append((-2.0, 2.0))
+        else:
+            box.append((0.0 if bare in _BOUNDED else -np.inf, np.inf))
+    lower, upper = np.array(box).T
+    return lower, upper
+
+
+def scales(problem: Tracking, at: Mapping[str, float]) -> Array:
+    """A typical size of each unknown, (p,), from the data, of z0 from the start; 1 where it stands as its logarithm."""
+    torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
+    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    typical = {"alpha_1": torque, "alpha_2": torque / speed, "sigma_1": torque / speed}
+    for k, name in enumerate(problem.extra_names):
+        typical[name] = torque / (max(float(np.abs(m.extra[:, k]).max()) for m in problem.motions) or 1.0)
+    deflection = max(_all(problem, at, "alpha_0")) / min(_all(problem, at, "sigma_0"))
+    sizes = []
+    for name in problem.names:
+        bare = name.rstrip("+-")
+        sizes.append(1.0 if bare in _LOGARITHMIC else deflection if bare.startswith("z0") else typical[bare])
+    return np.array(sizes)
+
+
+def _all(problem: Tracking, at: Mapping[str, float], name: str) -> list[float]:
+    return [value for key, value in {**problem.fixed, **at}.items() if key.rstrip("+-") == name]
+
+
+def to_scaled(problem: Tracking, values: Mapping[str, float], scale: Array) -> Array:
+    """The unknowns as the descent sees them, (p,)."""
+    return np.array(
+        [
+            np.log(values[name]) if name.rstrip("+-") in _LOGARITHMIC else values[name] / size
+            for name, size in zip(problem.names, scale.tolist(), strict=True)
+        ]
+    )
+
+
+def from_scaled(problem: Tracking, x: Array, scale: Array) -> dict[str, float]:
+    """The inverse of `to_scaled`."""
+    return {
+        name: float(np.exp(value)) if name.rstrip("+-") in _LOGARITHMIC else value * size
+        for name, value, size in zip(problem.names, x.tolist(), scale.tolist(), strict=True)
+    }
+
+
+def slopes_of_scaling(problem: Tracking, values: Mapping[str, float], scale: Array) -> Array:
+    """Derivative of each parameter by its scaled unknown, (p,)."""
+    return np.array(
+        [
+            values[name] if name.rstrip("+-") in _LOGARITHMIC else size
+            for name, size in zip(problem.names, scale.tolist(), strict=True)
+        ]
+    )
+
+
+def scaled(problem: Tracking, scale: Array) -> Callable[[Array], tuple[Array, Array]]:
+    """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
+
+    def evaluate(x: Array) -> tuple[Array, Array]:
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = from_scaled(problem, x, scale)
+            if not all(np.isfinite(v) and (v > 0 or n.rstrip("+-") not in _LOGARITHMIC) for n, v in values.items()):
+                return np.full(1, np.inf), np.zeros((1, x.size))
+            rows, slopes = residuals(problem, values)
+            if not np.isfinite(slopes.sum()):
+                return np.full(1, np.inf), np.zeros((1, x.size))
+        chain = slopes_of_scaling(problem, values, scale)
+        slopes *= chain
+        for prior in problem.priors:
+            own = [problem.names.index(name) for name in prior.names]
+            slope = np.zeros((len(own), x.size))
+            slope[:, own] = problem.sigma * prior.root * chain[own]
+            rows = np.append(
+                rows, problem.sigma * (prior.root @ (np.array([values[n] for n in prior.names]) - prior.value))
+            )
+            slopes = np.vstack([slopes, slope])
+        return rows, slopes
+
+    return evaluate
+
+
+def with_priors(problem: Tracking, priors: Sequence[Prior], sigma: float) -> Tracking:
+    """The problem with what other stages say; `sigma` is what its residuals scatter by, N*m."""
+    return replace(problem, priors=tuple(priors), sigma=sigma)

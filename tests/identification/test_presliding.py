@@ -1,0 +1,178 @@
+"""sigma_0 four ways, and what the encoder does to each."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from bristle.data.loading import Loading, find_loadings
+from bristle.data.options import FitOptions
+from bristle.data.record import Record
+from bristle.identification.estimate import PreslidingFit
+from bristle.identification.presliding import Level, fit_presliding, identify_presliding, printed_bias
+from bristle.model import functions, law
+from bristle.model.arrays import evaluate
+
+from .conftest import GRIPPER
+
+G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
+LEVEL = Level(G0, 0.002 * G0, "the static fit")
+TIME = np.arange(0, 20, 0.01)
+TORQUE = 0.85 * G0 * TIME / 20
+
+
+def run(quantum: float, phase: float, noise: float = 0.0, seed: int = 0) -> Record:
+    """A slow ramp, as an encoder that rests `phase` of a count beyond an edge sees it."""
+    y = evaluate(functions.loading_displacement(), TORQUE, G0, GRIPPER.sigma_0)[0]
+    position = y if quantum == 0 else quantum * np.floor(y / quantum + phase)
+    torque = TORQUE + noise * np.random.default_rng(seed).standard_normal(TIME.size)
+    return Record(file="ramp.csv", time=TIME, position=position, torque=torque)
+
+
+def found(record: Record, quantum: float) -> PreslidingFit:
+    """The fit of one ramp."""
+    noisy = float(np.ptp(np.diff(np.asarray(record.torque)))) > 1e-6
+    loadings = find_loadings(record, 2.0 if noisy else 1e3, quantum or None, None)
+    return fit_presliding(loadings, LEVEL, None, "revolute")
+
+
+def test_the_loading_curve_solves_the_law() -> None:
+    """Along T(y) the bristle obeys (4) at vanishing velocity: dz/dy = 1 - sigma_0 z / g0, with T = sigma_0 z."""
+    T = np.linspace(0.01, 0.95, 50) * G0
+    h = 1e-6 * G0
+    y = [evaluate(functions.loading_displacement(), T + s * h, G0, GRIPPER.sigma_0)[0] for s in (-1, 1)]
+    slope = 2 * h / GRIPPER.sigma_0 / (y[1] - y[0])
+    rate = np.array([float(law.bristle_rate(t / GRIPPER.sigma_0, 1e-9, GRIPPER._replace(v_s=1.0))) / 1e-9 for t in T])
+    np.testing.assert_allclose(slope, rate, rtol=1e-6)
+
+
+@given(st.floats(0, 0.999), st.sampled_from([12, 14, 16]))
+@settings(deadline=None, max_examples=30)
+def test_edges_are_exact_wherever_the_joint_rests(phase: float, bits: int) -> None:
+    """Without noise the line through the count edges has slope sigma_0 for every rest position, to what one sample of the ramp moves."""
+    fit = found(run(2 * np.pi / 2**bits, phase), 2 * np.pi / 2**bits)
+    assert fit.recommended == "edges"
+    assert fit.edges.value == pytest.approx(GRIPPER.sigma_0, rel=2e-3)
+    assert fit.samples.value == pytest.approx(GRIPPER.sigma_0, rel=0.08 if bits == 12 else 0.02)
+
+
+def test_the_inverse_of_14_is_exact_on_an_edge() -> None:
+    """Where rest lies on a count edge the closed form gives sigma_0 back, and (14) errs by the bias that the closed form predicts."""
+    quantum = 2 * np.pi / 2**12
+    fit = found(run(quantum, 0.0), quantum)
+    assert fit.corrected.value == pytest.approx(GRIPPER.sigma_0, rel=5e-3)
+    assert fit.printed.value is not None
+    assert fit.printed.value / GRIPPER.sigma_0 - 1 == pytest.approx(fit.bias_on_edge, abs=0.005)
+    assert fit.bias_on_edge == pytest.approx(-0.17, abs=0.003)
+
+
+@pytest.mark.parametrize("u", [1e-6, 1e-3, 0.1, 0.38, 2.0])
+def test_the_bias_over_rest_positions_is_its_integral(u: float) -> None:
+    """Mean and spread of (14) over a uniform rest position are the integrals of T(x) / q over x from 0 to q."""
+    on_edge, mean, spread = (float(x[0]) for x in printed_bias(np.array([u])))
+
+    def printed(x: float) -> float:
+        return float(-np.expm1(-u * x) / u)
+
+    first, second = quad(printed, 0, 1)[0], quad(lambda x: printed(x) ** 2, 0, 1)[0]
+    assert on_edge + 1 == pytest.approx(printed(1.0), rel=1e-6)
+    assert mean + 1 == pytest.approx(first, rel=1e-6)
+    assert spread == pytest.approx(np.sqrt(second - first**2), rel=1e-3)
+
+
+@pytest.mark.parametrize("bits", [12, 14, 16])
+def test_over_rest_positions_edges_and_samples_are_unbiased(bits: int) -> None:
+    """Over random rest positions with noise, both means lie within 2 % of the truth, (14) is off as predicted, and intervals hold the truth."""
+    quantum, rng = 2 * np.pi / 2**bits, np.random.default_rng(bits)
+    fits = [found(run(quantum, rng.uniform(), 0.02 * GRIPPER.alpha_0, seed), quantum) for seed in range(60)]
+    for name in ("edges", "samples"):
+        estimates = [getattr(fit, name) for fit in fits]
+        assert np.mean([e.value for e in estimates]) == pytest.approx(GRIPPER.sigma_0, rel=0.02)
+        assert np.mean([e.interval[0] <= GRIPPER.sigma_0 <= e.interval[1] for e in estimates]) >= 0.85
+    printed = np.array([fit.printed.value for fit in fits], dtype=float) / GRIPPER.sigma_0 - 1
+    expected = printed_bias(np.array([GRIPPER.sigma_0 * quantum / G0]))
+    assert printed.mean() == pytest.approx(float(expected[1][0]), abs=4 * float(expected[2][0]) / np.sqrt(60) + 0.05)
+    assert np.mean([_holds(fit) for fit in fits]) >= 0.85
+
+
+def _holds(fit: PreslidingFit) -> bool:
+    assert fit.printed.interval is not None
+    return fit.printed.interval[0] <= GRIPPER.sigma_0 <= fit.printed.interval[1]
+
+
+def test_the_error_of_g0_enters() -> None:
+    """An uncertain g0 widens the interval of sigma_0, by about what moving g0 moves it."""
+    loadings = find_loadings(run(2 * np.pi / 2**14, 0.3), 1e3, 2 * np.pi / 2**14, None)
+    sure, unsure = (fit_presliding(loadings, Level(G0, s * G0, ""), None, "revolute").edges for s in (1e-6, 0.02))
+    moved = fit_presliding(loadings, Level(1.02 * G0, 0.0, ""), None, "revolute").edges
+    assert sure.standard_error is not None
+    assert unsure.standard_error is not None
+    assert moved.value is not None
+    assert sure.value is not None
+    assert unsure.standard_error == pytest.approx(np.hypot(sure.standard_error, abs(moved.value - sure.value)), rel=0.2)
+
+
+def test_within_one_count_there_is_a_bound_and_no_number() -> None:
+    """Where no two count edges are crossed there is no value: a lower bound that the truth keeps, an open interval, and the sentence."""
+    quantum = 4 * float(np.ptp(np.asarray(run(0.0, 0.0).position)))
+    fit = found(run(quantum, 0.5), quantum)
+    for e in (fit.printed, fit.corrected, fit.edges, fit.samples):
+        assert e.value is None
+        assert e.interval is not None
+        assert 0 < e.interval[0] < GRIPPER.sigma_0
+        assert e.interval[1] == np.inf
+        assert "within the encoder's noise" in e.doubts[0]
+    assert fit.sigma_1.value is None
+
+
+def test_sigma_1_is_a_prior_and_says_so() -> None:
+    """(15): 0.2 sqrt(J sigma_0), with the errors of both, called a prior; without J it is absent, with the reason."""
+    loadings = find_loadings(run(2 * np.pi / 2**16, 0.2), 1e3, 2 * np.pi / 2**16, None)
+    J = 1.37e-3
+    fit = fit_presliding(loadings, LEVEL, Level(J, 0.1 * J, "the experiment file"), "revolute")
+    assert fit.edges.value is not None
+    assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * fit.edges.value), rel=1e-12)
+    assert fit.sigma_1.value is not None
+    assert fit.sigma_1.standard_error == pytest.approx(0.05 * fit.sigma_1.value, rel=0.1)
+    assert "A prior, not an estimate" in fit.sigma_1.doubts[0]
+    absent = fit_presliding(loadings, LEVEL, None, "revolute").sigma_1
+    assert absent.value is None
+    assert "no inertia is known" in absent.doubts[0]
+
+
+def slid(name: str, level: float) -> Record:
+    """A ramp that breaks away at a torque."""
+    torque = 1.3 * level * TIME / 20
+    y = evaluate(functions.loading_displacement(), np.minimum(torque, 0.99 * level), level, GRIPPER.sigma_0)[0]
+    return Record(file=name, time=TIME, position=y + np.cumsum(np.maximum(torque - level, 0)) * 0.2, torque=torque)
+
+
+def test_an_outlier_among_breakaways_is_named() -> None:
+    """Of three runs, the one that breaks away at two thirds of the others is named; the median is that of the others."""
+    records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
+    result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
+    assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
+    assert next(d for d in result.doubts if "outlier" in d).startswith("b.csv is an outlier")
+    assert result.fits["+"].level_source.startswith("breakaway")
+
+
+def test_without_a_level_there_is_no_sigma_0() -> None:
+    """Below breakaway and with no other run, g0 is not known: no fit, and the sentence that says what to add."""
+    result = identify_presliding([run(1e-5, 0.5)], {}, None, FitOptions(), 1e-5, "revolute")
+    assert not result.fits
+    assert any("No sigma_0 in direction +" in doubt and "add ramp runs" in doubt for doubt in result.doubts)
+
+
+def test_a_run_without_loading_is_refused() -> None:
+    """A torque that never grows from zero is no presliding run; one sentence says so."""
+    flat = Record(file="flat.csv", time=TIME, position=np.zeros(TIME.size), torque=np.full(TIME.size, 0.01))
+    with pytest.raises(ValueError, match=r"flat\.csv: the torque never grows slowly from zero"):
+        identify_presliding([flat], {"+": LEVEL}, None, FitOptions(), None, "revolute")
+
+
+def test_loadings_are_frozen() -> None:
+    """Arrays of a loading cannot be written."""
+    loading: Loading = find_loadings(run(1e-4, 0.5), 1e3, 1e-4, None)[0]
+    with pytest.raises(ValueError, match="read-only"):
+        loading.torque[0] = 1.0

@@ -1,0 +1,286 @@
+"""All parameters on moving data: the descent, the residuals' derivatives, intervals, what is not seen, priors, counts."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from bristle.data.motion import estimate_motion
+from bristle.data.record import Record
+from bristle.identification.counts import without_count_bias
+from bristle.identification.estimate import TrackingFit
+from bristle.identification.marquardt import minimise
+from bristle.identification.tracking import fit_tracking
+from bristle.identification.trajectory import (
+    Prior,
+    Tracking,
+    fit,
+    residuals,
+    scaled,
+    scales,
+    to_scaled,
+    tracking,
+    with_priors,
+)
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout
+
+from .conftest import GRIPPER
+
+STEP = 1e-3
+OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
+J = 1.27e-3
+
+
+def motion(seconds: float = 8.0) -> tuple[Array, Array]:
+    """Time and a velocity that shows all six parameters."""
+    t = np.arange(0, seconds, STEP)
+    lines = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
+    v: Array = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
+    return t, v
+
+
+def record(
+    p: Lugre[float] | Pair[float],
+    noise: float = 0.0,
+    seed: int = 0,
+    velocity: Array | None = None,
+    z0: float | None = None,
+) -> Record:
+    """A run at this velocity: torque of LuGre and of an inertia, with white noise."""
+    t, v = motion()
+    v = v if velocity is None else velocity
+    acceleration = np.gradient(v, t[: v.size])
+    torque = (
+        rollout(v, STEP, p, z0).torque + J * acceleration + noise * np.random.default_rng(seed).standard_normal(v.size)
+    )
+    return Record(file="run.csv", time=t[: v.size], velocity=v, torque=torque, acceleration=acceleration)
+
+
+def named(p: Lugre[float] | Pair[float]) -> dict[str, float]:
+    """Parameters by name, with the inertia."""
+    sets = {"": p} if isinstance(p, Lugre) else {"+": p.positive, "-": p.negative}
+    return {name + tag: value for tag, own in sets.items() for name, value in own._asdict().items()} | {"inertia": J}
+
+
+def posed(run: Record, directions: tuple[str, ...] = ("both",), decimation: int = 1) -> Tracking:
+    """The problem of one run with its inertia."""
+    return tracking([run], directions, ("inertia",), decimation, None)
+
+
+def shifted(values: Mapping[str, float], factor: float = 1.25) -> dict[str, float]:
+    """A start that is off by a factor, up and down in turn."""
+    return {name: value * factor ** (1 if k % 2 else -1) for k, (name, value) in enumerate(values.items())}
+
+
+@pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one set", "pair"])
+@pytest.mark.parametrize("decimation", [1, 10])
+def test_the_jacobian_is_that_of_differences(p: Lugre[float] | Pair[float], decimation: int) -> None:
+    """Each column of the residuals' Jacobian is their central difference, filtered or not, z0 and inertia included."""
+    problem = posed(record(p), ("both",) if isinstance(p, Lugre) else ("+", "-"), decimation)
+    at = shifted(named(p), 1.1) | {"z0[0]": 1e-4}
+    _, jacobian = residuals(problem, at)
+    for k, name in enumerate(problem.names):
+        h = 1e-5 * (abs(at[name]) or 1e-4)
+        up, down = (residuals(problem, {**at, name: at[name] + s * h})[0] for s in (1, -1))
+        difference = (up - down) / (2 * h)
+        size = np.abs(jacobian[:, k]).max()
+        assert np.abs(jacobian[:, k] - difference).max() < 2e-4 * size + 1e-12
+
+
+@pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one set", "pair"])
+def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float]) -> None:
+    """From a start that is off by a quarter, noise-free data give every parameter back."""
+    problem = posed(record(p), ("both",) if isinstance(p, Lugre) else ("+", "-"))
+    values, minimum = fit(problem, shifted(named(p)) | {"z0[0]": 0.0})
+    assert minimum.cost < 1e-16
+    for name, true in named(p).items():
+        assert values[name] == pytest.approx(true, rel=1e-4)
+
+
+def test_two_routes_agree() -> None:
+    """SciPy's least_squares, given the same residuals and no Jacobian of ours, ends where the descent ends, to 1e-3 standard errors."""
+    problem = posed(record(GRIPPER, noise=3e-4), decimation=5)
+    start = shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0}
+    scale = scales(problem, start)
+    values, minimum = fit(problem, start)
+    evaluate = scaled(problem, scale)
+
+    def rows(x: Array) -> Array:
+        return evaluate(x)[0]
+
+    first = to_scaled(problem, start, scale)
+    other = least_squares(rows, first, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    assert 2 * other.cost == pytest.approx(minimum.cost, rel=1e-8)
+    errors = np.sqrt(
+        np.diag(np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)) * minimum.cost / minimum.residuals.size
+    )
+    assert (np.abs(other.x - to_scaled(problem, values, scale)) < 1e-2 * errors)[:-1].all()
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    """Over forty repetitions with white noise, at least 87 % of the intervals of all seven parameters hold the truth."""
+    truth, hits = named(GRIPPER), []
+    for seed in range(40):
+        found = fit_tracking(posed(record(GRIPPER, 3e-4, seed), decimation=5), truth, "revolute", starts=1).fit
+        hits += [_holds(found, name, true) for name, true in truth.items()]
+    assert 0.87 < np.mean(hits) <= 1.0
+
+
+def _holds(found: TrackingFit, name: str, true: float) -> bool:
+    interval = found.parameters[name].interval
+    return interval is not None and interval[0] <= true <= interval[1]
+
+
+def test_correlated_noise_widens_the_intervals() -> None:
+    """Residuals that are correlated over fifty samples give wider errors than white ones of the same size, and a doubt."""
+    run, rng = record(GRIPPER), np.random.default_rng(1)
+    white = 3e-4 * rng.standard_normal(run.time.size)
+    slow = np.convolve(white, np.ones(50) / np.sqrt(50), mode="same")
+    assert run.torque is not None
+    fits = [
+        fit_tracking(posed(replace(run, torque=run.torque + noise)), named(GRIPPER), "revolute", starts=1).fit
+        for noise in (white, slow)
+    ]
+    errors = [found.parameters["alpha_0"].standard_error for found in fits]
+    assert errors[0] is not None
+    assert errors[1] is not None
+    assert errors[1] > 3 * errors[0]
+    assert any("Residuals are correlated" in doubt for doubt in fits[1].doubts)
+
+
+def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
+    """With all speeds far below v_s only alpha_0 + alpha_1 is seen: the Stribeck term is left out with its reason, and the sum is right."""
+    v = 0.03 * GRIPPER.v_s * motion()[1]
+    found = fit_tracking(posed(record(GRIPPER, 1e-5, velocity=v)), named(GRIPPER), "revolute", starts=1).fit
+    assert found.parameters["alpha_1"].value is None
+    assert "Not identifiable from this motion" in found.parameters["alpha_1"].doubts[0]
+    assert found.parameters["alpha_0"].value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
+
+
+def test_the_unseen_direction_is_named() -> None:
+    """Two columns that are the same but for noise: the doubt names both parameters, and that they are seen as a sum only."""
+    run = record(GRIPPER)
+    problem = posed(run)
+    doubled = replace(
+        problem,
+        extra_names=("inertia", "offset"),
+        motions=tuple(
+            replace(m, extra=np.column_stack([m.extra[:, 0], m.extra[:, 0] * (1 + 1e-7 * m.time)]))
+            for m in problem.motions
+        ),
+    )
+    start = {**named(GRIPPER), "inertia": 0.6 * J, "offset": 0.4 * J}
+    found = fit_tracking(doubled, start, "revolute", starts=1).fit
+    assert any("inertia and offset only as a sum" in doubt for doubt in found.doubts)
+
+
+def test_a_stiff_bristle_converges() -> None:
+    """sigma_0 = 1e5 at up to 2 mrad/s: the fit converges, to the truth within its interval."""
+    stiff = GRIPPER._replace(sigma_0=1e5, sigma_1=2.0, v_s=1e-3)
+    v = 2e-3 / np.abs(motion()[1]).max() * motion()[1]
+    truth = named(stiff)
+    found = fit_tracking(posed(record(stiff, 1e-5, velocity=v)), shifted(truth, 1.1), "revolute", starts=2).fit
+    assert found.outcome.startswith("The fit converged")
+    assert sum(_holds(found, name, true) for name, true in truth.items()) >= 6
+
+
+def test_each_stretch_has_its_own_deflection_and_no_gap_is_crossed() -> None:
+    """Two stretches, each begun with a deflection of its own, give the truth; the deflections come back too."""
+    first, second = record(GRIPPER, z0=2e-3), record(GRIPPER, z0=-1e-3)
+    gap = first.time[-1] + 5.0
+    velocity, torque, acceleration = (
+        np.concatenate([np.asarray(getattr(x, n)) for x in (first, second)])
+        for n in ("velocity", "torque", "acceleration")
+    )
+    time, starts = np.concatenate([first.time, second.time + gap]), (0, first.time.size)
+    joined = Record(
+        file="two.csv", time=time, starts=starts, velocity=velocity, torque=torque, acceleration=acceleration
+    )
+    problem = posed(joined)
+    assert problem.names[-2:] == ("z0[0]", "z0[1]")
+    values, minimum = fit(problem, shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0, "z0[1]": 0.0})
+    assert minimum.cost < 1e-16
+    assert values["z0[0]"] == pytest.approx(2e-3, rel=1e-4)
+    assert values["z0[1]"] == pytest.approx(-1e-3, rel=1e-4)
+
+
+def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
+    """A prior as sure as the data moves an estimate about half of the way; a sure one all the way; and the error shrinks."""
+    problem = posed(record(GRIPPER, 3e-4), decimation=5)
+    alone = fit_tracking(problem, named(GRIPPER), "revolute", starts=1).fit
+    e = alone.parameters["v_s"]
+    assert e.value is not None
+    assert e.standard_error is not None
+    moved = []
+    for share in (1.0, 1e-3):
+        error = share * e.standard_error
+        prior = Prior("static", ("v_s",), np.array([e.value + 2 * e.standard_error]), np.array([[1 / error]]))
+        found = fit_tracking(with_priors(problem, [prior], alone.rms), named(GRIPPER), "revolute", starts=1).fit
+        value, own = found.parameters["v_s"].value, found.parameters["v_s"].standard_error
+        assert value is not None
+        assert own is not None
+        assert own < e.standard_error
+        moved.append((value - e.value) / (2 * e.standard_error))
+    assert 0.25 < moved[0] < 0.75
+    assert moved[1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
+    """With an encoder so coarse that counts bias the fit, the corrected estimates are nearer to the truth, and a doubt says what was done."""
+    t, v = motion()
+    position = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)])
+    quantum = 2 * np.pi / 2**15
+    counted = Record(
+        file="run.csv", time=t, position=quantum * np.floor(position / quantum), torque=record(GRIPPER).torque
+    )
+
+    def pose(records: object, fixed: Mapping[str, float]) -> Tracking:
+        return tracking(records, ("both",), ("inertia",), 5, None, fixed)  # type: ignore[arg-type]
+
+    run = estimate_motion(counted, 40.0)
+    truth = named(GRIPPER)
+    found = fit_tracking(pose([run], {}), truth, "revolute", starts=1)
+    better = without_count_bias(found, [run], pose, 40.0, quantum)
+    off = [
+        np.array([(f.parameters[n].value or 0.0) / truth[n] - 1 for n in ("alpha_0", "alpha_2", "sigma_0")])
+        for f in (found.fit, better)
+    ]
+    assert np.linalg.norm(off[1]) < 0.6 * np.linalg.norm(off[0])
+    assert any("Encoder counts biased" in doubt for doubt in better.doubts)
+
+
+def test_rest_shows_nothing_and_is_refused() -> None:
+    """A run at rest shows no parameter; it is refused in one sentence."""
+    still = Record(
+        file="rest.csv", time=motion()[0], velocity=np.zeros(8000), torque=np.zeros(8000), acceleration=np.zeros(8000)
+    )
+    with pytest.raises(ValueError, match=r"rest\.csv: at rest throughout"):
+        posed(still)
+
+
+def test_the_descent_respects_its_bounds() -> None:
+    """Where the free minimum lies beyond a bound, the descent ends on the bound, at the least cost there; and it takes few steps when linear."""
+    rng = np.random.default_rng(0)
+    A, b = rng.standard_normal((30, 3)), rng.standard_normal(30)
+    free = minimise(lambda x: (A @ x - b, A), np.zeros(3), np.full(3, -np.inf), np.full(3, np.inf))
+    np.testing.assert_allclose(free.x, np.linalg.lstsq(A, b, rcond=None)[0], atol=1e-6)
+    assert free.steps <= 4
+    lower = free.x + np.array([0.1, -1.0, -1.0])
+    held = minimise(lambda x: (A @ x - b, A), lower + 1, lower, np.full(3, np.inf))
+    assert held.x[0] == lower[0]
+    gradient = A.T @ (A @ held.x - b)
+    assert gradient[0] > 0
+    np.testing.assert_allclose(gradient[1:], 0.0, atol=1e-4)
+
+
+def test_a_zero_gradient_is_an_error() -> None:
+    """A start where nothing depends on anything is refused, as is one without a finite cost."""
+    box = np.full(1, -np.inf), np.full(1, np.inf)
+    with pytest.raises(ValueError, match="the gradient is zero"):
+        minimise(lambda _: (np.ones(3), np.zeros((3, 1))), np.zeros(1), *box)
+    with pytest.raises(ValueError, match="the cost is not finite"):
+        minimise(lambda _: (np.full(3, np.nan), np.ones((3, 1))), np.zeros(1), *box)
