@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 import bristle
-from bristle.identification.estimate import Joint, Outcome
+from bristle.identification.estimate import Estimate, Joint, Outcome, StaticFit
 
 KINOVA = """
 joint: {name: kinova joint 7, kind: revolute}
@@ -25,6 +25,22 @@ runs:
   - {files: "${BRISTLE_DATA}/emps/DATA_EMPS.mat", experiment: tracking}
   - {files: "${BRISTLE_DATA}/emps/DATA_EMPS_PULSES.mat", experiment: tracking, hold_out: true}
 fit: {directions: DIRECTIONS}
+"""
+
+
+SERVO = """
+joint: {name: servo}
+encoder_resolution: 6.283e-4 rad
+signals:
+  time:     {rate: 1 kHz}
+  position: {column: 0, unit: rad}
+  torque:   {column: 4, unit: N*m}
+runs:
+  - {files: "${BRISTLE_DATA}/servo_lugre/J_2.txt", experiment: tracking}
+  - {files: "${BRISTLE_DATA}/servo_lugre/J_3.txt", experiment: tracking, hold_out: true}
+  - {files: "${BRISTLE_DATA}/servo_lugre/Fs_*.txt", experiment: presliding}
+  - {files: "${BRISTLE_DATA}/servo_lugre/sigma0_*.txt", experiment: presliding}
+fit: {directions: symmetric, position_cutoff: 10 Hz, decimation: 40, moving_above: 10 rad/s, breakaway_displacement: 0.01 rad}
 """
 
 
@@ -52,10 +68,29 @@ def test_kinova_is_identified_as_it_is(measured_data: Path, tmp_path: Path) -> N
     assert any("wrap" in note for one in joint.inputs for note in one.notes)
 
 
+def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
+    """The full LuGre fit explains the force as well as the static fit of the same data, in training and held out, and says what it cannot see."""
+    moving = joint.tracking
+    assert moving is not None
+    assert static.relative_error is not None
+    assert moving.relative_error <= static.relative_error + 0.05
+    assert moving.hold_out[0].relative_error <= static.hold_out[0].relative_error + 0.05
+    unseen = [name for name, e in moving.parameters.items() if e.value is None]
+    assert {name.rstrip("+-") for name in unseen} >= {"alpha_1", "v_s"}
+    assert all("identifiable" in joined(moving.parameters[name]) for name in unseen)
+
+
+def joined(e: Estimate) -> str:
+    """All doubts about an estimate."""
+    return " ".join(e.doubts)
+
+
 def test_emps_symmetric_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
     """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019); relative errors as published; no Stribeck peak."""
     assert measured_data.is_dir()
-    fit = identified(tmp_path, EMPS.replace("DIRECTIONS", "symmetric")).static["both"]
+    joint = identified(tmp_path, EMPS.replace("DIRECTIONS", "symmetric"))
+    fit = joint.static["both"]
+    moving_is_no_worse(joint, fit)
     published = {"inertia": 95.109, "alpha_2": 203.50, "alpha_0": 20.394, "offset": -3.165}
     assert {n: fit.parameters[n].value for n in published} == pytest.approx(published, rel=0.01)
     assert fit.relative_error is not None
@@ -67,7 +102,9 @@ def test_emps_symmetric_gives_the_published_figures(measured_data: Path, tmp_pat
 def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
     """With a law per direction: mass 95.154 kg, viscous 166.71 and 240.42, Coulomb 20.144 and 20.628, within 1 %; errors below the published."""
     assert measured_data.is_dir()
-    static = identified(tmp_path, EMPS.replace("DIRECTIONS", "separate")).static
+    joint = identified(tmp_path, EMPS.replace("DIRECTIONS", "separate"))
+    static = joint.static
+    moving_is_no_worse(joint, static["shared"])
     assert static["shared"].parameters["inertia"].value == pytest.approx(95.154, rel=0.01)
     assert [static[d].parameters["alpha_2"].value for d in "+-"] == pytest.approx([166.71, 240.42], rel=0.01)
     assert [static[d].parameters["alpha_0"].value for d in "+-"] == pytest.approx([20.144, 20.628], rel=0.01)
@@ -75,3 +112,32 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
     assert static["shared"].relative_error <= 3.25
     assert static["shared"].hold_out[0].relative_error <= 5.5
     assert static["+"].outcome is static["-"].outcome is Outcome.NO_STRIBECK
+
+
+def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
+    """One file for the whole protocol: inertia and Coulomb above 10 rad/s, breakaway with its outlier, stiffness of the loops, a fit held out.
+
+    Stiffness by regression of torque on displacement lies at 4.9 to 5.7 N*m/rad; the inverse regression and the secant are stiffer.
+    """
+    assert measured_data.is_dir()
+    joint = identified(tmp_path, SERVO)
+    static = joint.static["both"]
+    assert static.parameters["inertia"].value == pytest.approx(1.97e-4, abs=0.03e-4)
+    assert static.parameters["alpha_0"].value == pytest.approx(0.031, abs=0.002)
+    assert static.relative_error is not None
+    assert static.relative_error <= 2.5
+    assert static.hold_out[0].relative_error <= 2.5
+    assert any("slower than fit.moving_above" in doubt for doubt in joint.doubts)
+    slow = joint.presliding
+    assert slow is not None
+    assert slow.breakaway["+"].value == pytest.approx(0.0235, abs=0.0025)
+    assert [d for d in slow.doubts if "outlier" in d and "Fs_1" in d]
+    assert not [d for d in slow.doubts if "outlier" in d and "Fs_1" not in d]
+    assert len(slow.loops) == 3
+    for loop in slow.loops:
+        assert 4.9 < loop.slope < 5.7
+        assert loop.slope < loop.secant < loop.inverse_slope
+    assert any("span only 6 encoder counts" in doubt for doubt in slow.doubts)
+    assert joint.tracking is not None
+    assert joint.tracking.relative_error < 10
+    assert joint.tracking.hold_out[0].relative_error < 15

@@ -87,7 +87,12 @@ def fit_tracking(
     judged = judge(problem, start, starts, seed)
     estimates = _estimates(problem, judged, kind)
     reached, moved = judged.reached, judged.minimum.steps
-    unseen: dict[str, Estimate] = {}
+    refused = (f"{_NOT_SEEN}: the static fit of the same runs refuses it.",)
+    unseen = {
+        name: Estimate(value=None, unit=unit(name.rstrip("+-"), kind), interval=(0.0, float("inf")), doubts=refused)
+        for name in problem.friction_names
+        if name in problem.fixed
+    }
     while weak := _weak(estimates):
         unseen |= {name: _without(estimates[name]) for name in weak}
         fixed = {name: 0.0 if name.startswith(("alpha_1", "sigma_1")) else judged.values[name] for name in weak}
