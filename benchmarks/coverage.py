@@ -1,23 +1,26 @@
-"""How often the 95 % intervals cover the truth: `python benchmarks/coverage.py [--seeds 100] [--repetitions 1000]`.
+"""How often the 95 % intervals cover the truth: `python benchmarks/coverage.py [--seeds 100] [--repetitions 1000] [--moving 200]`.
 
 (a) the embedded experiment, simulated again with other seeds, through all of bristle's steps from a log file on: eight joint-direction sets.
+(c) gripper rotation, all its runs simulated again with other seeds: all six parameters, by each stage and by the joint fit.
 (b) points of gripper rotation (+) with Gaussian noise, at designs from good to poor; each design with the standard error of v_s that it gives.
 """
 
 import argparse
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from bristle import bench, edro
 from bristle.data.options import FitOptions
-from bristle.identification.estimate import Estimate
+from bristle.identification.estimate import Estimate, Joint
 from bristle.identification.fit import estimate_static
 from bristle.identification.moving import DIRECTIONS
-from bristle.identification.pipeline import Measured, measure
+from bristle.identification.pipeline import Measured, identify_joint, measure
 from bristle.identification.regression import from_points
 from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 BLOCK = 50
@@ -30,11 +33,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--repetitions", type=int, default=1000)
+    parser.add_argument("--moving", type=int, default=200)
     chosen = parser.parse_args()
     if chosen.seeds:
         embedded(chosen.seeds)
     if chosen.repetitions:
         designs(chosen.repetitions)
+    if chosen.moving:
+        moving(chosen.moving)
 
 
 def embedded(seeds: int) -> None:
@@ -105,6 +111,69 @@ def designs(repetitions: int) -> None:
                 hits[name] += _covers(parameters[name], getattr(P, name))
         spread = 100 * float(np.median(errors)) / P.v_s
         _row(label, f"{spread:.1f}%", hits, len(errors), repetitions)
+
+
+def moving(seeds: int) -> None:
+    """Coverage of all six parameters of gripper rotation, and how far the estimates lie from the truth on average."""
+    print(
+        f"gripper rotation, all runs simulated with seeds 0 to {seeds - 1}: intervals that cover the truth, and mean error in standard errors"
+    )
+    print(f"{'':<24}{'fits':>7}" + "".join(f"{name:>16}" for name in Lugre._fields))
+    found: dict[str, dict[str, list[tuple[bool, float]]]] = {}
+    for joint in _joints(seeds):
+        for sign, p in zip("+-", edro.TABLE_1["gripper rotation"], strict=True):
+            for stage, name, estimate in _by_stage(joint, sign):
+                if estimate.value is not None and estimate.standard_error:
+                    truth = getattr(p, name)
+                    off = (estimate.value - truth) / estimate.standard_error
+                    found.setdefault(f"{stage} ({sign})", {}).setdefault(name, []).append(
+                        (_covers(estimate, truth), off)
+                    )
+    for label, by_name in found.items():
+        cells = [_cell(by_name.get(name, [])) for name in Lugre._fields]
+        print(f"{label:<24}{max(map(len, by_name.values())):>7}" + "".join(f"{cell:>16}" for cell in cells))
+
+
+def _cell(seen: list[tuple[bool, float]]) -> str:
+    if not seen:
+        return "-"
+    hits, off = zip(*seen, strict=True)
+    return f"{100 * np.mean(hits):.1f}% {np.mean(off):+.2f}"
+
+
+def _by_stage(joint: Joint, sign: str) -> Iterator[tuple[str, str, Estimate]]:
+    """Every estimate of a LuGre parameter in one direction: stage, parameter, estimate."""
+    yield from (("static", name, e) for name, e in joint.static[sign].parameters.items())
+    if joint.presliding is not None:
+        yield "edges", "sigma_0", joint.presliding.fits[sign].edges
+        yield "samples", "sigma_0", joint.presliding.fits[sign].samples
+    for stage, fit in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
+        if fit is not None:
+            yield from ((stage, name, fit.parameters[name + sign]) for name in Lugre._fields)
+
+
+def _joints(seeds: int) -> Iterator[Joint]:
+    """Gripper rotation, measured again with each seed."""
+    text = (edro.datasets_folder() / "gripper.yaml").read_text()
+    names = ("", "_presliding", "_tracking", "_held_out")
+    for name in names:
+        text = text.replace(f"gripper{name}.csv", f"log{name}.npz")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "experiment.yaml"
+        file.write_text(text)
+        for first in range(0, seeds, BLOCK):
+            block = range(first, min(first + BLOCK, seeds))
+            ramps, loads = edro.logs("gripper", block), edro.load_logs("gripper", block)
+            motions = [edro.tracking_logs("gripper", block, held_out=held) for held in (False, True)]
+            for k in range(len(block)):
+                for name, logs in zip(names, (ramps, loads, *motions), strict=True):
+                    np.savez(
+                        Path(folder) / f"log{name}.npz",
+                        time=logs.time,
+                        position=logs.position[k],
+                        voltage=logs.voltage[k],
+                    )
+                yield identify_joint(measure(file))
 
 
 DESIGNS: tuple[tuple[str, Array, float], ...] = (

@@ -18,6 +18,7 @@ from bristle import __version__, cli
 from bristle.data import document, reading
 from bristle.data.experiment import load_experiment
 from bristle.identification.pipeline import measure
+from bristle.model.arrays import Array
 from bristle.report import files as report_files
 
 from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
@@ -127,6 +128,26 @@ TOSSED = np.random.default_rng(0).standard_normal(STEPS.size)
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
+SLIDING = 0.3 * np.sin(2 * np.pi * 0.5 * STEPS)
+
+
+def moving(velocity: Sequence[float] | Array, step: float = 0.01) -> dict[str, str]:
+    """A tracking experiment; its torque is that of Coulomb friction."""
+    time = step * np.arange(len(velocity))
+    rows = [f"{t:.6g},{v:.9g},{0.1 * np.sign(v):.9g}\n" for t, v in zip(time, velocity, strict=True)]
+    signals = experiment().replace("signals:\n", "signals:\n  time: {column: t, unit: s}\n")
+    return {"e.yaml": signals.replace("points", "tracking"), "data.csv": "t,v,tau\n" + "".join(rows)}
+
+
+def slow(position: Array, torque: Array) -> dict[str, str]:
+    """A presliding experiment."""
+    rows = [f"{t:.6g},{q:.9g},{tau:.9g}\n" for t, q, tau in zip(STEPS, position, torque, strict=True)]
+    signals = experiment().replace(
+        "velocity: {column: v, unit: rad/s}", "position: {column: q, unit: rad}\n  time: {column: t, unit: s}"
+    )
+    return {"e.yaml": signals.replace("points", "presliding"), "data.csv": "t,q,tau\n" + "".join(rows)}
+
+
 AGAIN = "  - {files: data.csv, experiment: points}\n"
 MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
 BAD = [
@@ -189,6 +210,15 @@ BAD = [
     *bad(
         "held out and fitted", READ, "e.yaml: runs: data.csv is held out and fitted as well",
         yaml_with("runs:\n", f"runs:\n{AGAIN}".replace("points", "points, hold_out: true")),
+    ),
+    *bad("run that slides", FIT, "data.csv: the joint slides", slow(0.3 * STEPS, 0.2 * -np.expm1(-STEPS / 0.05))),
+    *bad("presliding without loading", FIT, "data.csv: the torque never grows slowly from zero", slow(SLIDING, 0.1 + 0.001 * np.sin(STEPS))),
+    *bad("tracking at rest", FIT, "data.csv: velocity is 0", moving(np.zeros(STEPS.size))),
+    *bad("inertia of the wrong unit", READ, "e.yaml: inertia", yaml_with("signals:", "inertia: 3 kg\nsignals:")),
+    *bad(
+        "runs with different sampling", FIT, "tracking runs are sampled at different rates",
+        {**moving(np.sin(STEPS)), "other.csv": moving(np.sin(2 * STEPS), 0.02)["data.csv"],
+         "e.yaml": moving(STEPS)["e.yaml"] + "  - {files: other.csv, experiment: tracking}\n"},
     ),
     *bad("figure of no kind", [("inspect", "e.yaml", "-o", "out.tiff")], "out.tiff"),
     *bad("output two lines long", [("report", "e.yaml", "-o", "a\nb/out")], "a b/out", {"a\nb": "mine"}, patch=undrawn),
@@ -369,7 +399,7 @@ def test_our_own_defect_is_not_called_bad_input(
 
 
 def _raiser(error: BaseException) -> Callable[..., None]:
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise error
 
     return fail

@@ -68,8 +68,10 @@ def _of_fits(joint: Joint) -> Iterator[tuple[str, str]]:
     yield from ((name, doubt) for name, doubts in stages.items() for doubt in doubts)
 
 
-def identify(*experiments: Source, progress: Progress | None = None) -> Results:
+def identify(*experiments: Source, progress: Progress | None = None, second_route: bool = False) -> Results:
     """Identify the joints of one or more experiment files; with none, the embedded Ed-Ro (simulated).
+
+    With `second_route` moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
 
     Raises ValueError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
@@ -80,7 +82,7 @@ def identify(*experiments: Source, progress: Progress | None = None) -> Results:
         if progress:
             progress(f"identifying {experiment.joint.name}", done, len(loaded))
         spent: dict[str, float] = {}
-        joints.append(identify_joint(measure(experiment), spent))
+        joints.append(identify_joint(measure(experiment), spent, second_route=second_route))
         timings |= {f"{experiment.joint.name}: {what}": seconds for what, seconds in spent.items()}
     return Results(joints=tuple(joints), timings=timings)
 

@@ -14,6 +14,7 @@ import typer
 
 if TYPE_CHECKING:
     from bristle.api import Progress, Results
+    from bristle.identification.estimate import Crosscheck
 
 app = typer.Typer(
     name="bristle",
@@ -148,22 +149,15 @@ def inspect(
 
 @app.command()
 def validate(experiment: _Experiment, strict: _Strict = False) -> None:
-    """Check the grid method against a full nonlinear fit (CasADi + IPOPT) on the same data."""
+    """Check each fit against a full nonlinear one (CasADi + IPOPT) on the same data: the grid method, and moving runs."""
     from bristle import identify as run
 
-    results = run(experiment)
+    results = run(experiment, second_route=True)
     for joint in results.joints:
         for direction, check in joint.crosscheck.items():
-            print(f"{joint.name} {direction}: {check.verdict}")
-            print(
-                f"  cost: grid {check.cost_grid:.8g}, full fit {check.cost_full:.8g}; starts {check.starts}, reached {check.reached}"
-            )
-            for name, value in check.parameters.items():
-                distance = check.difference_in_se.get(name)
-                print(
-                    f"  {name:<12} {value:<14.7g}"
-                    + ("" if distance is None else f" {distance:+.2e} standard errors from the grid")
-                )
+            _print_check(f"{joint.name} {direction}", "grid", check)
+        if joint.tracking is not None and joint.tracking.check is not None:
+            _print_check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.check)
     for what, seconds in results.timings.items():
         print(f"  {what}: {1000 * seconds:.2f} ms")
     _finish(results, strict)
@@ -251,6 +245,17 @@ def _check(output: Path | None) -> None:
 
     if output is not None:
         check_file(output)
+
+
+def _print_check(title: str, first: str, check: "Crosscheck") -> None:
+    print(f"{title}: {check.verdict}")
+    print(
+        f"  cost: {first} {check.cost_grid:.8g}, full fit {check.cost_full:.8g}; starts {check.starts}, reached {check.reached}"
+    )
+    for name, value in check.parameters.items():
+        distance = check.difference_in_se.get(name)
+        apart = "" if distance is None else f" {distance:+.2e} standard errors from {first}"
+        print(f"  {name:<12} {value:<14.7g}{apart}")
 
 
 def _doubts(count: int) -> str:

@@ -182,13 +182,15 @@ def load_logs(stem: str, seeds: Sequence[int]) -> Logs:
     return load_bench(_quiet(stem, CLOCK), Loads(positive, negative), _stream(seeds, stem, 1))
 
 
-def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False) -> Logs:
-    """What the bench logs of a joint following `LINES` for 14 s, or `HELD_OUT_LINES` for 6 s, once for each seed."""
+def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, resolution: float = RESOLUTION) -> Logs:
+    """What the bench logs of a joint following `LINES` for 14 s, or `HELD_OUT_LINES` for 6 s, once for each seed; `resolution` in rad per count."""
     pair = TABLE_1[SETTINGS[stem].name]
     deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in pair)
     lines = [(a * deflection or WIDE, f, phase) for a, f, phase in (HELD_OUT_LINES if held_out else LINES)]
     reference = multisine(lines, 6.0 if held_out else 14.0, FAST_CLOCK)
-    return follow_logs(_quiet(stem, FAST_CLOCK), reference, _stream(seeds, stem, 2 + held_out))
+    joint = _quiet(stem, FAST_CLOCK)
+    joint = Rig(joint.loop._replace(resolution=resolution), joint.sensors._replace(resolution=resolution))
+    return follow_logs(joint, reference, _stream(seeds, stem, 2 + held_out))
 
 
 def _quiet(stem: str, clock: Clock) -> Rig:

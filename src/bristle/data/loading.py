@@ -22,6 +22,8 @@ _ONSET = 10.0
 """Sliding begins where the joint moves this many times as fast as in the first half of its loading."""
 _FLOOR = 5.0
 """... and this many times the deviation that counts alone give its speed."""
+_HELD = 0.9
+"""Of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not."""
 _SHORTEST = 8
 """Samples in a piece."""
 _SLIDES = (0.05, 0.8)
@@ -187,7 +189,8 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
         for first, turn in pairwise(bounds):
             part = torque[first : turn + 1]
             sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
-            last = first + int((sign * part).argmax())
+            most = float((sign * part).max())
+            last = first + int(np.flatnonzero(sign * part >= most - (1 - _HELD) * abs(most))[-1])
             part = part[: last + 1 - first]
             before = np.flatnonzero(sign * part <= 0)
             start = first + (int(before[-1]) + 1 if before.size else 0)

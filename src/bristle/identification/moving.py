@@ -35,6 +35,17 @@ def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what
         )
 
 
+def refuse_mixed_rates(records: Sequence[Record]) -> None:
+    """Raise ValueError where moving runs were sampled at different rates: one decimation filter serves them all."""
+    steps = {r.file: r.step for r in records}
+    first, last = min(steps, key=lambda f: steps[f]), max(steps, key=lambda f: steps[f])
+    if steps[last] > 1.05 * steps[first]:
+        raise ValueError(
+            f"tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
+            "fit them in experiments of their own, or resample one"
+        )
+
+
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[str, ...]]:

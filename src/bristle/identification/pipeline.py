@@ -15,7 +15,7 @@ from bristle.data.steady import Segment, find_segments, nothing_left, unit_mista
 from bristle.identification import regression
 from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit, TrackingFit
 from bristle.identification.fit import Where, fit_static
-from bristle.identification.moving import DIRECTIONS, fit_moving, refuse_opposing
+from bristle.identification.moving import DIRECTIONS, fit_moving, refuse_mixed_rates, refuse_opposing
 from bristle.identification.moving import regressors as asked_regressors
 from bristle.identification.presliding import Level, identify_presliding
 from bristle.identification.regression import Regression
@@ -53,15 +53,18 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     return Measured(experiment=experiment, runs=runs, segments=tuple(_segments(experiment, run) for run in runs))
 
 
-def identify_joint(measured: Measured, timings: dict[str, float] | None = None) -> Joint:
-    """Static parameters of one joint with intervals and doubts, cross-checked.
+def identify_joint(measured: Measured, timings: dict[str, float] | None = None, *, second_route: bool = False) -> Joint:
+    """Everything that an experiment tells of its joint, with intervals and doubts, cross-checked.
 
-    Points at constant velocity are fitted where there are any; else the moving runs are, with their regressors. Seconds spent are written into
-    `timings` by name; they are no part of the result.
+    Points at constant velocity give the static parameters where there are any, else the moving runs do, with their regressors; slow runs give the
+    presliding ones; moving runs give all, alone and with the other stages as priors. Seconds spent are written into `timings` by name; they are no
+    part of the result. With `second_route` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long.
 
-    Raises ValueError where no run can give static parameters, saying which threshold ate what.
+    Raises ValueError where no run can be fitted, saying which threshold ate what.
     """
     experiment = measured.experiment
+    if measured.moving(hold_out=False):
+        refuse_mixed_rates([*measured.moving(hold_out=False), *measured.moving(hold_out=True)])
     points = measured.points(hold_out=False)
     slow = tuple(run.record for run in measured.runs if run.kind == "presliding" and not run.hold_out)
     static: dict[str, StaticFit] = {}
@@ -96,6 +99,7 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None) 
             static,
             presliding,
             static_is_apart=bool(points),
+            second_route=second_route,
         )
         if timings is not None:
             timings["moving runs"] = perf_counter() - started

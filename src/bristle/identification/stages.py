@@ -1,6 +1,7 @@
 """All parameters from moving runs beside the other stages: starts and priors from them, and whether they agree."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from bristle.data.record import Record
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving import directions, inertia, regressors
+from bristle.identification.moving_check import check_tracking
 from bristle.identification.tracking import fit_tracking
 from bristle.identification.trajectory import Prior, Tracking, tracking, with_priors
 from bristle.model import functions
@@ -31,6 +33,7 @@ def track(
     slow: Presliding | None,
     *,
     static_is_apart: bool,
+    second_route: bool = False,
 ) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...]]:
     """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
 
@@ -41,6 +44,7 @@ def track(
         static: the static fits.
         slow: the presliding stage.
         static_is_apart: whether the static fits rest on other data than these runs.
+        second_route: whether to solve the problem by CasADi and IPOPT as well, which takes long.
 
     Raises ValueError where a run lacks a signal, or shows none of the parameters.
     """
@@ -58,6 +62,10 @@ def track(
     start = {name: value for name, value in start.items() if name not in fixed}
     tests = [(r.file, pose([r], fixed)) for r in held]
     found = fit_tracking(problem, start, kind, tests)
+    if second_route:
+        check = check_tracking(found)
+        said = () if check.agrees else (check.verdict,)
+        found = found._replace(fit=replace(found.fit, check=check, doubts=(*found.fit.doubts, *said)))
     alone = without_count_bias(found, records, pose, experiment.fit.position_cutoff, counts) if counts else found.fit
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:

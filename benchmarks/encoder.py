@@ -1,0 +1,131 @@
+"""What an encoder's counts do to the estimates, over its bits: `python benchmarks/encoder.py`.
+
+(a) presliding of gripper rotation (+): relative error of sigma_0 by (14), its inverse, the count edges and all samples, the joint resting on a count
+edge or anywhere in a count. (b) moving runs of gripper rotation: error of each parameter in its standard errors, as fitted and after the bias of
+counts is taken off. Simulated, with fixed seeds.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from bristle import edro
+from bristle.data.loading import find_loadings
+from bristle.data.motion import estimate_motion
+from bristle.data.record import Record
+from bristle.identification.counts import without_count_bias
+from bristle.identification.estimate import PreslidingFit, TrackingFit
+from bristle.identification.presliding import Level, fit_presliding, printed_bias
+from bristle.identification.tracking import fit_tracking
+from bristle.identification.trajectory import Tracking, tracking
+from bristle.model import functions
+from bristle.model.arrays import Array, evaluate
+from bristle.model.motor import drive_torque
+from bristle.model.parameters import Lugre
+
+PAIR = edro.TABLE_1["gripper rotation"]
+P = PAIR.positive
+G0 = P.alpha_0 + P.alpha_1
+METHODS = ("printed", "corrected", "edges", "samples")
+REPETITIONS = 200
+SEEDS = 10
+
+
+def main() -> None:
+    """Print both tables."""
+    presliding()
+    moving()
+
+
+def presliding() -> None:
+    """The four estimates of sigma_0, on a count edge and over rest positions."""
+    print(
+        f"(a) sigma_0 of gripper rotation (+), error in %: on a count edge without noise; mean +- spread over {REPETITIONS} rest positions, with"
+    )
+    print("    torque noise of 0.5 % of g0; and what the closed form says of (14): on the edge, then mean +- spread")
+    print(f"{'bits':>4}" + "".join(f"{m:>24}" for m in METHODS) + f"{'(14), closed form':>24}")
+    for bits in (12, 14, 16, 18):
+        quantum, rng = 2 * np.pi / 2**bits, np.random.default_rng(bits)
+        exact = ramp(quantum, 0.0, 0.0, rng)
+        fits = [ramp(quantum, rng.uniform(), 0.005 * G0, rng) for _ in range(REPETITIONS)]
+        cells = [f"{error([exact], m)[0]:+.1f}; {spread(error(fits, m))}" for m in METHODS]
+        on_edge, mean, wide = (100 * float(x[0]) for x in printed_bias(np.array([P.sigma_0 * quantum / G0])))
+        print(f"{bits:>4}" + "".join(f"{cell:>24}" for cell in [*cells, f"{on_edge:+.1f}; {mean:+.1f} +- {wide:.1f}"]))
+
+
+def ramp(quantum: float, phase: float, noise: float, rng: np.random.Generator) -> PreslidingFit:
+    """The fit of one slow ramp to 0.85 g0."""
+    time = np.arange(0, 25, 0.01)
+    torque = 0.85 * G0 * time / 25
+    y = evaluate(functions.loading_displacement(), torque, G0, P.sigma_0)[0]
+    measured = torque + noise * rng.standard_normal(time.size)
+    record = Record(file="ramp", time=time, position=quantum * np.floor(y / quantum + phase), torque=measured)
+    found = find_loadings(record, 2.0 if noise else 1e3, quantum, None)
+    return fit_presliding(found, Level(G0, 0.005 * G0, "assumed"), None, "revolute")
+
+
+def error(fits: Sequence[PreslidingFit], method: str) -> Array:
+    """Relative errors of one method, percent."""
+    return np.array([100 * ((getattr(fit, method).value or np.nan) / P.sigma_0 - 1) for fit in fits])
+
+
+def spread(errors: Array) -> str:
+    """Mean and standard deviation."""
+    return f"{np.nanmean(errors):+.1f} +- {np.nanstd(errors):.1f}"
+
+
+def moving() -> None:
+    """Errors of the moving fit in standard errors, as fitted and corrected, over bits."""
+    print(
+        f"(b) moving runs of gripper rotation, mean over {SEEDS} seeds of (estimate - truth) / standard error: as fitted / bias of counts taken off"
+    )
+    print(f"{'bits':>4}" + "".join(f"{name + '+':>16}" for name in Lugre._fields) + f"{'inertia':>16}")
+    names = [f"{name}+" for name in Lugre._fields] + ["inertia"]
+    for bits in (14, 15, 16, 18, 20):
+        pairs = [both(2 * np.pi / 2**bits, seed) for seed in range(SEEDS)]
+        off = np.array([[[distance(fit, name) for name in names] for fit in pair] for pair in pairs])
+        seen = np.isfinite(off)
+        means = np.where(
+            seen.any(axis=0), np.where(seen, off, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1), np.nan
+        )
+        print(f"{bits:>4}" + "".join(f"{f'{a:+.1f} / {b:+.1f}':>16}" for a, b in means.T))
+
+
+def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
+    """One seed's fit as it is, and with the bias taken off."""
+    log = edro.tracking_logs("gripper", [seed], resolution=quantum)
+    motor = edro.motor("gripper rotation")
+    record = estimate_motion(
+        Record(file="run", time=log.time, position=log.position[0], voltage=log.voltage[0]), edro.CUTOFF
+    )
+    torque = np.asarray(drive_torque(record.voltage, record.velocity, motor))
+    run = Record(
+        file="run",
+        time=record.time,
+        position=record.position,
+        velocity=record.velocity,
+        torque=torque,
+        acceleration=record.acceleration,
+    )
+
+    def pose(records: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
+        return tracking(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
+
+    found = fit_tracking(pose([run], {}), truth(), "revolute", starts=1)
+    return found.fit, without_count_bias(found, [run], pose, edro.CUTOFF, quantum)
+
+
+def truth() -> dict[str, float]:
+    """The true parameters by name."""
+    own = {name + sign: value for sign, p in zip("+-", PAIR, strict=True) for name, value in p._asdict().items()}
+    return own | {"inertia": edro.motor("gripper rotation").J}
+
+
+def distance(fit: TrackingFit, name: str) -> float:
+    """(estimate - truth) / standard error; nan where the motion does not show the parameter."""
+    e = fit.parameters[name]
+    return np.nan if e.value is None or not e.standard_error else (e.value - truth()[name]) / e.standard_error
+
+
+if __name__ == "__main__":
+    main()
