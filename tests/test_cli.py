@@ -128,6 +128,7 @@ TOSSED = np.random.default_rng(0).standard_normal(STEPS.size)
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
+TURN = 2 * np.pi * 0.1 * STEPS
 SLIDING = 0.3 * np.sin(2 * np.pi * 0.5 * STEPS)
 
 
@@ -211,7 +212,7 @@ BAD = [
         "held out and fitted", READ, "e.yaml: runs: data.csv is held out and fitted as well",
         yaml_with("runs:\n", f"runs:\n{AGAIN}".replace("points", "points, hold_out: true")),
     ),
-    *bad("run that slides", FIT, "data.csv: the joint slides", slow(0.3 * STEPS, 0.2 * -np.expm1(-STEPS / 0.05))),
+    *bad("run that slides", FIT, "data.csv: the joint slides", slow(-0.3 * np.cos(TURN), 0.2 * np.sign(np.sin(TURN)))),
     *bad("presliding without loading", FIT, "data.csv: the torque never grows slowly from zero", slow(SLIDING, 0.1 + 0.001 * np.sin(STEPS))),
     *bad("tracking at rest", FIT, "data.csv: velocity is 0", moving(np.zeros(STEPS.size))),
     *bad("inertia of the wrong unit", READ, "e.yaml: inertia", yaml_with("signals:", "inertia: 3 kg\nsignals:")),

@@ -113,6 +113,8 @@ def find_loadings(
     speed = derivative(record, drift)
     found = []
     for piece, sign in _pieces(record, slow):
+        if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
+            continue  # faster than the low pass can follow: a step, and no slow loading
         torque_along, position_along = sign * slow[piece], sign * position[piece]
         limit = 0.5 * quantum * cutoff
         slide = _slides_at(torque_along, position_along - position_along[0], sign * speed[piece], limit, breakaway)
