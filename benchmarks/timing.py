@@ -19,3 +19,10 @@ def least(calls: dict[str, Call], repeats: int, number: int = 1) -> dict[str, fl
                 call()
             times[name] = min(times[name], (perf_counter() - start) / number)
     return times
+
+
+def once(call: Call) -> float:
+    """The time of a single call, s, for what takes long."""
+    start = perf_counter()
+    call()
+    return perf_counter() - start

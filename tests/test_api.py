@@ -67,7 +67,7 @@ def test_a_source_is_a_path_its_text_or_the_experiment(tmp_path: Path) -> None:
 def test_nothing_stands_for_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without an experiment the four joints of Ed-Ro are identified, in the order of Table 1, and progress is told of each."""
 
-    def joint_of(measured: Experiment, _: dict[str, float]) -> Joint:
+    def joint_of(measured: Experiment, _: dict[str, float], **__: object) -> Joint:
         name = measured.joint.name
         return Joint(name=name, kind=measured.joint.kind, inputs=(), segments=(), static={}, crosscheck={})
 

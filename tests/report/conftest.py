@@ -2,17 +2,30 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from bristle.data.loading import Loading, Loop
 from bristle.data.record import Record
 from bristle.data.steady import Segment
-from bristle.identification.estimate import Crosscheck, Estimate, HoldOut, Input, Joint, Outcome, Profile, StaticFit
+from bristle.identification.estimate import (
+    Crosscheck,
+    Estimate,
+    HoldOut,
+    Input,
+    Joint,
+    Outcome,
+    Presliding,
+    PreslidingFit,
+    Profile,
+    StaticFit,
+)
 from bristle.model.arrays import Array, evaluate
-from bristle.model.functions import stribeck_shape
+from bristle.model.functions import loading_displacement, stribeck_shape
 from bristle.model.parameters import Lugre, unit
 from bristle.report.curves import curve
 
@@ -135,6 +148,78 @@ def gripper(name: str = "gripper rotation") -> Joint:
     )
 
 
+QUANTUM = 2e-4
+"""One count of the encoder that saw the loadings, rad."""
+
+
+def loading(direction: str, phase: float, file: str, breakaway: float | None = None) -> Loading:
+    """Slow loading of Table 1's gripper without noise, from rest at `phase` of a count (0 is an edge), counted by the encoder."""
+    p = TABLE_1[direction]
+    g0 = p.alpha_0 + p.alpha_1
+    T = np.linspace(0.0, 0.9 * g0, 1501)
+    y = evaluate(loading_displacement(), T, g0, p.sigma_0)[0] + phase * QUANTUM
+    edges = np.arange(1, np.floor(y[-1] / QUANTUM) + 1)
+    return Loading(
+        file=file, direction=direction, start=40, time=np.linspace(0.0, 15.0, T.size), displacement=QUANTUM * np.floor(y / QUANTUM), torque=T,
+        quantum=QUANTUM, edge_displacement=(edges - 0.5) * QUANTUM, edge_torque=np.interp(edges * QUANTUM, y, T), breakaway=breakaway,
+    )  # fmt: skip  # as above
+
+
+def slow_fit(direction: str) -> PreslidingFit:
+    """sigma_0 of one direction from three loadings, as if the edges had found the truth, the samples a little more, and (14) half of it."""
+    p, doubts = TABLE_1[direction], ("The interval is that of an unknown rest position.",)
+    s, half = p.sigma_0, p.sigma_0 / 2
+    stiffness = Estimate(value=s, unit=unit("sigma_0"), standard_error=0.01 * s, interval=(0.98 * s, 1.02 * s))
+    first = Estimate(value=half, unit=unit("sigma_0"), interval=(0.9 * half, 10 * half), doubts=doubts)
+    return PreslidingFit(
+        direction=direction, printed=first, corrected=replace(first, value=1.1 * half), edges=stiffness, samples=replace(stiffness, value=1.05 * s),
+        sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), standard_error=1e-4, doubts=("A prior, not an estimate.",)),
+        recommended="edges", level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source="the static fit", quantum=QUANTUM, counts=60,
+        bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
+        loadings=tuple(loading(direction, phase, f"slow_{k}.csv") for k, phase in enumerate((0.1, 0.45, 0.8))),
+        doubts=("Few encoder counts.",) if direction == "+" else (),
+    )  # fmt: skip  # as above
+
+
+def closed_cycle(file: str, loss: float = 3e-5) -> Loop:
+    """An ellipse of torque over displacement with one slope in the middle, of which nothing depends on noise."""
+    turn = np.linspace(0.0, 2 * np.pi, 401)
+    return Loop(
+        file=file, start=100, stop=500, position=0.002 * np.cos(turn - 0.6) + 0.3, torque=0.01 * np.cos(turn), loss=loss,
+        secant=5.0, slope=4.1, inverse_slope=6.1, counts=20,
+    )  # fmt: skip  # as above
+
+
+def loaded(name: str = "gripper rotation", file: str = "slow_2.csv") -> Joint:
+    """The gripper with presliding runs in both directions, two of which break away, and four closed cycles."""
+    torque = Estimate(value=0.025, unit=unit("torque"), standard_error=5e-4, interval=(0.024, 0.026))
+    slow = Presliding(
+        fits={d: slow_fit(d) for d in ("+", "-")},
+        breakaway={"+": torque},
+        breakaways=(loading("+", 0.3, file, 0.02), loading("+", 0.6, "slow_3.csv", 0.025)),
+        loops=tuple(closed_cycle(file, loss) for loss in (3e-5, 4e-5, 5e-5, 6e-5)),
+        doubts=(f"{file} is an outlier: it breaks away at 0.02.",),
+    )
+    return replace(gripper(name), presliding=slow)
+
+
+def only(joint: Joint, **changes: Any) -> Joint:
+    """The joint with changes to what its presliding runs showed."""
+    assert joint.presliding is not None
+    return replace(joint, presliding=replace(joint.presliding, **changes))
+
+
+def nothing_seen(direction: str = "+") -> PreslidingFit:
+    """A fit of data without encoder counts in which the joint did not move: no sigma_0, but a lower bound."""
+    bound = Estimate(
+        value=None, unit="N*m/rad", interval=(12.5, float("inf")), doubts=("It stays within the encoder's noise.",)
+    )
+    return replace(
+        slow_fit(direction), printed=bound, corrected=bound, edges=bound, samples=bound, recommended="samples",
+        sigma_1=Estimate(value=None, unit="N*m*s/rad", doubts=("Absent: there is no sigma_0.",)), quantum=0.0, counts=0, doubts=(),
+    )  # fmt: skip  # a list of changes
+
+
 def bare() -> Joint:
     """A prismatic joint of which nearly nothing is known: no value, no error, infinite bounds, nan."""
     doubts = ("Too few points.",)
@@ -153,6 +238,12 @@ def bare() -> Joint:
 def joint() -> Joint:
     """Gripper rotation."""
     return gripper()
+
+
+@pytest.fixture(scope="session")
+def slow() -> Joint:
+    """Gripper rotation with presliding runs."""
+    return loaded()
 
 
 @pytest.fixture(scope="session")

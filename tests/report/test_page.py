@@ -8,9 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
-from bristle.identification.estimate import Joint, Outcome
+from bristle.identification.estimate import Joint
 from bristle.report import figures, page
-from bristle.report.advice import next_measurements
 
 from .conftest import HOSTILE, gripper
 
@@ -59,7 +58,7 @@ def test_two_writes_give_the_same_bytes_and_progress_ends_at_its_total(tmp_path:
             {p.relative_to(tmp_path / name): p.read_bytes() for p in (tmp_path / name).rglob("*") if p.is_file()}
         )
     assert trees[0] == trees[1]
-    assert seen == 2 * [(k, 4) for k in range(5)]
+    assert seen == 2 * [(k, 8) for k in range(9)]
     assert not [p for p, data in trees[0].items() if str(tmp_path).encode() in data]
 
 
@@ -129,19 +128,3 @@ def test_save_figure(tmp_path: Path, record: Record) -> None:
     assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(ValueError, match=r"\.svg or \.png"):
         page.save_figure(Figure(), tmp_path / "a.pdf")
-
-
-def test_advice_follows_from_the_doubts(joint: Joint) -> None:
-    """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
-    fit = joint.static["+"]
-    open_below = replace(fit.parameters["v_s"], interval=(0.0, 0.1))
-    one = replace(joint, static={"+": replace(fit, parameters={**fit.parameters, "v_s": open_below}, hold_out=())})
-    text = "\n".join(next_measurements(one))
-    assert "0.0015 to 0.015 rad/s" in text
-    assert "Repeat run_1.csv" in text
-    assert "Measure direction (−)" in text
-    assert "hold_out: true" in text
-    none = replace(joint, static={"both": replace(fit, outcome=Outcome.NO_STRIBECK)}, segments=())
-    assert next_measurements(none) == (
-        "both directions: if friction rises at low speed, it does so below what was measured: try five constant speeds from 0.0015 to 0.015 rad/s.",
-    )

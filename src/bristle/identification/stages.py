@@ -95,8 +95,7 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
         fit = _static_of(static, tag)
         known = fit.parameters if fit is not None else {}
         alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
-        bristles = slow.fits.get(tag or "+") if slow else None
-        sigma_0 = _value(bristles.sigma_0 if bristles else None, alpha_0 / (_BENDS * travel))
+        sigma_0 = _value(_stiffness(slow, tag), alpha_0 / (_BENDS * travel))
         (sigma_1, *_) = evaluate(
             functions.presliding_damping(),
             sigma_0,
@@ -115,6 +114,17 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
     if "inertia" in extra and not extra["inertia"]:
         extra["inertia"] = 1e-3 * torque / speed
     return out | extra
+
+
+def _stiffness(slow: Presliding | None, tag: str) -> Estimate | None:
+    """sigma_0 from presliding of one direction, or of both by their inverse variances; None where there is none with an error."""
+    own = [fit.sigma_0 for d, fit in slow.fits.items() if tag in ("", d)] if slow else []
+    known = [(e.value, e.standard_error) for e in own if e.value and e.standard_error]
+    if not known:
+        return None
+    weight = np.array([1 / error**2 for _, error in known])
+    value = float(weight @ [x for x, _ in known] / weight.sum())
+    return replace(own[0], value=value, standard_error=float(weight.sum() ** -0.5))
 
 
 def _value(e: Estimate | None, otherwise: float) -> float:
@@ -140,16 +150,15 @@ def _priors(
         fit = _static_of(static, tag)
         if fit is not None:
             own = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
-            covariance = fit.covariance[np.ix_(own, own)]
+            # few degrees of freedom: a Student distribution scatters by more than its standard error
+            covariance = fit.covariance[np.ix_(own, own)] * (fit.dof / (fit.dof - 2) if fit.dof > 2 else 4.0)
             if own and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in own], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
                 found.append(Prior("static", tuple(fit.names[k] + tag for k in own), value, root))
-        bristles = slow.fits.get(tag or "+") if slow else None
-        if bristles is not None and bristles.sigma_0.value and bristles.sigma_0.standard_error:
-            found.append(
-                _single("presliding", "sigma_0" + tag, bristles.sigma_0.value, bristles.sigma_0.standard_error)
-            )
+        bristle = _stiffness(slow, tag)
+        if bristle is not None:
+            found.append(_single("presliding", "sigma_0" + tag, bristle.value or 0.0, bristle.standard_error or 1.0))
     _, known = inertia(experiment)
     if known is not None and "inertia" in problem.extra_names:
         found.append(_single("experiment file", "inertia", known.value, known.standard_error or 0.0))

@@ -111,9 +111,9 @@ def _fitted_points(ax: Axes, joint: Joint, fit: StaticFit, look: Look, label: st
             ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
 
 
-def thinned(n: int) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Indices of at most MOST_POINTS of n points, evenly spread."""
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.intp)) if n else np.zeros(0, dtype=np.intp)
+def thinned(n: int, most: int = MOST_POINTS) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Indices of at most `most` of n points, evenly spread."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp)) if n else np.zeros(0, dtype=np.intp)
 
 
 def _rejected(ax: Axes, joint: Joint) -> None:

@@ -10,9 +10,11 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from bristle.identification.estimate import Joint
-from bristle.report import figures, sections, summary, tables, wording
+from bristle.report import figures, presliding_figures, sections, summary, tables, tracking_figures, wording
 from bristle.report.files import replace_files, write_bytes, write_text
+from bristle.report.presliding import METHODS
 from bristle.report.style import inline, render, render_as, styled
+from bristle.report.tracking import FITS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,9 +23,13 @@ __all__ = ["save_figure", "write_report", "write_text"]
 
 Progress = Callable[[str, int, int], None]
 _DRAW: dict[str, Callable[[Joint], Figure | None]] = {
-    "curve": figures.curve_figure,
+    "curve": lambda joint: figures.curve_figure(joint) if joint.static else None,
     "profile": figures.profile_figure,
     "residuals": figures.residuals_figure,
+    "presliding": presliding_figures.presliding_figure,
+    "hysteresis": presliding_figures.hysteresis_figure,
+    "tracking": tracking_figures.course_figure,
+    "tracking-velocity": tracking_figures.velocity_figure,
 }
 
 
@@ -100,7 +106,11 @@ def _figures(
                 continue
             name = f"{slug}-{kind}"
             files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
-            label = escape(f"{kind} of {wording.printable(joint.name)}" if joint else "the steady-state curve")
+            label = escape(
+                f"{kind.replace('-', ' over ')} of {wording.printable(joint.name)}"
+                if joint
+                else "the steady-state curve"
+            )
             own[kind] = Markup(inline(files[f"figures/{name}.svg"], name, label))  # noqa: S704 # matplotlib escaped every text in it
     return drawn
 
@@ -129,16 +139,20 @@ def symbol_html(name: str) -> Markup:
 
 
 _HEADINGS = {
-    "standard_error": "standard error", "error_percent": "error (%)", "inside": "inside its interval?", "lower": "95 % from",
+    "standard_error": "standard error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
     "upper": "95 % to", "plain_grid": "plain grid", "without_stick_slip": "without stick-slip", "huber": "Huber",
     "without_standard_error": "its standard error", "difference_in_se": "difference (standard errors)", "grid": "refined grid",
     "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
-    "start": "from row", "stop": "to row",
+    "start": "from row", "stop": "to row", "from_median_percent": "from the median (%)", "recommended": "use it?",
+    "stage_value": "its own stage", "tracking_value": "moving runs", "joint_value": "joint fit",
 }  # fmt: skip  # a table of words
 
 
 def _heading(column: str) -> str:
     return _HEADINGS.get(column, column)
+
+
+_DIGITS = {"difference_in_se": 2, "difference": 2, "error_percent": 3, "standard_error": 3, "from_median_percent": 3}
 
 
 def _cell(value: Any, column: str) -> str | Markup:
@@ -148,10 +162,22 @@ def _cell(value: Any, column: str) -> str | Markup:
     if value is None:
         return wording.MISSING
     if isinstance(value, float):
-        return wording.number(value, {"difference_in_se": 2, "error_percent": 3, "standard_error": 3}.get(column, 5))
+        return wording.number(value, _DIGITS.get(column, 5))
     if column == "parameter":
         return symbol_html(str(value))
-    return {"unit": wording.pretty, "direction": wording.direction}.get(column, str)(str(value))
+    return _CELLS.get(column, str)(str(value))
+
+
+def _named(key: str) -> str:
+    """A method or a fit by its name; any other word as it is."""
+    return {**METHODS, **FITS}.get(key, key)
+
+
+_CELLS: dict[str, Callable[[str], str]] = {
+    "unit": wording.pretty,
+    "direction": lambda d: d if d == "shared" else wording.direction(d),
+    **dict.fromkeys(("method", "fit", "source"), _named),
+}
 
 
 def _csv(frame: "pd.DataFrame") -> bytes:

@@ -56,6 +56,86 @@ class CrosscheckJson(BaseModel):
     doubts: list[str]
 
 
+class LevelJson(BaseModel):
+    """g0, the torque at which slow loading slides."""
+
+    value: float | None
+    standard_error: float | None
+    source: str
+
+
+class BiasJson(BaseModel):
+    """Relative bias of (14) with this encoder: where rest lies on a count edge, and over rest positions anywhere in a count."""
+
+    on_edge: float | None
+    mean: float | None
+    spread: float | None
+
+
+class PreslidingJson(BaseModel):
+    """sigma_0 of one direction by four methods, and sigma_1 by (15), a prior."""
+
+    printed: ParameterJson
+    corrected: ParameterJson
+    edges: ParameterJson
+    samples: ParameterJson
+    sigma_1: ParameterJson
+    recommended: str
+    level: LevelJson
+    quantum: float
+    counts: int
+    bias: BiasJson
+    breakaway: ParameterJson | None
+    doubts: list[str]
+
+
+class HysteresisJson(BaseModel):
+    """One closed cycle of torque over displacement; loss in J."""
+
+    file: str
+    start: int
+    stop: int
+    loss: float
+    secant: Bound
+    slope: float
+    inverse_slope: Bound
+    counts: int
+
+
+class TrackingJson(BaseModel):
+    """All parameters from moving runs: their direction stands at the end of their name, as in `alpha_0+`; shared ones stand bare."""
+
+    parameters: dict[str, ParameterJson]
+    rms: float | None
+    relative_error: float | None
+    n: int
+    outcome: str
+    doubts: list[str]
+    hold_out: list[HoldOutJson]
+    starts: int
+    reached: int
+    condition: Bound | None
+    free: list[str]
+    covariance: list[list[float | None]]
+    count_bias: dict[str, float | None]
+    crosscheck: CrosscheckJson | None
+
+
+class ConsistencyJson(BaseModel):
+    """One parameter from its own stage, from the moving runs alone, and from all at once; what the moving runs do not show is null."""
+
+    parameter: str
+    stage: str
+    stage_value: float | None
+    stage_error: float | None
+    tracking_value: float | None
+    tracking_error: float | None
+    joint_value: float | None
+    joint_error: float | None
+    difference_in_se: float | None
+    verdict: str
+
+
 class SegmentJson(BaseModel):
     """One candidate for a velocity-torque point."""
 
@@ -80,9 +160,14 @@ class JointJson(BaseModel):
     assumptions: list[str]
     settings: dict[str, str]
     doubts: list[str]
-    truth: dict[str, dict[str, float]]
+    truth: dict[str, dict[str, float | None]]
     static: dict[str, FitJson]
     crosscheck: dict[str, CrosscheckJson]
+    presliding: dict[str, PreslidingJson]
+    hysteresis: list[HysteresisJson]
+    tracking: TrackingJson | None
+    joint_fit: TrackingJson | None
+    consistency: list[ConsistencyJson]
     segments: list[SegmentJson]
 
 

@@ -2,32 +2,26 @@
 
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import metadata
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
 from markupsafe import Markup
 
 from bristle import __version__
 from bristle.identification.estimate import Joint, StaticFit
 from bristle.model.parameters import unit
-from bristle.report import figures, tables
+from bristle.report import figures, presliding_section, tables, tracking_section
 from bristle.report.advice import next_measurements
 from bristle.report.curves import band
+from bristle.report.presliding import doubts, whole_doubts
+from bristle.report.shown import Table, shown
+from bristle.report.tracking import agreement
+from bristle.report.tracking import doubts as moving_doubts
+from bristle.report.tracking_tables import table_1
 from bristle.report.wording import direction, measured, pretty, slugs, span
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 _LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "matplotlib", "pint", "pydantic", "jinja2")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """A table as the page shows it."""
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
 
 
 def page(
@@ -37,6 +31,8 @@ def page(
     return {
         "title": title,
         "simulated": any(joint.simulated for joint in joints),
+        "presliding": any(joint.presliding is not None for joint in joints),
+        "tracking": any(joint.tracking is not None for joint in joints),
         "all_simulated": all(joint.simulated for joint in joints),
         "version": __version__,
         "joints": [
@@ -61,7 +57,10 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "parameters": _parameters(joint),
         "comparison": _comparison(joint),
         "crosscheck": _crosscheck(joint),
-        "hold_out": _shown(tables.hold_out([joint])),
+        "hold_out": shown(tables.hold_out([joint])),
+        "presliding": presliding_section.section(joint),
+        "tracking": tracking_section.section(joint),
+        "complete": _complete(joint),
         "shared": _shared(joint),
         "doubts": _doubts(joint),
         "next": next_measurements(joint),
@@ -77,7 +76,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
         {
             "direction": d,
             "outcome": fit.outcome.value,
-            "n": fit.n,
+            "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
             "doubts": len(fit.doubts),
             "estimates": [
@@ -87,9 +86,11 @@ def _summary(joint: Joint) -> dict[str, Any]:
         }
         for d, fit in joint.static.items()
     ]
-    inside = tables.parameters([joint])["inside"].dropna()
+    inside = table_1([joint])["inside"].dropna()
     covered = (int(inside.astype(bool).sum()), len(inside)) if len(inside) else None
-    return {"fits": fits, "covered": covered, "verdicts": [(d, c.verdict) for d, c in joint.crosscheck.items()]}
+    fits += [*presliding_section.summary(joint), *tracking_section.summary(joint)]
+    verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
+    return {"fits": fits, "covered": covered, "verdicts": verdicts, "agreement": agreement(joint)}
 
 
 def _inputs(joint: Joint) -> dict[str, Any]:
@@ -107,25 +108,39 @@ def _segments(joint: Joint) -> dict[str, Any]:
     frame = tables.segments([joint]).rename(columns=units)
     kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip"])
     rejected = frame[~frame["accepted"]][["file", "start", "stop", units["velocity"], units["torque"], "reasons"]]
-    return {"kept": _shown(kept), "rejected": _shown(rejected), "sticking": int(frame["stick_slip"].sum())}
+    return {"kept": shown(kept), "rejected": shown(rejected), "sticking": int(frame["stick_slip"].sum())}
 
 
 def _parameters(joint: Joint) -> Table:
+    """Those of static and slow runs, stage by stage."""
     frame = tables.parameters([joint])
-    return _shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"]))
+    return _with_truth(joint, frame[frame["source"].isin(["static", "presliding"])].drop(columns="source"))
+
+
+def _complete(joint: Joint) -> Table | None:
+    """All parameters by the stage to use; None where there are static fits alone."""
+    if joint.presliding is None and joint.tracking is None:
+        return None
+    frame = table_1([joint])
+    frame.insert(3, "source", frame.pop("source"))
+    return _with_truth(joint, frame)
+
+
+def _with_truth(joint: Joint, frame: pd.DataFrame) -> Table:
+    return shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"]))
 
 
 def _comparison(joint: Joint) -> Table:
     frame = tables.comparison([joint])
     if frame["without_stick_slip"].isna().all():
         frame = frame.drop(columns=["without_stick_slip", "without_standard_error"])
-    return _shown(frame)
+    return shown(frame)
 
 
 def _crosscheck(joint: Joint) -> list[dict[str, Any]]:
     frame = tables.crosscheck([joint])
     return [
-        {"direction": d, "check": check, "table": _shown(frame[frame["direction"] == d].drop(columns="direction"))}
+        {"direction": d, "check": check, "table": shown(frame[frame["direction"] == d].drop(columns="direction"))}
         for d, check in joint.crosscheck.items()
     ]
 
@@ -151,6 +166,10 @@ def _all_doubts(joint: Joint) -> Iterable[tuple[str, str]]:
     for d, fit in joint.static.items():
         yield from ((direction(d), doubt) for doubt in fit.doubts)
         yield from _parameter_doubts(d, fit)
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
+        yield from doubts(slow, joint.presliding.breakaway.get(d) if joint.presliding else None)
+    yield from (("presliding", doubt) for doubt in whole_doubts(joint))
+    yield from moving_doubts(joint)
     yield from ((f"{s.file} rows {s.start}-{s.stop}", doubt) for s in joint.segments for doubt in s.doubts)
 
 
@@ -166,13 +185,3 @@ def _versions() -> list[tuple[str, str]]:
         ("Python", platform.python_version()),
         *((x, metadata.version(x)) for x in _LIBRARIES),
     ]
-
-
-def _shown(frame: "pd.DataFrame") -> Table:
-    """A frame of one joint, without its name and without columns that say nothing."""
-    empty = [
-        c for c in ("doubts", "labels", "joint") if c in frame and (c == "joint" or not frame[c].astype(bool).any())
-    ]
-    frame = frame.drop(columns=empty)
-    rows = frame.astype(object).itertuples(index=False, name=None)
-    return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))

@@ -3,26 +3,43 @@
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bristle import __version__
+from bristle.data.loading import Loop
 from bristle.data.steady import Segment
-from bristle.identification.estimate import Crosscheck, Estimate, Input, Joint, StaticFit
+from bristle.identification.estimate import (
+    Consistency,
+    Crosscheck,
+    Estimate,
+    HoldOut,
+    Input,
+    Joint,
+    PreslidingFit,
+    StaticFit,
+    TrackingFit,
+)
+from bristle.model.arrays import Array
+from bristle.report.frame import to_frame
+from bristle.report.presliding import bias_known, whole_doubts
 from bristle.report.schema import (
+    BiasJson,
     Bound,
+    ConsistencyJson,
     CrosscheckJson,
     FitJson,
     HoldOutJson,
+    HysteresisJson,
     InputJson,
     JointJson,
+    LevelJson,
     ParameterJson,
+    PreslidingJson,
     ResultsJson,
     SegmentJson,
+    TrackingJson,
 )
 from bristle.report.text import fit_report
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 __all__ = ["fit_report", "schema", "to_frame", "to_json"]
 
@@ -45,31 +62,6 @@ def to_json(joints: Sequence[Joint]) -> str:
         joints={joint.name: _joint(joint) for joint in joints},
     )
     return json.dumps(results.model_dump(by_alias=True), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
-    """One row per joint, direction and parameter: value, unit, standard_error, lower, upper, doubts (joined by `; `).
-
-    What does not exist is nan; a bound that is open is infinite.
-    """
-    import pandas as pd
-
-    columns = ["joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "doubts"]
-    rows = [
-        (joint.name, d, name, _float(e.value), e.unit, _float(e.standard_error), *_bounds(e), "; ".join(e.doubts))
-        for joint in joints
-        for d, fit in joint.static.items()
-        for name, e in fit.parameters.items()
-    ]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def _float(x: float | None) -> float:
-    return math.nan if x is None else x
-
-
-def _bounds(e: Estimate) -> tuple[float, float]:
-    return (math.nan, math.nan) if e.interval is None else e.interval
 
 
 def _finite(x: float | None) -> float | None:
@@ -108,20 +100,28 @@ def _fit(fit: StaticFit) -> FitJson:
         n=fit.n,
         outcome=fit.outcome.value,
         doubts=_said(fit.doubts, rms=rms, relative_error=relative),
-        hold_out=[HoldOutJson(file=h.file, relative_error=_finite(h.relative_error)) for h in fit.hold_out],
+        hold_out=_hold_out(fit.hold_out),
         degrees_of_freedom=fit.dof,
         free=list(fit.names),
-        covariance=[[_finite(x) for x in row] for row in fit.covariance.tolist()],
+        covariance=_matrix(fit.covariance),
         plain_grid=_all_finite(fit.plain),
         huber=_all_finite(fit.robust),
         without_stick_slip={name: _parameter(e) for name, e in fit.without_stick_slip.items()},
     )
 
 
+def _hold_out(runs: Iterable[HoldOut]) -> list[HoldOutJson]:
+    return [HoldOutJson(file=x.file, relative_error=_finite(x.relative_error)) for x in runs]
+
+
+def _matrix(covariance: Array) -> list[list[float | None]]:
+    return [[_finite(x) for x in row] for row in covariance.tolist()]
+
+
 def _crosscheck(check: Crosscheck) -> CrosscheckJson:
     difference = {name: _finite(check.difference_in_se.get(name)) for name in check.parameters}
     missing = [name for name, x in difference.items() if x is None]
-    why = f"No difference in standard errors for {', '.join(missing)}: the grid fit gives no standard error."
+    why = f"No difference in standard errors for {', '.join(missing)}: the fit that it checks gives no standard error."
     return CrosscheckJson(
         cost_grid=_finite(check.cost_grid),
         cost_full=_finite(check.cost_full),
@@ -131,6 +131,70 @@ def _crosscheck(check: Crosscheck) -> CrosscheckJson:
         difference_in_se=difference,
         verdict=check.verdict,
         doubts=[why] if missing else [],
+    )
+
+
+def _presliding(fit: PreslidingFit, breakaway: Estimate | None) -> PreslidingJson:
+    known = bias_known(fit)
+    on_edge, mean, spread = (_finite(x) if known else None for x in (fit.bias_on_edge, fit.bias_mean, fit.bias_spread))
+    error = _finite(fit.level_standard_error)
+    return PreslidingJson(
+        printed=_parameter(fit.printed),
+        corrected=_parameter(fit.corrected),
+        edges=_parameter(fit.edges),
+        samples=_parameter(fit.samples),
+        sigma_1=_parameter(fit.sigma_1),
+        recommended=fit.recommended,
+        level=LevelJson(value=_finite(fit.level), standard_error=error, source=fit.level_source),
+        quantum=fit.quantum,
+        counts=fit.counts,
+        bias=BiasJson(on_edge=on_edge, mean=mean, spread=spread),
+        breakaway=None if breakaway is None else _parameter(breakaway),
+        doubts=_said(fit.doubts, bias=on_edge, standard_error_of_the_level=error),
+    )
+
+
+def _tracking(fit: TrackingFit) -> TrackingJson:
+    rms, relative = _finite(fit.rms), _finite(fit.relative_error)
+    return TrackingJson(
+        parameters={name: _parameter(e) for name, e in fit.parameters.items()},
+        rms=rms,
+        relative_error=relative,
+        n=fit.n,
+        outcome=fit.outcome,
+        doubts=_said(fit.doubts, rms=rms, relative_error=relative),
+        hold_out=_hold_out(fit.hold_out),
+        starts=fit.starts,
+        reached=fit.reached,
+        condition=None if math.isnan(fit.condition) else _bound(fit.condition),
+        free=list(fit.names),
+        covariance=_matrix(fit.covariance),
+        count_bias=_all_finite(fit.bias),
+        crosscheck=None if fit.check is None else _crosscheck(fit.check),
+    )
+
+
+def _consistency(x: Consistency) -> ConsistencyJson:
+    numbers = {
+        f"{stage}_{what}": _finite(getattr(x, f"{stage}_{what}"))
+        for stage in ("stage", "tracking", "joint")
+        for what in ("value", "error")
+    }
+    return ConsistencyJson(
+        parameter=x.parameter, stage=x.stage, difference_in_se=_finite(x.difference), verdict=x.verdict, **numbers
+    )
+
+
+def _hysteresis(loop: Loop) -> HysteresisJson:
+    return HysteresisJson(
+        file=loop.file,
+        start=loop.start,
+        stop=loop.stop,
+        loss=loop.loss,
+        secant=_bound(loop.secant),
+        slope=loop.slope,
+        inverse_slope=_bound(loop.inverse_slope),
+        counts=loop.counts,
     )
 
 
@@ -152,15 +216,21 @@ def _segment(s: Segment) -> SegmentJson:
 
 
 def _joint(joint: Joint) -> JointJson:
+    slow = joint.presliding
     return JointJson(
         kind=joint.kind,
         simulated=joint.simulated,
         assumptions=list(joint.assumptions),
         settings=dict(joint.settings),
-        doubts=list(joint.doubts),
-        truth={d: {k: float(v) for k, v in p._asdict().items()} for d, p in joint.truth.items()},
+        doubts=[*joint.doubts, *whole_doubts(joint)],
+        truth={d: _all_finite(p._asdict()) for d, p in joint.truth.items()},
         static={d: _fit(fit) for d, fit in joint.static.items()},
         crosscheck={d: _crosscheck(check) for d, check in joint.crosscheck.items()},
+        presliding={d: _presliding(fit, slow.breakaway.get(d)) for d, fit in slow.fits.items()} if slow else {},
+        hysteresis=[_hysteresis(loop) for loop in slow.loops] if slow else [],
+        tracking=None if joint.tracking is None else _tracking(joint.tracking),
+        joint_fit=None if joint.joint_fit is None else _tracking(joint.joint_fit),
+        consistency=[_consistency(x) for x in joint.consistency],
         segments=[_segment(s) for s in joint.segments],
     )
 

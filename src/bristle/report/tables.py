@@ -6,28 +6,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bristle.identification.estimate import Joint, StaticFit
+from bristle.identification.estimate import Estimate, Joint, StaticFit
 from bristle.model.parameters import unit
-from bristle.report.summary import to_frame
-
-_STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+from bristle.report.frame import estimates, true_value, with_truth
+from bristle.report.presliding import methods
+from bristle.report.tracking_tables import consistency, table_1, tracking, tracking_hold_out
+from bristle.report.wording import WORK
 
 
 def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
-    """Every parameter with its interval; for simulated data also true, error_percent and inside (the interval holds the truth)."""
-    frame = to_frame(joints)
-    true = [_true(joints, row.joint, row.direction, row.parameter) for row in frame.itertuples()]
-    frame.insert(8, "true", np.array(true, dtype=float))
-    frame.insert(9, "error_percent", 100 * (frame["value"] - frame["true"]) / frame["true"])
-    known = frame[["true", "lower", "upper"]].notna().all(axis=1)
-    inside = (frame["lower"] <= frame["true"]) & (frame["true"] <= frame["upper"])
-    frame.insert(10, "inside", inside.astype(object).where(known, None))
-    return frame
-
-
-def _true(joints: Sequence[Joint], joint: Any, direction: Any, parameter: Any) -> float:
-    truth = next((j.truth.get(direction) for j in joints if j.name == joint), None)
-    return float(getattr(truth, parameter)) if truth is not None and parameter in _STATIC else np.nan
+    """Every stage's parameters with their intervals; for simulated data also true, error_percent and inside (the interval holds the truth)."""
+    return with_truth(estimates(joints), joints, 8)
 
 
 def inputs(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -119,6 +108,61 @@ def hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
     )
 
 
+def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
+    """sigma_0 by each method, side by side, with the truth where the data are simulated; `recommended` marks the one to use."""
+    rows = [
+        (
+            joint.name,
+            d,
+            method,
+            e.value,
+            e.unit,
+            e.standard_error,
+            *(e.interval or (None, None)),
+            method == fit.recommended,
+        )
+        for joint in joints
+        if joint.presliding
+        for d, fit in joint.presliding.fits.items()
+        for method, e in methods(fit).items()
+    ]
+    numbers = ["value", "standard_error", "lower", "upper"]
+    columns = ["joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "recommended"]
+    frame = pd.DataFrame(rows, columns=columns).astype({**dict.fromkeys(numbers, float), "recommended": bool})
+    true = [true_value(joints, row.joint, row.direction, "sigma_0") for row in frame.itertuples()]
+    frame.insert(8, "true", np.array(true, dtype=float))
+    frame.insert(9, "error_percent", 100 * (frame["value"] - frame["true"]) / frame["true"])
+    return frame
+
+
+def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per closed cycle: where, work lost, secant, slope, inverse slope, counts."""
+    columns = ["joint", "file", "start", "stop", "loss", "secant", "slope", "inverse_slope", "counts"]
+    rows = [
+        (joint.name, x.file, x.start, x.stop, x.loss, x.secant, x.slope, x.inverse_slope, x.counts)
+        for joint in joints
+        if joint.presliding
+        for x in joint.presliding.loops
+    ]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def breakaway(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per loading that broke away: where it began, its torque, and how far that is from the median of its direction, percent."""
+    columns = ["joint", "direction", "file", "start", "breakaway", "from_median_percent"]
+    rows = [
+        (joint.name, x.direction, x.file, x.start, x.breakaway, _from_median(x.breakaway, medians.get(x.direction)))
+        for joint in joints
+        if joint.presliding and (medians := joint.presliding.breakaway) is not None
+        for x in joint.presliding.breakaways
+    ]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _from_median(torque: float | None, median: Estimate | None) -> float:
+    return 100 * (torque / median.value - 1) if torque is not None and median and median.value else np.nan
+
+
 def points(joints: Sequence[Joint]) -> pd.DataFrame:
     """What was fitted: velocity, torque, residual, time and position of every point, in SI units."""
     frames = [
@@ -156,11 +200,15 @@ def profiles(joints: Sequence[Joint]) -> pd.DataFrame:
 def units(joints: Sequence[Joint]) -> pd.DataFrame:
     """The unit of every column that has one, per joint."""
     names = {"velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position"}
+    names |= {"breakaway": "torque", **dict.fromkeys(("secant", "slope", "inverse_slope"), "sigma_0")}
     rows = [(joint.name, column, unit(quantity, joint.kind)) for joint in joints for column, quantity in names.items()]
+    rows += [(joint.name, "loss", WORK) for joint in joints]
     return pd.DataFrame(rows, columns=["joint", "column", "unit"])
 
 
 def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
-    makers = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles, units)
+    fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
+    moving = (tracking, tracking_hold_out, consistency, table_1)
+    makers = (*fits, presliding, breakaway, hysteresis, *moving, units)
     return {maker.__name__: maker(joints) for maker in makers}

@@ -8,6 +8,8 @@ from bristle.model.parameters import Kind, unit
 
 MISSING = "–"
 """What stands where there is no number."""
+WORK = "J"
+"""Unit of work, whatever the kind of joint."""
 _SYMBOLS = {
     "alpha_0": "α₀",
     "alpha_1": "α₁",
@@ -19,6 +21,8 @@ _SYMBOLS = {
     "gravity_cos": "gravity (cos)",
 }
 _DIRECTIONS = {"+": "(+)", "-": "(−)", "both": "both directions", "shared": "shared by both directions"}
+_WORDS = {"displacement": "position", "displacement from rest": "position"}
+"""Words on an axis that have the unit of a signal."""
 _FORCE = {"torque": "force", "position": "position", "velocity": "velocity"}
 
 
@@ -42,7 +46,7 @@ def axis(quantity: str, kind: Kind, prefix: str = "") -> str:
     """Label of an axis with quantity and unit, as `Residual torque (N·m)`; a prismatic joint's torque is a force."""
     word = _FORCE.get(quantity, quantity) if kind == "prismatic" else quantity
     label = f"{prefix} {word}".strip()
-    return f"{label[0].upper()}{label[1:]} ({pretty(unit(quantity, kind))})"
+    return f"{label[0].upper()}{label[1:]} ({pretty(unit(_WORDS.get(quantity, quantity), kind))})"
 
 
 def number(x: float | None, digits: int = 4) -> str:

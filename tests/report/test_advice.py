@@ -1,0 +1,74 @@
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bristle.identification.estimate import Joint, Outcome
+from bristle.report.advice import next_measurements
+
+
+def changed(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:
+    """Direction + alone, without stick-slip, with changes to its estimate of v_s and to its fit."""
+    fit = joint.static["+"]
+    parameters = {**fit.parameters, "v_s": replace(fit.parameters["v_s"], **v_s)}
+    return replace(joint, static={"+": replace(fit, parameters=parameters, **changes)}, segments=())
+
+
+def ranges(joint: Joint) -> list[tuple[float, float]]:
+    """Every range of speeds that is proposed."""
+    text = "\n".join(next_measurements(joint))
+    return [(float(a), float(b)) for a, b in re.findall(r"([\d.e-]+) to ([\d.e-]+) rad/s", text)]
+
+
+def moving(joint: Joint, **changes: Any) -> Joint:
+    """As if the static fit of + rested on moving data, which pass through zero."""
+    v = np.concatenate([[1.2e-24, 3e-9, 1e-5], joint.static["+"].velocity])
+    return changed(joint, {"value": 0.01, "standard_error": 0.01, "interval": (0.0, np.inf)}, velocity=v, **changes)
+
+
+def test_advice_follows_from_the_doubts(joint: Joint) -> None:
+    """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
+    one = replace(changed(joint, {"interval": (0.0, 0.1)}, hold_out=()), segments=joint.segments)
+    text = "\n".join(next_measurements(one))
+    assert "nothing limits vₛ below" in text
+    assert "Repeat run_1.csv" in text
+    assert "Measure direction (−)" in text
+    assert "hold_out: true" in text
+    none = replace(joint, static={"both": replace(joint.static["+"], outcome=Outcome.NO_STRIBECK)}, segments=())
+    assert next_measurements(none) == (
+        "both directions: if friction rises at low speed, it does so below what was measured: try five constant speeds from 0.008 to 0.015 rad/s.",
+    )
+
+
+@pytest.mark.parametrize("outcome", [Outcome.CONVERGED, Outcome.NO_STRIBECK])
+def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Outcome) -> None:
+    """Moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds."""
+    own = moving(joint, outcome=outcome)
+    fastest = float(own.static["+"].velocity.max())
+    found = ranges(own)
+    assert found
+    for low, high in found:
+        assert low >= fastest / 100
+        assert high >= 1.4 * low
+    said = [x for x in next_measurements(own) if "these data do not show it" in x]
+    assert bool(said) == (outcome is Outcome.NO_STRIBECK)
+
+
+@pytest.mark.parametrize("sticking", [0.0152, 0.0499, 0.101])
+def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> None:
+    """Every speed that is proposed is faster than each at which a run of its direction sticks and slips; those of the other do not matter."""
+    kept = joint.segments[0]
+    stuck = replace(kept, velocity=sticking, stick_slip=True)
+    other = replace(kept, velocity=-0.7, stick_slip=True)
+    for own in (changed(joint, {"interval": (0.0, 0.1)}), moving(joint), moving(joint, outcome=Outcome.NO_STRIBECK)):
+        found = ranges(replace(own, segments=(stuck, other)))
+        assert found
+        assert min(low for low, _ in found) > sticking
+        assert min(low for low, _ in found) < 0.7
+
+
+def test_what_is_clear_needs_nothing(joint: Joint) -> None:
+    """Without a doubt there is no advice about speeds."""
+    assert ranges(replace(joint, segments=())) == []

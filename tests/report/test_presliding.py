@@ -1,0 +1,221 @@
+"""What presliding runs showed, in every form that a report has."""
+
+import json
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+
+from bristle.identification.estimate import Joint, Presliding
+from bristle.report import page, presliding, sections, summary, tables
+from bristle.report.advice import next_measurements
+
+from .conftest import HOSTILE, QUANTUM, TABLE_1, closed_cycle, loaded, nothing_seen, only, slow_fit
+
+GOLDEN = Path(__file__).parent / "presliding_report.txt"
+
+
+def read(joint: Joint) -> dict[str, Any]:
+    """The joint as results.json holds it, after it was held to the schema."""
+    document = json.loads(summary.to_json([joint]))
+    jsonschema.Draft202012Validator(summary.schema()).validate(document)
+    found: dict[str, Any] = document["joints"][joint.name]
+    return found
+
+
+def written(joint: Joint, folder: Path) -> str:
+    """The page of a report of one joint."""
+    return page.write_report([joint], folder, title="t", seed=0).read_text(encoding="utf-8")
+
+
+# results.json
+
+
+def test_json_holds_every_estimate_of_both_directions(slow: Joint) -> None:
+    """Each direction has its four estimates, sigma_1, level, bias and breakaway, with every digit; the file validates."""
+    found = read(slow)["presliding"]
+    assert list(found) == ["+", "-"]
+    for d, fit in (slow.presliding or Presliding(fits={}, breakaway={})).fits.items():
+        assert {name: found[d][name]["value"] for name in presliding.METHODS} == {
+            name: e.value for name, e in presliding.methods(fit).items()
+        }
+        assert found[d]["sigma_1"]["value"] == TABLE_1[d].sigma_1
+        assert found[d]["bias"] == {"on_edge": -0.024, "mean": -0.51, "spread": 0.28}
+        assert found[d]["level"] == {"value": fit.level, "standard_error": 2e-4, "source": "the static fit"}
+        assert (found[d]["recommended"], found[d]["quantum"], found[d]["counts"]) == ("edges", QUANTUM, 60)
+    assert found["+"]["breakaway"]["value"] == 0.025
+    assert found["-"]["breakaway"] is None
+
+
+def test_json_holds_every_closed_cycle(slow: Joint) -> None:
+    """One entry per loop; an infinite slope is the string "inf"."""
+    steep = replace(closed_cycle("x.csv"), secant=float("inf"))
+    found = read(only(slow, loops=(closed_cycle("a.csv"), steep)))["hysteresis"]
+    assert found[0] == {
+        "file": "a.csv", "start": 100, "stop": 500, "loss": 3e-5, "secant": 5.0, "slope": 4.1, "inverse_slope": 6.1, "counts": 20,
+    }  # fmt: skip  # one entry
+    assert found[1]["secant"] == "inf"
+
+
+def test_json_without_presliding_runs_has_empty_entries(joint: Joint) -> None:
+    """No runs: an empty object and an empty list, which validate."""
+    found = read(joint)
+    assert (found["presliding"], found["hysteresis"]) == ({}, [])
+
+
+def test_json_says_why_what_does_not_exist_is_null(slow: Joint) -> None:
+    """Without a sigma_0 the value and the bias of (14) are null with a doubt; the open bound is "inf"."""
+    found = read(only(slow, fits={"+": nothing_seen()}, breakaway={}))["presliding"]["+"]
+    assert found["bias"] == {"on_edge": None, "mean": None, "spread": None}
+    assert found["doubts"] == ["There is no bias: these data give none."]
+    assert (found["edges"]["value"], found["edges"]["interval"]) == (None, [12.5, "inf"])
+    assert found["edges"]["doubts"]
+
+
+def test_json_holds_the_doubts_of_the_runs_as_a_whole(slow: Joint) -> None:
+    """What no direction owns stands among the joint's doubts."""
+    assert read(slow)["doubts"] == ["slow_2.csv is an outlier: it breaks away at 0.02."]
+
+
+# tables and text
+
+
+def test_frame_has_sigma_after_the_static_rows_of_each_direction(slow: Joint) -> None:
+    """sigma_0 is the recommended one; a direction that only presliding knows comes after all others."""
+    frame = summary.to_frame([slow])
+    names = ["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"]
+    assert list(frame["parameter"]) == 2 * names
+    assert list(frame["direction"]) == 6 * ["+"] + 6 * ["-"]
+    assert list(frame[frame["parameter"] == "sigma_0"]["value"]) == [TABLE_1[d].sigma_0 for d in ("+", "-")]
+    both = replace(slow, static={"both": slow.static["+"]})
+    assert list(summary.to_frame([both])["direction"]) == 4 * ["both"] + 2 * ["+"] + 2 * ["-"]
+
+
+def test_parameters_know_the_true_sigma_and_its_absence(slow: Joint) -> None:
+    """Simulated: true and error beside sigma_0 and sigma_1; a truth that is nan is missing in table and file; one of both is that of each."""
+    frame = tables.parameters([slow]).set_index(["direction", "parameter"])
+    assert frame.loc[("-", "sigma_0"), "error_percent"] == 0.0
+    assert frame.loc[("+", "sigma_0"), "inside"] is True
+    half = replace(slow, truth={"both": TABLE_1["+"]._replace(sigma_1=float("nan"))})
+    frame = tables.parameters([half]).set_index(["direction", "parameter"])
+    assert frame.loc[("-", "sigma_0"), "true"] == TABLE_1["+"].sigma_0
+    assert np.isnan(float(str(frame.loc[("-", "sigma_1"), "true"])))
+    assert frame.loc[("-", "sigma_1"), "inside"] is None
+    assert read(half)["truth"]["both"]["sigma_1"] is None
+
+
+def test_presliding_table_has_the_methods_side_by_side(slow: Joint) -> None:
+    """Four rows per direction, of which one is recommended, each with its error against the truth."""
+    frame = tables.all_tables([slow])["presliding"]
+    assert list(frame.columns) == [
+        "joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "true", "error_percent", "recommended",
+    ]  # fmt: skip  # a list of words
+    assert list(frame["method"]) == 2 * ["printed", "corrected", "edges", "samples"]
+    assert list(frame[frame["recommended"]]["method"]) == ["edges", "edges"]
+    np.testing.assert_allclose(frame["error_percent"], 2 * [-50.0, -45.0, 0.0, 5.0], atol=1e-9)
+
+
+def test_breakaway_and_hysteresis_tables(slow: Joint) -> None:
+    """One row per loading that broke away, with its distance from the median, and one per closed cycle; every unit is in the table of units."""
+    made = tables.all_tables([slow])
+    np.testing.assert_allclose(made["breakaway"]["from_median_percent"], [-20.0, 0.0], atol=1e-9)
+    assert list(made["hysteresis"]["loss"]) == [3e-5, 4e-5, 5e-5, 6e-5]
+    units = made["units"].set_index("column")["unit"]
+    assert (units["loss"], units["slope"], units["breakaway"]) == ("J", "N*m/rad", "N*m")
+
+
+def test_tables_without_presliding_runs_have_their_columns(joint: Joint) -> None:
+    """No runs: the three tables are empty, with the same columns."""
+    made = tables.all_tables([joint])
+    assert [len(made[name]) for name in ("presliding", "breakaway", "hysteresis")] == [0, 0, 0]
+    assert list(made["presliding"].columns) == list(tables.presliding([loaded()]).columns)
+
+
+def test_presliding_report_is_the_golden_file(slow: Joint) -> None:
+    """The blocks of the printed report are presliding_report.txt, word for word; BRISTLE_REGENERATE=1 rewrites it."""
+    text = summary.fit_report(
+        [replace(only(slow, fits={"+": slow_fit("+"), "-": nothing_seen("-")}), static={}, crosscheck={})]
+    )
+    if os.environ.get("BRISTLE_REGENERATE"):
+        GOLDEN.write_text(text, encoding="utf-8")
+    assert text == GOLDEN.read_text(encoding="utf-8")
+
+
+# the page
+
+
+def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path: Path) -> None:
+    """The section names the methods, the one to use, the bias, the level and its source, the prior, the outlier, and why the slopes differ."""
+    text = written(slow, tmp_path / "out")
+    section = text[text.index('<section id="gripper-rotation-presliding">') :]
+    section = section[: section.index("</section>")]
+    for words in (*presliding.METHODS.values(), "Use the edges", "-2.4 % where the joint rests",
+                  "-51 % on average, with a spread of 28 %",
+                  "from the static fit", "Prior of", "assumed damping ratio", "median torque", "is an outlier", "differ because the loop is wide",
+                  "loss per cycle (J)", "1 more stand in the table"):  # fmt: skip  # words
+        assert words in section
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
+    assert [caption.startswith("<strong>SIMULATED") for caption in captions] == [True, True]
+    assert 'href="#gripper-rotation-presliding"' in text
+
+
+def test_a_joint_without_presliding_runs_has_no_section(joint: Joint, tmp_path: Path) -> None:
+    """No section, no link to it, no figure; the first lines speak of static parameters only."""
+    text = written(joint, tmp_path / "out")
+    assert "-presliding" not in text
+    assert "static parameters" in text
+    assert {p.name for p in (tmp_path / "out" / "figures").glob("*.svg")} == {
+        "fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
+    }  # fmt: skip  # a list of names
+
+
+def test_every_doubt_is_listed_and_counted(slow: Joint) -> None:
+    """Doubts of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about; the verdict counts them."""
+    part = sections.page([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}})["joints"][0]  # type: ignore[dict-item] # no drawing here
+    listed = {sentence: where for where, sentence in part["doubts"]}
+    assert listed["Few encoder counts."] == "presliding (+)"
+    assert listed["slow_2.csv is an outlier: it breaks away at 0.02."] == "presliding"
+    assert listed["A prior, not an estimate."] == "presliding (+) sigma_1, presliding (−) sigma_1"
+    assert "presliding (+) sigma_0 printed" in listed["The interval is that of an unknown rest position."]
+    counts = {fit["direction"]: fit["doubts"] for fit in part["summary"]["fits"]}
+    assert counts == {"+": 1, "-": 0, "presliding (+)": 3, "presliding (−)": 2}
+
+
+def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:
+    """Without any static fit the page has the section, and no empty curve or cross-check; its links land."""
+    alone = replace(only(slow, fits={"+": nothing_seen()}), static={}, crosscheck={}, segments=())
+    text = written(alone, tmp_path / "out")
+    assert "it is at least 12.5 N*m/rad" in text
+    assert "Cross-check" not in text
+    assert not list((tmp_path / "out" / "figures").glob("*-curve.svg"))
+    assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
+    assert "no run at constant velocity was given" in text
+    assert not [x for x in next_measurements(alone) if "Hold back" in x]
+
+
+def test_nothing_but_a_doubt_still_makes_a_section(slow: Joint, tmp_path: Path) -> None:
+    """Runs that gave no fit, no breakaway and no loop say what is missing."""
+    empty = Presliding(fits={}, breakaway={}, doubts=("No sigma_0 in direction +: add ramp runs.",))
+    text = written(replace(slow, presliding=empty), tmp_path / "out")
+    assert text.count("No sigma_0 in direction +: add ramp runs.") == 3
+    assert "Breakaway</h3>" not in text
+
+
+def test_two_writes_give_the_same_bytes_and_names_stay_text(tmp_path: Path) -> None:
+    """With presliding too a report is a function of its joint, and markup in names and files is text in every place."""
+    joint = loaded(HOSTILE, HOSTILE)
+    for name in ("a", "b"):
+        written(joint, tmp_path / name)
+    trees = [
+        {p.relative_to(tmp_path / n): p.read_bytes() for p in (tmp_path / n).rglob("*") if p.is_file()} for n in "ab"
+    ]
+    assert trees[0] == trees[1]
+    text = trees[0][Path("index.html")].decode()
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;") > 10
+    ids = re.findall(r'\sid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))

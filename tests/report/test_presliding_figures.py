@@ -1,0 +1,87 @@
+"""The figures of presliding: alignment, curves, axes, and what is left out."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from bristle.identification.estimate import Joint
+from bristle.report import presliding, presliding_figures
+from bristle.report.style import render_as
+
+from .conftest import HOSTILE, QUANTUM, TABLE_1, closed_cycle, loaded, loading, nothing_seen, only, slow_fit
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.95])
+def test_loadings_are_moved_to_where_the_joint_rests(phase: float) -> None:
+    """The fitted rest position is the true one, wherever in a count that is: the edges then lie on the curve."""
+    fit, piece = slow_fit("+"), loading("+", phase, "x.csv")
+    start = presliding_figures.rest(piece, fit)
+    assert start == pytest.approx((phase - 0.5) * QUANTUM, abs=1e-4 * QUANTUM)
+    on_curve = presliding_figures.displacement(piece.edge_torque, fit.level, TABLE_1["+"].sigma_0)
+    np.testing.assert_allclose(piece.edge_displacement - start, on_curve, atol=1e-3 * QUANTUM)
+
+
+def test_rest_without_edges_and_without_sigma_0() -> None:
+    """Where no edge was crossed all samples tell the rest position; without a sigma_0 the loading stays where it began."""
+    fit, piece = slow_fit("+"), loading("+", 0.0, "x.csv")
+    y = presliding_figures.displacement(piece.torque, fit.level, TABLE_1["+"].sigma_0)
+    smooth = replace(piece, displacement=y + 0.001, edge_displacement=np.zeros(0), edge_torque=np.zeros(0))
+    assert presliding_figures.rest(smooth, fit) == pytest.approx(0.001)
+    assert presliding_figures.rest(piece, nothing_seen()) == 0.0
+
+
+def test_curve_levels_off_at_g0() -> None:
+    """The displacement of the model: at small torque T / sigma_0, beyond all bounds towards g0."""
+    y = presliding_figures.displacement(np.array([1e-6, 0.5, 1 - 1e-9]), 1.0, 4.0)
+    assert y[0] == pytest.approx(2.5e-7, rel=1e-6)
+    assert y[1] == pytest.approx(np.log(2.0) / 4)
+    assert y[2] > 5.0
+
+
+def panels(joint: Joint) -> list[Axes]:
+    """Every panel of both figures."""
+    drawn = [presliding_figures.presliding_figure(joint), presliding_figures.hysteresis_figure(joint)]
+    return [ax for figure in drawn if figure is not None for ax in figure.axes]
+
+
+def test_axes_of_both_figures_have_units(slow: Joint) -> None:
+    """A panel per direction and per drawn loop, each with quantity and unit; a slide has metres and newtons."""
+    labels = {(ax.get_xlabel(), ax.get_ylabel()) for ax in panels(slow)}
+    assert len(panels(slow)) == 2 + presliding_figures.MOST_LOOPS
+    assert labels == {("Displacement from rest (rad)", "Torque (N·m)"), ("Displacement (rad)", "Torque (N·m)")}
+    labels = {(ax.get_xlabel(), ax.get_ylabel()) for ax in panels(replace(slow, kind="prismatic"))}
+    assert labels == {("Displacement from rest (m)", "Force (N)"), ("Displacement (m)", "Force (N)")}
+
+
+def test_methods_differ_in_line_as_well_as_in_colour(slow: Joint) -> None:
+    """In grey print the three curves can still be told apart; the recommended one is named."""
+    lines = {str(x.get_label()): x.get_linestyle() for x in panels(slow)[0].get_lines()}
+    named = {label: line for label, line in lines.items() if label.startswith(tuple(presliding.METHODS.values()))}
+    assert len(named) == len(set(named.values())) == 3
+    assert [label for label in named if label.endswith("(use this)")] == ["count edge to count edge (use this)"]
+
+
+def test_what_does_not_exist_is_not_drawn(joint: Joint, slow: Joint) -> None:
+    """No runs, no fits, no loops: no figure; a fit without sigma_0 shows its loadings alone; an infinite slope no line."""
+    assert presliding_figures.presliding_figure(joint) is None
+    assert presliding_figures.hysteresis_figure(joint) is None
+    assert panels(only(slow, fits={}, loops=())) == []
+    (ax,) = panels(only(slow, fits={"+": nothing_seen()}, loops=()))
+    assert not [x for x in ax.get_lines() if str(x.get_label()).startswith(tuple(presliding.METHODS.values()))]
+    flat = replace(closed_cycle("x.csv"), inverse_slope=float("inf"))
+    (ax,) = panels(only(slow, fits={}, loops=(flat,)))
+    assert "inverse regression" not in {x.get_label() for x in ax.get_lines()}
+
+
+def test_figures_say_simulated_and_hold_no_markup() -> None:
+    """Names are text in both SVGs, and simulated data say so."""
+    joint = loaded(HOSTILE, HOSTILE)
+    for figure in (presliding_figures.presliding_figure(joint), presliding_figures.hysteresis_figure(joint)):
+        assert figure is not None
+        svg = render_as(figure, "svg")
+        assert ET.fromstring(svg).tag.endswith("svg")  # noqa: S314 # our own file
+        assert b"SIMULATED" in svg
+        assert b"<script" not in svg

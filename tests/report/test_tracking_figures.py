@@ -1,0 +1,127 @@
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from bristle.identification.estimate import Joint
+from bristle.report import tracking_figures
+from bristle.report.style import render_as
+
+from .conftest import HOSTILE
+from .moving import REVERSAL, STRETCH, moving, tracked
+
+
+def both(joint: Joint) -> list[Figure]:
+    """Both figures of a joint."""
+    drawn = (tracking_figures.course_figure(joint), tracking_figures.velocity_figure(joint))
+    return [figure for figure in drawn if figure is not None]
+
+
+def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
+    """The piece holds the reversal with the largest acceleration, lasts no longer than SPAN, and crosses no boundary."""
+    fit = tracked()
+    own = tracking_figures.window(fit)
+    assert own.start >= STRETCH
+    assert fit.time[own.start] < REVERSAL < fit.time[own.stop - 1]
+    assert fit.time[own.stop - 1] - fit.time[own.start] <= tracking_figures.SPAN + 1e-9
+
+
+@pytest.mark.parametrize("seconds", [0.5, 2.0, 30.0])
+def test_window_of_a_stretch_without_reversals_begins_with_it(seconds: float) -> None:
+    """A joint that never turns, and a stretch that is shorter than SPAN, are shown from their start."""
+    t = np.linspace(0.0, seconds, 301)
+    fit = tracked(time=t, velocity=np.ones(301), torque=t, residuals=0 * t, starts_of_runs=(0,))
+    own = tracking_figures.window(fit)
+    assert own.start == 0
+    assert t[own.stop - 1] == pytest.approx(min(seconds, tracking_figures.SPAN), abs=seconds / 300)
+
+
+def test_window_near_the_end_keeps_its_length() -> None:
+    """A reversal in the last moment of a stretch is shown with what came before it."""
+    t = np.arange(1000) / 100
+    fit = tracked(time=t, velocity=np.where(t < 9.9, 1.0, -1.0), torque=t, residuals=0 * t, starts_of_runs=(0,))
+    own = tracking_figures.window(fit)
+    assert own.stop == 1000
+    assert t[own.stop - 1] - t[own.start] == pytest.approx(tracking_figures.SPAN, abs=0.011)
+
+
+def test_stretches_are_told_apart() -> None:
+    """Every equation belongs to one stretch, and none is in two; an empty one is left out."""
+    fit = tracked()
+    assert tracking_figures.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
+    assert tracking_figures.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
+
+
+def test_no_line_crosses_a_boundary() -> None:
+    """Time rises along every line; over velocity there are points only (the line of zero aside)."""
+    course, velocity = both(moving())
+    for ax in course.axes:
+        for line in ax.get_lines():
+            assert (np.diff(np.asarray(line.get_xdata(), dtype=float)) >= 0).all()
+    lines = [line for ax in velocity.axes for line in ax.get_lines() if len(np.asarray(line.get_xdata())) > 2]
+    assert {line.get_linestyle() for line in lines} == {"None"}
+
+
+def test_predicted_is_measured_less_the_residual_of_the_joint_fit() -> None:
+    """Both curves come from the joint fit where there is one, else from the moving runs alone."""
+    joint = moving()
+    marked = tracked(residuals=np.full(tracked().time.size, 0.125))
+    for own in (replace(joint, joint_fit=marked), replace(joint, joint_fit=None, tracking=marked)):
+        for figure in both(own):
+            measured, predicted = (np.asarray(line.get_ydata()) for line in figure.axes[0].get_lines())
+            np.testing.assert_allclose(measured - predicted, 0.125)
+
+
+def test_panels_share_their_axis_and_have_units() -> None:
+    """Residuals lie beneath on the same axis; every quantity has its unit, and a slide has newtons."""
+    for joint, force, speed in (
+        (moving(), "orque (N·m)", "Velocity (rad/s)"),
+        (replace(moving(), kind="prismatic"), "orce (N)", "Velocity (m/s)"),
+    ):
+        for figure, label in zip(both(joint), ("Time (s)", speed), strict=True):
+            above, below = figure.axes
+            assert below.get_xlabel() == label
+            assert above.get_xlim() == below.get_xlim()
+            assert above.get_ylabel().endswith(force)
+            assert below.get_ylabel().startswith("Residual ")
+            assert below.get_ylabel().endswith(force)
+
+
+def test_measured_and_predicted_differ_in_more_than_colour() -> None:
+    """In grey print a wide line is not a thin one, and a circle is not a dot."""
+    course, velocity = both(moving())
+    wide, thin = course.axes[0].get_lines()
+    assert wide.get_linewidth() > 2 * thin.get_linewidth()
+    circle, dot = velocity.axes[0].get_lines()
+    assert (circle.get_marker(), circle.get_markerfacecolor(), dot.get_marker()) == ("o", "none", ".")
+
+
+def test_few_points_are_drawn_of_many() -> None:
+    """A run of a million samples gives a file no larger than a short one's: at most MOST points of each kind."""
+    n = 1_000_000
+    t = np.arange(n) / 1e6
+    fit = tracked(
+        time=t, velocity=np.cos(40 * t), torque=np.cos(40 * t), residuals=1e-3 * np.sin(t), starts_of_runs=(0,)
+    )
+    for figure in both(replace(moving(), joint_fit=fit)):
+        sizes = [len(np.asarray(line.get_xdata())) for ax in figure.axes for line in ax.get_lines()]
+        assert max(sizes) <= tracking_figures.MOST
+        assert len(render_as(figure, "svg")) < 200_000
+
+
+def test_without_moving_runs_nothing_is_drawn(joint: Joint) -> None:
+    """No fit, or one without equations: no figure."""
+    empty = np.zeros(0)
+    none = tracked(time=empty, velocity=empty, torque=empty, residuals=empty, starts_of_runs=(0,))
+    assert both(joint) == both(replace(joint, tracking=none)) == []
+
+
+def test_figures_say_simulated_and_hold_no_markup() -> None:
+    """Names are text in both SVGs, and simulated data say so."""
+    for figure in both(moving(HOSTILE)):
+        svg = render_as(figure, "svg")
+        assert ET.fromstring(svg).tag.endswith("svg")  # noqa: S314 # our own file
+        assert b"SIMULATED" in svg
+        assert b"<script" not in svg

@@ -1,0 +1,113 @@
+"""What moving runs showed, as the page has it."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bristle.identification.estimate import Joint
+from bristle.report import page, sections
+from bristle.report.advice import next_measurements
+
+from .conftest import HOSTILE
+from .moving import DIFFER, UNSEEN, moving, tracked
+
+
+@pytest.fixture(scope="module")
+def moved() -> Joint:
+    """The gripper with every stage."""
+    return moving()
+
+
+def written(joint: Joint, folder: Path) -> str:
+    """The page of a report of one joint."""
+    return page.write_report([joint], folder, title="t", seed=0).read_text(encoding="utf-8")
+
+
+def part(joint: Joint) -> dict[str, Any]:
+    """What the page shows of the joint, without its figures."""
+    drawn: Any = {"": {"stribeck": ""}, joint.name: {}}
+    found: dict[str, Any] = sections.page([joint], "t", 0, drawn)["joints"][0]
+    return found
+
+
+def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path) -> None:
+    """The section has each fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts, captions and a link."""
+    text = written(moved, tmp_path / "out")
+    section = text[text.index('<section id="gripper-rotation-tracking">') :]
+    section = section[: section.index("</section>")]
+    for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "began from the other stages",
+                  "1701 equations\nin 2 stretches",
+                  "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", "Gauss-Newton and IPOPT agree", DIFFER, "The moving data do not show it.",
+                  "from 4.75 to 7.75 s", "stretch 2 of 2", "thinned to 400 points"):  # fmt: skip  # words
+        assert words in section
+    assert "0.0001 N·m/rad" not in section
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
+    assert [caption.startswith("<strong>SIMULATED") for caption in captions] == [True, True]
+    assert 'href="#gripper-rotation-tracking"' in text
+    assert "parametric\nbootstrap" in text
+    assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
+
+
+def test_all_parameters_stand_first(moved: Joint, joint: Joint) -> None:
+    """The parameters of the joint are all six per direction, and the verdict counts them once; with static fits alone nothing changes."""
+    shown = part(moved)
+    assert len(shown["complete"].rows) == 13
+    assert shown["complete"].columns[:3] == ("direction", "parameter", "source")
+    assert shown["summary"]["covered"] == (12, 12)
+    assert len(shown["parameters"].rows) == 12
+    assert part(joint)["complete"] is None
+
+
+def test_a_joint_without_moving_runs_has_no_section(slow: Joint, tmp_path: Path) -> None:
+    """No section, no link to it, no figure."""
+    text = written(slow, tmp_path / "out")
+    assert "rotation-tracking" not in text
+    assert not list((tmp_path / "out" / "figures").glob("*-tracking*"))
+
+
+def test_doubts_are_listed_and_counted(moved: Joint) -> None:
+    """Doubts of the fit, of a parameter, and stages that differ stand in the list with what they are about; the verdict counts those of the fit."""
+    shown = part(moved)
+    listed = {sentence: where for where, sentence in shown["doubts"]}
+    assert listed["Residuals are correlated."] == "moving runs"
+    assert listed[UNSEEN] == "moving runs alpha_1-"
+    assert listed[DIFFER] == "alpha_0- of static stage and moving runs"
+    counts = {fit["direction"]: (fit["doubts"], len(fit["estimates"])) for fit in shown["summary"]["fits"][-2:]}
+    assert counts == {"moving runs": (2, 0), "joint fit": (0, 13)}
+
+
+def test_moving_runs_alone_make_a_report(moved: Joint, tmp_path: Path) -> None:
+    """Without any other stage the page has the section and all parameters, no column for a joint fit and no comparison; its links land."""
+    alone = replace(moved, static={}, crosscheck={}, presliding=None, joint_fit=None, consistency=(), segments=())
+    text = written(alone, tmp_path / "out")
+    assert "Do the stages agree?" not in text
+    assert "joint fit, 95 %" not in text
+    assert "alone</summary>" not in text
+    assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
+
+
+def test_hold_out_of_moving_runs_is_one(moved: Joint) -> None:
+    """Nobody is asked to hold back a run where a moving run was held back."""
+    static = {d: replace(fit, hold_out=()) for d, fit in moved.static.items()}
+    assert not [x for x in next_measurements(replace(moved, static=static)) if "Hold back" in x]
+    bare = replace(moved, static=static, tracking=tracked(hold_out=()), joint_fit=None)
+    assert [x for x in next_measurements(bare) if "Hold back" in x]
+
+
+def test_two_writes_give_the_same_bytes_and_names_stay_text(tmp_path: Path) -> None:
+    """With moving runs too a report is a function of its joint, and markup in names and files is text in every place."""
+    joint = moving(HOSTILE, HOSTILE)
+    for name in ("a", "b"):
+        written(joint, tmp_path / name)
+    trees = [
+        {p.relative_to(tmp_path / n): p.read_bytes() for p in (tmp_path / n).rglob("*") if p.is_file()} for n in "ab"
+    ]
+    assert trees[0] == trees[1]
+    text = trees[0][Path("index.html")].decode()
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;") > 10
+    ids = re.findall(r'\sid="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
