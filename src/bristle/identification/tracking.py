@@ -211,8 +211,7 @@ def _with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str
 
 
 def _starts(problem: Tracking) -> tuple[int, ...]:
-    sizes = [m.time.size if m.smooth is None else m.smooth.shape[0] for m in problem.motions]
-    return (0, *np.cumsum(sizes)[:-1].tolist())
+    return (0, *np.cumsum([m.size for m in problem.motions])[:-1].tolist())
 
 
 def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -> tuple[Array, Array, float, float]:

@@ -43,6 +43,11 @@ class Motion:
     """The measured torque itself, N*m, (N,)."""
 
     @property
+    def size(self) -> int:
+        """Equations, n."""
+        return int(self.time.size if self.smooth is None else self.smooth.shape[0])
+
+    @property
     def step(self) -> Array:
         """Time between samples, s, (N - 1,)."""
         return np.diff(self.time)
@@ -169,18 +174,20 @@ def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Ar
     names = problem.names
     p = parameters(problem, values)
     extra = np.array([known[name] for name in problem.extra_names])
-    columns = [problem.friction_names.index(n) for n in names if n in problem.friction_names]
-    free_extra = [k for k, n in enumerate(problem.extra_names) if n in names]
-    rows, slopes = [], []
+    rows = np.empty(sum(m.size for m in problem.motions))
+    slopes = np.zeros((len(names), rows.size))  # a row per parameter: long inner loops
+    start = 0
     for k, m in enumerate(problem.motions):
         rolled = rollout_jacobian(m.velocity, m.step, p, values[f"z0[{k}]"])
-        slope = np.zeros((len(names), m.time.size)).T
-        slope[:, : len(columns)] = rolled.by_parameters[:, columns]
-        slope[:, len(columns) : len(columns) + len(free_extra)] = m.extra[:, free_extra]
-        slope[:, names.index(f"z0[{k}]")] = rolled.by_z0
-        rows.append(m.smoothed(m.torque - rolled.torque - m.extra @ extra))
-        slopes.append(m.smoothed(slope))
-    return np.concatenate(rows), -np.concatenate(slopes)
+        here = slice(start, start + m.size)
+        rows[here] = m.smoothed(m.torque - rolled.torque - m.extra @ extra)
+        own = dict(zip(problem.friction_names, rolled.by_parameters.T, strict=True))
+        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rolled.by_z0}
+        for j, name in enumerate(names):
+            if name in own:
+                np.negative(m.smoothed(own[name]), out=slopes[j, here])
+        start += m.size
+    return rows, slopes.T
 
 
 def modelled(problem: Tracking, values: Mapping[str, float]) -> Array:
