@@ -298,3 +298,50 @@ def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
     assert check.agrees
     assert check.reached == check.starts
     assert max(map(abs, check.difference_in_se.values())) < 0.1
+
+
+def test_what_both_directions_share_is_one_parameter() -> None:
+    """A pair that shares sigma_0 and sigma_1, posed so, has ten friction parameters, an exact Jacobian, and comes back from noise-free data."""
+    pair = Pair(GRIPPER, OTHER._replace(sigma_0=GRIPPER.sigma_0, sigma_1=GRIPPER.sigma_1))
+    problem = tracking([record(pair)], ("+", "-"), ("inertia",), 1, None, shared=("sigma_0", "sigma_1"))
+    assert [n for n in problem.names if n.startswith("sigma")] == ["sigma_0", "sigma_1"]
+    assert len(problem.friction_names) == 10
+    truth = {name: value for name, value in named(pair).items() if not name.startswith("sigma")}
+    truth |= {"sigma_0": GRIPPER.sigma_0, "sigma_1": GRIPPER.sigma_1}
+    at = truth | {"z0[0]": 0.0}
+    h = 1e-5 * GRIPPER.sigma_0
+    up, down = (residuals(problem, {**at, "sigma_0": GRIPPER.sigma_0 + s * h})[0] for s in (1, -1))
+    column = residuals(problem, at)[1][:, problem.names.index("sigma_0")]
+    np.testing.assert_allclose((up - down) / (2 * h), column, atol=2e-4 * np.abs(column).max())
+    values, _ = fit(problem, shifted(truth, 1.1) | {"z0[0]": 0.0})
+    assert values["sigma_0"] == pytest.approx(GRIPPER.sigma_0, rel=1e-4)
+
+
+def test_what_is_fixed_stays() -> None:
+    """A fixed parameter is no unknown, keeps its value, and makes the others surer."""
+    run, truth = record(GRIPPER, 3e-4), named(GRIPPER)
+    free = fit_tracking(posed(run, decimation=5), truth, "revolute", starts=1).fit
+    problem = tracking([run], ("both",), ("inertia",), 5, None, {"sigma_1": GRIPPER.sigma_1})
+    own = {name: value for name, value in truth.items() if name != "sigma_1"}
+    held = fit_tracking(problem, own, "revolute", starts=1).fit
+    assert "sigma_1" not in held.names
+    for name in ("sigma_0", "inertia"):
+        before, after = free.parameters[name].standard_error, held.parameters[name].standard_error
+        assert before is not None
+        assert after is not None
+        assert after <= before * 1.02
+
+
+def test_a_noisy_run_counts_for_less() -> None:
+    """Of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone."""
+    quiet, noisy = record(GRIPPER, 2e-4, seed=1), replace(record(GRIPPER, 2e-3, seed=2), file="noisy.csv")
+    truth = named(GRIPPER)
+    both = fit_tracking(tracking([quiet, noisy], ("both",), ("inertia",), 5, None), truth, "revolute", starts=1)
+    alone = fit_tracking(posed(quiet, decimation=5), truth, "revolute", starts=1).fit
+    weights = [m.weight for m in both.problem.motions]
+    assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)
+    for name in ("alpha_0", "sigma_0"):
+        own, other = both.fit.parameters[name].standard_error, alone.parameters[name].standard_error
+        assert own is not None
+        assert other is not None
+        assert own < 1.1 * other

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, StrictBool, StrictStr, ValidationIn
 
 from bristle.data import units
 from bristle.data.document import Model, short
-from bristle.data.signals import Hertz, Seconds, Signals, Speed, quantity, si
+from bristle.data.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
 from bristle.model.parameters import Kind
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
@@ -30,6 +30,30 @@ def read_inertia(value: object, info: ValidationInfo) -> object:
     if not number > 0:
         raise ValueError(f"got {short(value)}; expected a positive inertia")
     return Inertia(value=number, standard_error=error)
+
+
+def read_fixed(value: object, info: ValidationInfo) -> object:
+    """Read `{sigma_1: 0.02 N*m*s/rad, ...}`, each with its unit, and perhaps a direction's sign at its name's end."""
+    if not isinstance(value, dict):
+        raise ValueError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
+    known = (
+        "alpha_0",
+        "alpha_1",
+        "alpha_2",
+        "v_s",
+        "sigma_0",
+        "sigma_1",
+        "inertia",
+        "offset",
+        "gravity_sin",
+        "gravity_cos",
+    )
+    wrong = [name for name in value if str(name).rstrip("+-") not in known]
+    if wrong:
+        raise ValueError(f"got {short(wrong[0])}; expected one of {', '.join(known)}, with + or - for one direction")
+    if not isinstance(info.context, Context):
+        return value
+    return {name: units.to_si(x, si(str(name).rstrip("+-"), info.context)) for name, x in value.items()}
 
 
 def _label(value: object) -> object:
@@ -85,6 +109,10 @@ class FitOptions(Model):
     """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of loading."""
     moving_above: Annotated[float, quantity("velocity"), Field(gt=0)] | None = None
     """Equations of moving runs slower than this are left out of the static fit, and of its errors, rad/s; None: none are."""
+    fixed: Annotated[dict[str, float], BeforeValidator(read_fixed)] = Field(default_factory=dict)
+    """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both directions; SI."""
+    shared: tuple[Literal["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"], ...] = ()
+    """LuGre parameters that both directions have in common in the fit of all parameters."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
 
     @model_validator(mode="after")

@@ -49,7 +49,10 @@ def without_count_bias(
         counted = [
             _counted(r, T, cutoff, resolution, rng.uniform()) for r, T in zip(true, _split(torque, true), strict=True)
         ]
-        problem = replace(pose(counted, found.problem.fixed), priors=priors, sigma=found.problem.sigma)
+        posed = pose(counted, found.problem.fixed)
+        pairs = zip(posed.motions, found.problem.motions, strict=True)
+        motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
+        problem = replace(posed, motions=motions, priors=priors, sigma=found.problem.sigma)
         values, _ = fit(problem, found.values)
         ends.append([values[name] for name in known])
     bias = np.mean(ends, axis=0) - np.array([found.values[name] for name in known])

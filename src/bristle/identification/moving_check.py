@@ -99,16 +99,15 @@ def _cost(problem: Tracking, x: ca.MX, scale: Array, values: Mapping[str, float]
     logarithmic = ("alpha_0", "v_s", "sigma_0")
     for k, name in enumerate(problem.names):
         known[name] = ca.exp(x[k]) if name.rstrip("+-") in logarithmic else x[k] * float(scale[k])
-    tags = ("",) if problem.directions == ("both",) else problem.directions
-    p = ca.vertcat(*(known[name + tag] for tag in tags for name in Lugre._fields))
+    p = ca.vertcat(*(known[problem.key(name, tag)] for tag in problem.tags for name in Lugre._fields))
     slowest = min(v for n, v in {**problem.fixed, **values}.items() if n.startswith("v_s"))
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)
     cost = ca.MX(0)
     for k, m in enumerate(problem.motions):
-        torque = _torque(m.velocity, m.step, p, len(tags), known[f"z0[{k}]"], slowest)
+        torque = _torque(m.velocity, m.step, p, len(problem.tags), known[f"z0[{k}]"], slowest)
         rest = ca.DM(m.torque) - torque - ca.mtimes(ca.DM(m.extra), extra)
         smooth = rest if m.smooth is None else ca.mtimes(ca.DM(m.smooth.tocsc()), rest)
-        cost += ca.dot(smooth, smooth)
+        cost += m.weight**2 * ca.dot(smooth, smooth)
     for prior in problem.priors:
         off = ca.vertcat(*(known[name] for name in prior.names)) - ca.DM(prior.value)
         row = problem.sigma * ca.mtimes(ca.DM(prior.root), off)

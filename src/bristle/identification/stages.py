@@ -52,12 +52,19 @@ def track(
     def pose(chosen: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
         known, _ = inertia(experiment)
         return tracking(
-            chosen, directions(experiment, records), regressors(experiment), experiment.fit.decimation, known, fixed
+            chosen,
+            directions(experiment, records),
+            regressors(experiment),
+            experiment.fit.decimation,
+            known,
+            fixed,
+            experiment.fit.shared,
         )
 
     kind, counts = experiment.joint.kind, experiment.encoder_resolution if experiment.signals.velocity is None else None
     start = _start(pose(records, {}), static, slow)
-    fixed = {} if static_is_apart else _dropped(pose(records, {}), static, start)
+    fixed = _fixed(experiment, pose(records, {}))
+    fixed |= {} if static_is_apart else _dropped(pose(records, {}), static, start)
     problem = pose(records, fixed)
     start = {name: value for name, value in start.items() if name not in fixed}
     tests = [(r.file, pose([r], fixed)) for r in held]
@@ -75,10 +82,6 @@ def track(
     return alone, joint, _consistency(priors, alone, joint)
 
 
-def _tags(problem: Tracking) -> tuple[str, ...]:
-    return ("",) if problem.directions == ("both",) else problem.directions
-
-
 def _static_of(static: Mapping[str, StaticFit], tag: str) -> StaticFit | None:
     return static.get(tag or "both") or static.get("both")
 
@@ -91,7 +94,7 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
     shared = {n: e for fit in static.values() for n, e in fit.parameters.items() if n in problem.extra_names}
     extra = {name: _value(shared.get(name), 0.0) for name in problem.extra_names}
     out: dict[str, float] = {}
-    for tag in _tags(problem):
+    for tag in problem.tags:
         fit = _static_of(static, tag)
         known = fit.parameters if fit is not None else {}
         alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
@@ -110,7 +113,9 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
             sigma_0=sigma_0,
             sigma_1=float(sigma_1),
         )
-        out |= {name + tag: value for name, value in first._asdict().items()}
+        for name, value in first._asdict().items():  # what both directions share starts at their mean
+            key = problem.key(name, tag)
+            out[key] = (out[key] + value) / 2 if key in out else value
     if "inertia" in extra and not extra["inertia"]:
         extra["inertia"] = 1e-3 * torque / speed
     return out | extra
@@ -131,13 +136,27 @@ def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
 
 
+def _fixed(experiment: Experiment, problem: Tracking) -> dict[str, float]:
+    """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
+    known = (*problem.friction_names, *problem.extra_names)
+    fixed: dict[str, float] = {}
+    for name, value in experiment.fit.fixed.items():
+        meant = [n for n in known if n == name or n.rstrip("+-") == name]
+        if not meant:
+            raise ValueError(
+                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(known)}"
+            )
+        fixed |= dict.fromkeys(meant, value)
+    return fixed
+
+
 def _dropped(problem: Tracking, static: Mapping[str, StaticFit], start: Mapping[str, float]) -> dict[str, float]:
     """Stribeck terms that the static fit of the same data refused."""
     fixed: dict[str, float] = {}
-    for tag in _tags(problem):
+    for tag in problem.tags:
         fit = _static_of(static, tag)
         if fit is not None and fit.parameters["alpha_1"].value is None:
-            fixed |= {"alpha_1" + tag: 0.0, "v_s" + tag: start["v_s" + tag]}
+            fixed |= {problem.key("alpha_1", tag): 0.0, problem.key("v_s", tag): start[problem.key("v_s", tag)]}
     return fixed
 
 
@@ -146,7 +165,7 @@ def _priors(
 ) -> list[Prior]:
     """What static, presliding and the experiment file say, as normal distributions."""
     found = []
-    for tag in _tags(problem):
+    for tag in problem.tags:
         fit = _static_of(static, tag)
         if fit is not None:
             own = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
@@ -155,10 +174,12 @@ def _priors(
             if own and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in own], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
-                found.append(Prior("static", tuple(fit.names[k] + tag for k in own), value, root))
+                found.append(Prior("static", tuple(problem.key(fit.names[k], tag) for k in own), value, root))
         bristle = _stiffness(slow, tag)
         if bristle is not None:
-            found.append(_single("presliding", "sigma_0" + tag, bristle.value or 0.0, bristle.standard_error or 1.0))
+            found.append(
+                _single("presliding", problem.key("sigma_0", tag), bristle.value or 0.0, bristle.standard_error or 1.0)
+            )
     _, known = inertia(experiment)
     if known is not None and "inertia" in problem.extra_names:
         found.append(_single("experiment file", "inertia", known.value, known.standard_error or 0.0))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import sqrt
 from typing import NamedTuple
 
@@ -28,6 +29,8 @@ STARTS = 4
 """One from the other stages, the others at random about it."""
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0}
 """How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
+_UNEVEN = 1.5
+"""Runs whose residuals differ by less than this factor count alike."""
 _SAME = 1e-6
 _TRIES = 30
 """Steps that a random start is given to reach the lowest cost."""
@@ -85,6 +88,9 @@ def fit_tracking(
     Raises ValueError where a start shows no dependence on any parameter.
     """
     judged = judge(problem, start, starts, seed)
+    problem, changed = _weighted(problem, judged.values)
+    if changed:
+        judged = judge(problem, _without_deflections(judged.values), starts, seed)
     estimates = _estimates(problem, judged, kind)
     reached, moved = judged.reached, judged.minimum.steps
     refused = (f"{_NOT_SEEN}: the static fit of the same runs refuses it.",)
@@ -132,6 +138,18 @@ def fit_tracking(
         starts_of_runs=_starts(problem),
     )
     return Tracked(fit, problem, judged.values)
+
+
+def _weighted(problem: Tracking, values: Mapping[str, float]) -> tuple[Tracking, bool]:
+    """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
+    rows, _ = residuals(problem, values)
+    bounds = [*_starts(problem), rows.size]
+    scatter = np.array([np.sqrt(np.mean(rows[a:b] ** 2)) for a, b in pairwise(bounds)])
+    if scatter.max() <= _UNEVEN * scatter.min():
+        return problem, False
+    weights = float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())
+    motions = tuple(replace(m, weight=float(w)) for m, w in zip(problem.motions, weights, strict=True))
+    return replace(problem, motions=motions), True
 
 
 def _weak(estimates: Mapping[str, Estimate]) -> list[str]:
@@ -189,8 +207,7 @@ def judge(problem: Tracking, start: Mapping[str, float], starts: int, seed: int)
 
 def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
     """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted: each starts in steady state."""
-    shown = {name: value for name, value in values.items() if not name.startswith("z0")}
-    rows, _ = residuals(problem, _with_deflections(problem, shown))
+    rows, _ = residuals(problem, _with_deflections(problem, _without_deflections(values)))
     return float(100 * np.linalg.norm(rows) / np.linalg.norm(problem.torque))
 
 
@@ -208,6 +225,10 @@ def _with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str
         most = own.alpha_0 / own.sigma_0
         out[f"z0[{k}]"] = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
     return out
+
+
+def _without_deflections(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if not name.startswith("z0")}
 
 
 def _starts(problem: Tracking) -> tuple[int, ...]:
@@ -335,7 +356,7 @@ def _physics(problem: Tracking, values: Mapping[str, float]) -> list[str]:
     """Verdicts that need no data: passivity, and damping in presliding."""
     said = []
     p = parameters(problem, values)
-    sets = {"": p} if isinstance(p, Lugre) else dict(zip(problem.directions, p, strict=True))
+    sets = {"": p} if isinstance(p, Lugre) else dict(zip(problem.tags, p, strict=True))
     J = {**problem.fixed, **values}.get("inertia")
     for d, own in sets.items():
         where = f" in direction {d}" if d else ""

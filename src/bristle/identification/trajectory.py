@@ -8,6 +8,7 @@ alpha_0, v_s and sigma_0 by their logarithms, the others by a typical size.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy import sparse
@@ -39,6 +40,8 @@ class Motion:
     """Columns of the extra regressors, (N, k)."""
     smooth: sparse.csr_array | None
     """The decimation filter, (n, N); None: none."""
+    weight: float = 1.0
+    """What its residuals are multiplied by in the fit."""
     whole: Array
     """The measured torque itself, N*m, (N,)."""
 
@@ -80,6 +83,8 @@ class Tracking:
     extra_names: tuple[str, ...]
     fixed: Mapping[str, float]
     """Parameters that are not estimated, by name."""
+    shared: tuple[str, ...] = ()
+    """LuGre parameters that both directions have in common."""
     priors: tuple[Prior, ...] = ()
     sigma: float = 1.0
     """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
@@ -87,8 +92,17 @@ class Tracking:
     @property
     def friction_names(self) -> tuple[str, ...]:
         """The LuGre parameters, a direction's sign appended where there are two."""
-        tags = ("",) if self.directions == ("both",) else self.directions
-        return tuple(name + tag for tag in tags for name in Lugre._fields)
+        every = [self.key(name, tag) for tag in self.tags for name in Lugre._fields]
+        return tuple(dict.fromkeys(every))
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """What a direction's sets are told apart by; one empty word where there is one set."""
+        return ("",) if self.directions == ("both",) else self.directions
+
+    def key(self, name: str, tag: str) -> str:
+        """How a LuGre parameter of one direction is named: bare where both directions share it."""
+        return name if name in self.shared else name + tag
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -119,8 +133,9 @@ def tracking(
     decimation: int,
     inertia: float | None,
     fixed: Mapping[str, float] | None = None,
+    shared: tuple[str, ...] = (),
 ) -> Tracking:
-    """The problem that moving records pose; arguments as in `regression.from_records`.
+    """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `Tracking`.
 
     Raises ValueError where a record lacks what a regressor needs, is at rest, or has a stretch too short for the filter.
     """
@@ -152,16 +167,15 @@ def tracking(
                     whole=record.torque[part],
                 )
             )
-    return Tracking(motions=tuple(motions), directions=directions, extra_names=names, fixed=dict(fixed or {}))
+    return Tracking(
+        motions=tuple(motions), directions=directions, extra_names=names, fixed=dict(fixed or {}), shared=shared
+    )
 
 
 def parameters(problem: Tracking, values: Mapping[str, float]) -> Lugre[float] | Pair[float]:
     """The LuGre set, or pair of sets, among some values by name."""
     known = {**problem.fixed, **values}
-    sets = [
-        Lugre(*(known[name + tag] for name in Lugre._fields))
-        for tag in (("",) if problem.directions == ("both",) else problem.directions)
-    ]
+    sets = [Lugre(*(known[problem.key(name, tag)] for name in Lugre._fields)) for tag in problem.tags]
     return sets[0] if len(sets) == 1 else Pair(*sets)
 
 
@@ -181,13 +195,22 @@ def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Ar
         rolled = rollout_jacobian(m.velocity, m.step, p, values[f"z0[{k}]"])
         here = slice(start, start + m.size)
         rows[here] = m.smoothed(m.torque - rolled.torque - m.extra @ extra)
-        own = dict(zip(problem.friction_names, rolled.by_parameters.T, strict=True))
+        own = _by_name(problem, rolled.by_parameters.T)
         own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rolled.by_z0}
         for j, name in enumerate(names):
             if name in own:
                 np.negative(m.smoothed(own[name]), out=slopes[j, here])
         start += m.size
     return rows, slopes.T
+
+
+def _by_name(problem: Tracking, rows: Array) -> dict[str, Array]:
+    """The derivatives by each LuGre parameter, (6 or 12, N), by name; those of a shared one are added up."""
+    own: dict[str, Array] = {}
+    for (tag, name), row in zip(product(problem.tags, Lugre._fields), rows, strict=True):
+        key = problem.key(name, tag)
+        own[key] = own[key] + row if key in own else row
+    return own
 
 
 def modelled(problem: Tracking, values: Mapping[str, float]) -> Array:
@@ -301,6 +324,9 @@ def scaled(problem: Tracking, scale: Array) -> Callable[[Array], tuple[Array, Ar
                 return np.full(1, np.inf), np.zeros((1, x.size))
         chain = slopes_of_scaling(problem, values, scale)
         slopes *= chain
+        if any(m.weight != 1 for m in problem.motions):
+            weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+            rows, slopes = rows * weight, slopes * weight[:, None]
         for prior in problem.priors:
             own = [problem.names.index(name) for name in prior.names]
             slope = np.zeros((len(own), x.size))
