@@ -217,6 +217,8 @@ class TrackingFit:
     names: tuple[str, ...] = ()
     """The free parameters, in the order of `covariance`."""
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    """With what the others were fitted, of parameters that were given, or that the motion does not show."""
     bias: Mapping[str, float] = field(default_factory=dict)
     """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
     check: Crosscheck | None = None
@@ -234,10 +236,20 @@ class TrackingFit:
         _freeze(self)
 
     def values(self, direction: str) -> Lugre[float] | None:
-        """The fitted set of a direction (`+`, `-`, `both`), or None where a parameter of it has no value."""
+        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
         tag = "" if direction == "both" else direction
-        found = [self.parameters.get(name + tag) for name in Lugre._fields]
-        return Lugre(*(e.value for e in found)) if all(e and e.value is not None for e in found) else None  # type: ignore[union-attr,arg-type]
+        found = [self._value(name, tag) for name in Lugre._fields]
+        known = [x for x in found if x is not None]
+        return Lugre(*known) if len(known) == len(found) else None
+
+    def _value(self, name: str, tag: str) -> float | None:
+        for key in (name + tag, name):
+            e = self.parameters.get(key)
+            if e is not None and e.value is not None:
+                return e.value
+            if key in self.fixed:
+                return self.fixed[key]
+        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -131,6 +131,7 @@ def fit_tracking(
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
         names=tuple(n for n in judged.names if n in estimates),
         covariance=judged.covariance[: len(estimates), : len(estimates)],
+        fixed=dict(problem.fixed),
         time=problem.time,
         velocity=problem.velocity,
         torque=torque,
