@@ -107,9 +107,10 @@ def test_emps_symmetric_gives_the_published_figures(measured_data: Path, tmp_pat
 
 
 def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
-    """With a law per direction: mass 95.154 kg, viscous 166.71 and 240.42, Coulomb 20.144 and 20.628, within 1 %; errors no larger.
+    """With a law per direction: mass 95.154 kg, viscous 166.71 and 240.42, Coulomb 20.144 and 20.628, to 1 %; errors no larger.
 
-    So are those of the drive simulated under its own controller with the model of the moving runs: position 0.01375 %, velocity 0.229 %, force 5.85 %.
+    So are those of the drive simulated under its own controller with the model of the moving runs:
+    position 0.01375 %, velocity 0.229 %, force 5.85 %.
     """
     assert measured_data.is_dir()
     joint = identified(tmp_path, EMPS.replace("DIRECTIONS", "separate"))
