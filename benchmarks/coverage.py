@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from bristle import bench, edro
 from bristle.data.options import FitOptions
@@ -65,7 +66,8 @@ def embedded(seeds: int) -> None:
 
 def _estimates(stem: str, seeds: int) -> list[dict[str, dict[str, Estimate]]]:
     """Per seed and direction, the static parameters of a joint of the embedded experiment, from a log as a user would give it."""
-    text = (edro.datasets_folder() / f"{stem}.yaml").read_text().replace(f"{stem}.csv", "log.npz")
+    document = yaml.safe_load((edro.datasets_folder() / f"{stem}.yaml").read_text())
+    text = yaml.safe_dump({**document, "runs": [{"files": "log.npz", "experiment": "ramp"}]})
     found = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "experiment.yaml"

@@ -1,0 +1,62 @@
+"""What bristle must find in its embedded default (simulated, seed 0)."""
+
+import pytest
+
+import bristle
+from bristle.api import Results
+from bristle.identification.estimate import Estimate
+from bristle.model.parameters import Lugre
+
+STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+
+
+@pytest.fixture(scope="module")
+def results() -> Results:
+    """All four joints, all stages."""
+    return bristle.identify()
+
+
+def holds(e: Estimate, true: float) -> bool:
+    """Whether an interval holds the truth."""
+    return e.interval is not None and e.interval[0] <= true <= e.interval[1]
+
+
+def test_static_parameters_are_found(results: Results) -> None:
+    """At least 26 of 32 true values lie in their intervals, alpha_0 and alpha_2 within 2 %; grid and full fit agree to 1 % of a standard error."""
+    inside = 0
+    for joint in results.joints:
+        for d, p in joint.truth.items():
+            found = joint.static[d].parameters
+            inside += sum(holds(found[name], getattr(p, name)) for name in STATIC)
+            assert found["alpha_0"].value == pytest.approx(p.alpha_0, rel=0.02)
+            assert found["alpha_2"].value == pytest.approx(p.alpha_2, rel=0.02)
+            assert max(map(abs, joint.crosscheck[d].difference_in_se.values())) < 0.01
+    assert inside >= 26
+
+
+def test_presliding_finds_the_stiffness(results: Results) -> None:
+    """In at least 12 of 16 cases the interval of the edge-to-edge or the all-sample estimate holds the true sigma_0; sigma_1 is called a prior."""
+    inside = 0
+    for joint in results.joints:
+        assert joint.presliding is not None
+        for d, p in joint.truth.items():
+            fit = joint.presliding.fits[d]
+            inside += holds(fit.edges, p.sigma_0) + holds(fit.samples, p.sigma_0)
+            assert fit.edges.value == pytest.approx(p.sigma_0, rel=0.05)
+            assert "A prior, not an estimate" in fit.sigma_1.doubts[0]
+    assert inside >= 12
+
+
+def test_the_joint_fit_completes_table_1(results: Results) -> None:
+    """At least 40 of the 48 true values lie in the intervals of the joint fit, the held-out torque is predicted to 2 %, and the stages agree."""
+    inside = 0
+    for joint in results.joints:
+        fit = joint.joint_fit
+        assert fit is not None
+        inside += sum(
+            holds(fit.parameters[name + d], getattr(p, name)) for d, p in joint.truth.items() for name in Lugre._fields
+        )
+        assert all(held.relative_error < 2 for held in fit.hold_out)
+        assert len(fit.hold_out) == 1
+        assert sum(c.verdict == "They agree." for c in joint.consistency) >= 8
+    assert inside >= 40
