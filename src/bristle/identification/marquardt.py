@@ -14,8 +14,10 @@ from bristle.model.arrays import Array
 
 _DAMPING = 1e-4
 _MOST = 1e8
-_SETTLED = 1e-10
-"""Steps end when the next one would lower the cost by less than this share."""
+_SETTLED = 1e-8
+"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-4 standard errors."""
+_FLAT = 1e-6
+"""Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen."""
 
 
 class Minimum(NamedTuple):
@@ -59,7 +61,7 @@ def minimise(
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
         free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
         step, expected = _step(gram, slope, scale, free, damping)
-        if expected <= _SETTLED * cost:
+        if expected <= _SETTLED * cost / residuals.size:
             converged = True
             break
         trial = np.clip(x + step, lower, upper)
@@ -67,6 +69,7 @@ def minimise(
         new_cost = float(new_residuals @ new_residuals)
         gained = (cost - new_cost) / expected if np.isfinite(new_cost) else -1.0
         if gained > 1e-4:
+            converged = cost - new_cost <= _FLAT * cost
             x, residuals, jacobian, cost = trial, new_residuals, new_jacobian, new_cost
             gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
             taken += 1

@@ -63,12 +63,13 @@ def track(
 
     kind, counts = experiment.joint.kind, experiment.encoder_resolution if experiment.signals.velocity is None else None
     start = _start(pose(records, {}), static, slow)
-    fixed = _fixed(experiment, pose(records, {}))
+    given = _fixed(experiment, pose(records, {}))
+    fixed = dict(given)
     fixed |= {} if static_is_apart else _dropped(pose(records, {}), static, start)
     problem = pose(records, fixed)
     start = {name: value for name, value in start.items() if name not in fixed}
     tests = [(r.file, pose([r], fixed)) for r in held]
-    found = fit_tracking(problem, start, kind, tests)
+    found = fit_tracking(problem, start, kind, tests, given=given)
     if second_route:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
@@ -77,7 +78,7 @@ def track(
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
         return alone, None, ()
-    found = fit_tracking(with_priors(problem, priors, alone.rms), start, kind, tests, starts=1)
+    found = fit_tracking(with_priors(problem, priors, alone.rms), start, kind, tests, starts=1, given=given)
     joint = without_count_bias(found, records, pose, experiment.fit.position_cutoff, counts) if counts else found.fit
     return alone, joint, _consistency(priors, alone, joint)
 

@@ -1,6 +1,6 @@
 """The fit of moving data judged: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import sqrt
@@ -34,7 +34,7 @@ _UNEVEN = 1.5
 _SAME = 1e-6
 _TRIES = 30
 """Steps that a random start is given to reach the lowest cost."""
-_UNSEEN = 1e-3
+_UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
 _WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
@@ -74,6 +74,7 @@ def fit_tracking(
     held: Sequence[tuple[str, Tracking]] = (),
     starts: int = STARTS,
     seed: int = SEED,
+    given: Collection[str] = (),
 ) -> Tracked:
     """All parameters of moving data with intervals and doubts.
 
@@ -84,6 +85,7 @@ def fit_tracking(
         held: hold-out runs by name, posed as the problem is.
         starts: how many, >= 1; the first is `start`.
         seed: of the others.
+        given: which of the fixed parameters the user gave; the other ones are called not identifiable.
 
     Raises ValueError where a start shows no dependence on any parameter.
     """
@@ -92,24 +94,18 @@ def fit_tracking(
     if changed:
         judged = judge(problem, _without_deflections(judged.values), starts, seed)
     estimates = _estimates(problem, judged, kind)
-    reached, moved = judged.reached, judged.minimum.steps
+    estimates |= {name: _without(estimates[name]) for name in _weak(estimates)}
     refused = (f"{_NOT_SEEN}: the static fit of the same runs refuses it.",)
     unseen = {
         name: Estimate(value=None, unit=unit(name.rstrip("+-"), kind), interval=(0.0, float("inf")), doubts=refused)
         for name in problem.friction_names
-        if name in problem.fixed
+        if name in problem.fixed and name not in given
     }
-    while weak := _weak(estimates):
-        unseen |= {name: _without(estimates[name]) for name in weak}
-        fixed = {name: 0.0 if name.startswith(("alpha_1", "sigma_1")) else judged.values[name] for name in weak}
-        problem = replace(problem, fixed={**problem.fixed, **fixed})
-        held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-        judged = judge(problem, {n: v for n, v in judged.values.items() if n not in fixed}, 1, seed)
-        estimates = _estimates(problem, judged, kind)
+    unseen |= {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     rows, _ = residuals(problem, judged.values)
     torque = problem.torque
-    doubts = (*_doubts(judged, rows, reached, starts, moved), *_physics(problem, judged.values), *_dropped(unseen))
+    doubts = (*_doubts(judged, rows, unseen), *_physics(problem, judged.values), *_named(unseen))
     bound = [n for n, e in estimates.items() if any(d.startswith("At its physical bound") for d in e.doubts)]
     outcome = (
         "The fit converged inside every bound."
@@ -124,14 +120,14 @@ def fit_tracking(
         outcome=f"The fit converged, with {', '.join(bound)} at a bound."
         if bound and judged.minimum.converged
         else outcome,
-        starts=starts,
-        reached=reached,
+        starts=judged.starts,
+        reached=judged.reached,
         condition=condition(judged.minimum.jacobian[:, judged.scaled_errors < np.inf]),
         doubts=doubts,
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
         names=tuple(n for n in judged.names if n in estimates),
         covariance=judged.covariance[: len(estimates), : len(estimates)],
-        fixed=dict(problem.fixed),
+        fixed={**problem.fixed, **{name: judged.values[name] for name in unseen if name in judged.values}},
         time=problem.time,
         velocity=problem.velocity,
         torque=torque,
@@ -154,13 +150,11 @@ def _weighted(problem: Tracking, values: Mapping[str, float]) -> tuple[Tracking,
 
 
 def _weak(estimates: Mapping[str, Estimate]) -> list[str]:
-    """The next parameters that the motion does not show: Stribeck terms first, then bristles; empty where all are seen."""
-    for group in (("alpha_1", "v_s"), ("sigma_0", "sigma_1"), ("sigma_1",)):
-        asked = group[:1] if group[0] == "sigma_0" else group  # without a spring there is nothing to damp
-        tags = {n.removeprefix(b) for n, e in estimates.items() for b in asked if n.rstrip("+-") == b and _is_weak(e)}
-        if tags:
-            return [b + tag for tag in sorted(tags) for b in group if b + tag in estimates]
-    return []
+    """What the motion does not show: what is too unsure by itself, v_s without its alpha_1, and sigma_1 without its sigma_0."""
+    weak = {name for name, e in estimates.items() if _is_weak(e)}
+    for first, second in (("alpha_1", "v_s"), ("sigma_0", "sigma_1")):
+        weak |= {name.replace(first, second) for name in weak if name.startswith(first)}
+    return [name for name in estimates if name in weak]
 
 
 def _is_weak(e: Estimate) -> bool:
@@ -173,10 +167,8 @@ def _without(e: Estimate) -> Estimate:
     return replace(e, value=None, standard_error=None, doubts=said)
 
 
-def _dropped(unseen: Mapping[str, Estimate]) -> list[str]:
-    if not unseen:
-        return []
-    return [f"Not identifiable from this motion: {', '.join(unseen)}; the other parameters are fitted without them."]
+def _named(unseen: Mapping[str, Estimate]) -> list[str]:
+    return [f"{_NOT_SEEN}: {', '.join(unseen)}."] if unseen else []
 
 
 def judge(problem: Tracking, start: Mapping[str, float], starts: int, seed: int) -> Judged:
@@ -307,9 +299,9 @@ def _percent(share: float) -> str:
     return f"{share:.0%} of" if share < 10 else "over ten times"
 
 
-def _doubts(judged: Judged, rows: Array, reached: int, starts: int, moved: int) -> tuple[str, ...]:
+def _doubts(judged: Judged, rows: Array, unseen: Mapping[str, Estimate]) -> tuple[str, ...]:
     found = []
-    if moved == 0:
+    if judged.minimum.steps == 0:
         found.append("The fit did not move from its start; it may lie on a bound or in a flat place.")
     if not judged.minimum.converged:
         found.append("The fit ran out of steps before it settled.")
@@ -317,12 +309,12 @@ def _doubts(judged: Judged, rows: Array, reached: int, starts: int, moved: int) 
         found.append(
             f"Residuals are correlated (lag one {lag_one(rows):.2f}): standard errors are widened by {judged.stretch:.1f} for it."
         )
-    if reached < starts / 2:
-        found.append(f"Only {reached} of {starts} starts reached the lowest cost.")
-    return (*found, *_unseen(judged))
+    if judged.reached < judged.starts / 2:
+        found.append(f"Only {judged.reached} of {judged.starts} starts reached the lowest cost.")
+    return (*found, *_unseen(judged, unseen))
 
 
-def _unseen(judged: Judged) -> list[str]:
+def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
     """The directions in parameter space that the data hardly see, in words."""
     keep = [k for k, n in enumerate(judged.names) if not n.startswith("z0") and judged.scaled_errors[k] < np.inf]
     jacobian = judged.minimum.jacobian[:, keep]
@@ -334,7 +326,8 @@ def _unseen(judged: Judged) -> list[str]:
             members = [
                 (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
-            said.append(_in_words(members))
+            if any(name in unseen or not name.startswith(("alpha", "v_s", "sigma")) for name, _ in members):
+                said.append(_in_words(members))
     said += [
         f"Nothing is seen of {n}: the torque does not depend on it in this motion."
         for k, n in enumerate(judged.names)
