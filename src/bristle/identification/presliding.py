@@ -35,6 +35,8 @@ _PHASES = 64
 """Where inside a count the joint may rest, for the spread that counts alone cause."""
 _FEW = 8
 """Count edges in a loading below which they are called few."""
+_YIELDS = 3.0
+"""An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
 _OUTLIER = 0.2
 """A breakaway torque this far from the median, relative, is named."""
 _SINGLE = 0.1
@@ -133,6 +135,11 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
     if 0 < counts < _FEW * len(pieces):
         doubts.append(
             f"Few encoder counts: {counts} edges in {len(pieces)} loadings; a finer encoder, or torque nearer to breakaway, would help."
+        )
+    first = estimates["corrected"]
+    if first.interval and (estimates["edges"].value or np.inf) < first.interval[0] / _YIELDS:
+        doubts.append(
+            "The joint moves much further than its first counts let expect: it slides, or this is no slow loading below breakaway."
         )
     best = "edges" if quantum > 0 else "samples"
     sigma_0 = estimates[best]

@@ -19,6 +19,8 @@ from bristle.model.parameters import Lugre
 
 _APART = 2.6
 """Combined standard errors by which two stages differ in one of a hundred cases."""
+_WORSE = 1.5
+"""Times the relative error of the moving runs alone, beyond which the joint fit is doubted."""
 _BENDS = 0.01
 """A start for the bristle's deflection where no stage gives one, as a share of the travel."""
 _DAMPING_RATIO = 0.1
@@ -63,13 +65,11 @@ def track(
 
     kind, counts = experiment.joint.kind, experiment.encoder_resolution if experiment.signals.velocity is None else None
     start = _start(pose(records, {}), static, slow)
-    given = _fixed(experiment, pose(records, {}))
-    fixed = dict(given)
-    fixed |= {} if static_is_apart else _dropped(pose(records, {}), static, start)
+    fixed = _fixed(experiment, pose(records, {}))
     problem = pose(records, fixed)
     start = {name: value for name, value in start.items() if name not in fixed}
     tests = [(r.file, pose([r], fixed)) for r in held]
-    found = fit_tracking(problem, start, kind, tests, given=given)
+    found = fit_tracking(problem, start, kind, tests)
     if second_route:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
@@ -78,9 +78,17 @@ def track(
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
         return alone, None, ()
-    found = fit_tracking(with_priors(problem, priors, alone.rms), start, kind, tests, starts=1, given=given)
-    joint = without_count_bias(found, records, pose, experiment.fit.position_cutoff, counts) if counts else found.fit
-    return alone, joint, _consistency(priors, alone, joint)
+    both = fit_tracking(
+        with_priors(problem, priors, alone.rms),
+        start,
+        kind,
+        tests,
+        starts=1,
+        others=[{**found.problem.fixed, **found.values}],
+    )
+    joint = without_count_bias(both, records, pose, experiment.fit.position_cutoff, counts) if counts else both.fit
+    agree = _consistency(priors, alone, joint)
+    return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree
 
 
 def _static_of(static: Mapping[str, StaticFit], tag: str) -> StaticFit | None:
@@ -100,15 +108,11 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
         known = fit.parameters if fit is not None else {}
         alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
         sigma_0 = _value(_stiffness(slow, tag), alpha_0 / (_BENDS * travel))
-        (sigma_1, *_) = evaluate(
-            functions.presliding_damping(),
-            sigma_0,
-            extra.get("inertia", 0.0) or alpha_0 / sigma_0 * 1e-2,
-            _DAMPING_RATIO,
-        )
+        inertia_guess = max(extra.get("inertia", 0.0), 1e-3 * torque / speed)
+        (sigma_1, *_) = evaluate(functions.presliding_damping(), sigma_0, inertia_guess, _DAMPING_RATIO)
         first = Lugre(
             alpha_0=alpha_0,
-            alpha_1=_value(known.get("alpha_1"), 0.1 * alpha_0),
+            alpha_1=_value(known.get("alpha_1"), 0.3 * alpha_0),
             alpha_2=max(_value(known.get("alpha_2"), 0.1 * torque / speed), 1e-3 * torque / speed),
             v_s=_value(known.get("v_s"), 0.1 * speed),
             sigma_0=sigma_0,
@@ -117,7 +121,7 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
         for name, value in first._asdict().items():  # what both directions share starts at their mean
             key = problem.key(name, tag)
             out[key] = (out[key] + value) / 2 if key in out else value
-    if "inertia" in extra and not extra["inertia"]:
+    if extra.get("inertia", 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
         extra["inertia"] = 1e-3 * torque / speed
     return out | extra
 
@@ -148,16 +152,6 @@ def _fixed(experiment: Experiment, problem: Tracking) -> dict[str, float]:
                 f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(known)}"
             )
         fixed |= dict.fromkeys(meant, value)
-    return fixed
-
-
-def _dropped(problem: Tracking, static: Mapping[str, StaticFit], start: Mapping[str, float]) -> dict[str, float]:
-    """Stribeck terms that the static fit of the same data refused."""
-    fixed: dict[str, float] = {}
-    for tag in problem.tags:
-        fit = _static_of(static, tag)
-        if fit is not None and fit.parameters["alpha_1"].value is None:
-            fixed |= {problem.key("alpha_1", tag): 0.0, problem.key("v_s", tag): start[problem.key("v_s", tag)]}
     return fixed
 
 
@@ -221,6 +215,20 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                 )
             )
     return tuple(found)
+
+
+def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[str]:
+    """What the stages' disagreement lets doubt about the joint fit."""
+    said = []
+    apart = [c.parameter for c in agree if c.difference is not None and abs(c.difference) > _APART]
+    if apart:
+        said.append(f"The moving runs and the other stages differ by more than chance in {', '.join(apart)}.")
+    if joint.relative_error > _WORSE * alone.relative_error:
+        said.append(
+            f"The joint fit explains the moving runs much worse than they can be explained, {joint.relative_error:.3g} % against "
+            f"{alone.relative_error:.3g} %: the stages do not fit together."
+        )
+    return said
 
 
 def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> str:

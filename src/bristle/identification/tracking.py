@@ -1,6 +1,6 @@
 """The fit of moving data judged: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import sqrt
@@ -14,6 +14,7 @@ from bristle.identification.linear import inverse_gram
 from bristle.identification.marquardt import Minimum
 from bristle.identification.trajectory import (
     Tracking,
+    bounds,
     fit,
     parameters,
     residuals,
@@ -25,10 +26,13 @@ from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, Lugre, is_passive, unit
 
 SEED = 0
-STARTS = 4
+STARTS = 6
 """One from the other stages, the others at random about it."""
-_APART = {"sigma_0": 10.0, "sigma_1": 10.0}
+_APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
 """How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
+_SUM = "If v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen."
+_EDGE = 0.01
+"""In log(v_s): this near to the end of its range is at it."""
 _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
 _SAME = 1e-6
@@ -74,7 +78,7 @@ def fit_tracking(
     held: Sequence[tuple[str, Tracking]] = (),
     starts: int = STARTS,
     seed: int = SEED,
-    given: Collection[str] = (),
+    others: Sequence[Mapping[str, float]] = (),
 ) -> Tracked:
     """All parameters of moving data with intervals and doubts.
 
@@ -85,24 +89,29 @@ def fit_tracking(
         held: hold-out runs by name, posed as the problem is.
         starts: how many, >= 1; the first is `start`.
         seed: of the others.
-        given: which of the fixed parameters the user gave; the other ones are called not identifiable.
+        others: further starts, whole, as another fit ended.
 
     Raises ValueError where a start shows no dependence on any parameter.
     """
-    judged = judge(problem, start, starts, seed)
+    judged = judge(problem, start, starts, seed, others)
     problem, changed = _weighted(problem, judged.values)
     if changed:
         judged = judge(problem, _without_deflections(judged.values), starts, seed)
+    bent = _bent(problem, judged.values)
+    if bent:
+        problem = replace(problem, fixed={**problem.fixed, **bent})
+        held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
+        rest = {n: v for n, v in _without_deflections(judged.values).items() if n not in bent}
+        judged = judge(problem, rest, starts, seed)
     estimates = _estimates(problem, judged, kind)
+    estimates |= {name: _refused(name, kind) for name in bent}
+    for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
+        if name in estimates:
+            estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, _SUM))
     estimates |= {name: _without(estimates[name]) for name in _weak(estimates)}
-    refused = (f"{_NOT_SEEN}: the static fit of the same runs refuses it.",)
-    unseen = {
-        name: Estimate(value=None, unit=unit(name.rstrip("+-"), kind), interval=(0.0, float("inf")), doubts=refused)
-        for name in problem.friction_names
-        if name in problem.fixed and name not in given
-    }
-    unseen |= {name: e for name, e in estimates.items() if e.value is None}
+    unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
+    free = tuple(n for n in judged.names if n in estimates)
     rows, _ = residuals(problem, judged.values)
     torque = problem.torque
     doubts = (*_doubts(judged, rows, unseen), *_physics(problem, judged.values), *_named(unseen))
@@ -113,7 +122,7 @@ def fit_tracking(
         else "The fit did not converge; its numbers are not to be trusted."
     )
     fit = TrackingFit(
-        parameters={n: {**estimates, **unseen}[n] for n in order if n in estimates or n in unseen},
+        parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
         relative_error=float(100 * np.linalg.norm(rows) / np.linalg.norm(torque)),
         n=rows.size,
@@ -125,8 +134,8 @@ def fit_tracking(
         condition=condition(judged.minimum.jacobian[:, judged.scaled_errors < np.inf]),
         doubts=doubts,
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
-        names=tuple(n for n in judged.names if n in estimates),
-        covariance=judged.covariance[: len(estimates), : len(estimates)],
+        names=free,
+        covariance=judged.covariance[: len(free), : len(free)],
         fixed={**problem.fixed, **{name: judged.values[name] for name in unseen if name in judged.values}},
         time=problem.time,
         velocity=problem.velocity,
@@ -140,8 +149,8 @@ def fit_tracking(
 def _weighted(problem: Tracking, values: Mapping[str, float]) -> tuple[Tracking, bool]:
     """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
     rows, _ = residuals(problem, values)
-    bounds = [*_starts(problem), rows.size]
-    scatter = np.array([np.sqrt(np.mean(rows[a:b] ** 2)) for a, b in pairwise(bounds)])
+    ends = [*_starts(problem), rows.size]
+    scatter = np.array([np.sqrt(np.mean(rows[a:b] ** 2)) for a, b in pairwise(ends)])
     if scatter.max() <= _UNEVEN * scatter.min():
         return problem, False
     weights = float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())
@@ -167,15 +176,41 @@ def _without(e: Estimate) -> Estimate:
     return replace(e, value=None, standard_error=None, doubts=said)
 
 
+def _bent(problem: Tracking, values: Mapping[str, float]) -> dict[str, float]:
+    """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
+    _, upper = bounds(problem)
+    told = {name for prior in problem.priors for name in prior.names}
+    found: dict[str, float] = {}
+    for name, most in zip(problem.names, upper.tolist(), strict=True):
+        alpha_1 = name.replace("v_s", "alpha_1")
+        if (
+            name.startswith("v_s")
+            and alpha_1 in values
+            and not told & {name, alpha_1}
+            and np.log(values[name]) > most - _EDGE
+        ):
+            found |= {alpha_1: 0.0, name: values[name]}
+    return found
+
+
+def _refused(name: str, kind: Kind) -> Estimate:
+    why = f"{_NOT_SEEN}: with v_s near the fastest speed the term would be a bend over the whole range and not a drop at low speed."
+    return Estimate(value=None, unit=unit(name.rstrip("+-"), kind), interval=(0.0, float("inf")), doubts=(why,))
+
+
 def _named(unseen: Mapping[str, Estimate]) -> list[str]:
-    return [f"{_NOT_SEEN}: {', '.join(unseen)}."] if unseen else []
+    said = [f"{_NOT_SEEN}: {', '.join(unseen)}."] if unseen else []
+    refused = any("a bend over the whole range" in doubt for e in unseen.values() for doubt in e.doubts)
+    return [*said, f"Of alpha_0 and alpha_1: {_SUM[0].lower()}{_SUM[1:]}"] if refused else said
 
 
-def judge(problem: Tracking, start: Mapping[str, float], starts: int, seed: int) -> Judged:
+def judge(
+    problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]] = ()
+) -> Judged:
     """The lowest minimum from several starts, and the covariance there."""
     rng = np.random.default_rng(seed)
     first = _with_deflections(problem, start)
-    ends = [fit(problem, first)]
+    ends = [fit(problem, whole) for whole in (first, *others)]
     for _ in range(starts - 1):
         moved = {name: value * _factor(name, rng) for name, value in start.items()}
         try:
@@ -193,7 +228,7 @@ def judge(problem: Tracking, start: Mapping[str, float], starts: int, seed: int)
         covariance=covariance,
         freedom=freedom,
         stretch=stretch,
-        starts=starts,
+        starts=starts + len(others),
         reached=reached,
     )
 

@@ -21,6 +21,8 @@ from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 
+SEEN = 1.5
+"""Speeds beyond this many v_s must be there for a Stribeck term to be one."""
 _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 _BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
 
@@ -240,15 +242,15 @@ def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[
 def bounds(problem: Tracking) -> tuple[Array, Array]:
     """What the scaled unknowns lie between, (p,) each: physical bounds, and for what stands as a logarithm the range that a motion can show.
 
-    No motion shows a v_s below 1e-4 or above ten times its fastest speed, nor a bristle that bends by more than ten times the travel or less than
-    a billionth of it. z0 lies within twice the typical deflection.
+    No motion shows a v_s below 1e-4 of its fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends
+    by more than ten times the travel or less than a billionth of it. z0 lies within twice the typical deflection.
     """
     speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
     travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
     limits = {
         "alpha_0": (1e-6 * torque, 1e3 * torque),
-        "v_s": (1e-4 * speed, 1e1 * speed),
+        "v_s": (1e-4 * speed, speed / SEEN),
         "sigma_0": (1e-1 * torque / travel, 1e9 * torque / travel),
     }
     box = []
