@@ -15,6 +15,8 @@ from bristle.model.arrays import Array
 
 REPETITIONS = 6
 """Rest positions inside a count at which the motion is measured again."""
+_STEPS = 8
+"""Steps from the estimate to where counting moves it: without noise the last digits would take many more."""
 _SEED = 0
 Pose = Callable[[Sequence[Record], Mapping[str, float]], Tracking]
 
@@ -53,7 +55,7 @@ def without_count_bias(
         pairs = zip(posed.motions, found.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
         problem = replace(posed, motions=motions, priors=priors, sigma=found.problem.sigma)
-        values, _ = fit(problem, found.values)
+        values, _ = fit(problem, found.values, _STEPS)
         ends.append([values[name] for name in known])
     bias = np.mean(ends, axis=0) - np.array([found.values[name] for name in known])
     scatter = np.std(ends, axis=0)
