@@ -288,6 +288,9 @@ def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points:
     doubts += _segment_doubts(measured)
     if not from_points and experiment.fit.directions == "separate":
         doubts.append("With separate directions an offset cannot be told from the two Coulomb terms; it is left out.")
+    unused = [run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out]
+    if unused:
+        doubts.append(f"Held-out presliding runs are not used: {', '.join(unused)}.")
     if experiment.truth and not experiment.simulated:
         doubts.append("A truth is given, but the data are not declared simulated.")
     return tuple(doubts)
