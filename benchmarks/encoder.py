@@ -15,7 +15,8 @@ from bristle.data.motion import estimate_motion
 from bristle.data.record import Record
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import PreslidingFit, TrackingFit
-from bristle.identification.presliding import Level, fit_presliding, printed_bias
+from bristle.identification.presliding import fit_presliding
+from bristle.identification.stiffness import Level, printed_bias
 from bristle.identification.tracking import fit_tracking
 from bristle.identification.trajectory import Tracking, tracking
 from bristle.model import functions

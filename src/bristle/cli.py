@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -23,6 +23,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+_WRONG_USE = next(c for c in typer.BadParameter.__mro__ if issubclass(c, Exception) and c.__name__ == "ClickException")
+"""What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it."""
 
 _Experiment = Annotated[
     Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
@@ -194,7 +197,9 @@ def main() -> NoReturn:
         sys.stdout.flush()
     except (KeyboardInterrupt, typer.Abort):
         code = 130
-    except (BrokenPipeError, SystemExit):  # who read the output has seen enough; click makes an exit of it
+    except (BrokenPipeError, SystemExit) as end:  # who read the output has seen enough; click makes an exit of it
+        if isinstance(end, SystemExit) and not isinstance(end.__context__, BrokenPipeError):
+            raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
         code = 0
     except (ValueError, OSError) as bad:
@@ -202,10 +207,8 @@ def main() -> NoReturn:
             raise
         code = 2
         print(f"bristle: {_sentence(bad)}", file=sys.stderr)
-    except Exception as bad:
-        if not hasattr(bad, "format_message"):
-            raise
-        code = 2  # click's own words on a wrong option or argument
+    except _WRONG_USE as bad:
+        code = 2
         print(f"bristle: {bad.format_message()}", file=sys.stderr)
     if code == 130:  # by an exception or, in newer versions of typer, as an exit code
         print("interrupted", file=sys.stderr)

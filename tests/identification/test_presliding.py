@@ -10,7 +10,8 @@ from bristle.data.loading import Loading, find_loadings
 from bristle.data.options import FitOptions
 from bristle.data.record import Record
 from bristle.identification.estimate import PreslidingFit
-from bristle.identification.presliding import Level, fit_presliding, identify_presliding, printed_bias
+from bristle.identification.presliding import fit_presliding, identify_presliding
+from bristle.identification.stiffness import Level, printed_bias
 from bristle.model import functions, law
 from bristle.model.arrays import evaluate
 

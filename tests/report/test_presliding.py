@@ -14,7 +14,7 @@ from bristle.identification.estimate import Joint, Presliding
 from bristle.report import page, presliding, sections, summary, tables
 from bristle.report.advice import next_measurements
 
-from .conftest import HOSTILE, QUANTUM, TABLE_1, closed_cycle, loaded, nothing_seen, only, slow_fit
+from .conftest import QUANTUM, TABLE_1, closed_cycle, loaded, nothing_seen, only, slow_fit
 
 GOLDEN = Path(__file__).parent / "presliding_report.txt"
 
@@ -203,19 +203,3 @@ def test_nothing_but_a_doubt_still_makes_a_section(slow: Joint, tmp_path: Path) 
     text = written(replace(slow, presliding=empty), tmp_path / "out")
     assert text.count("No sigma_0 in direction +: add ramp runs.") == 3
     assert "Breakaway</h3>" not in text
-
-
-def test_two_writes_give_the_same_bytes_and_names_stay_text(tmp_path: Path) -> None:
-    """With presliding too a report is a function of its joint, and markup in names and files is text in every place."""
-    joint = loaded(HOSTILE, HOSTILE)
-    for name in ("a", "b"):
-        written(joint, tmp_path / name)
-    trees = [
-        {p.relative_to(tmp_path / n): p.read_bytes() for p in (tmp_path / n).rglob("*") if p.is_file()} for n in "ab"
-    ]
-    assert trees[0] == trees[1]
-    text = trees[0][Path("index.html")].decode()
-    assert "<script" not in text
-    assert text.count("&lt;script&gt;") > 10
-    ids = re.findall(r'\sid="([^"]+)"', text)
-    assert len(ids) == len(set(ids))

@@ -5,7 +5,7 @@ the same spring.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from bristle.data.motion import derivative, smoothed, stretches
-from bristle.data.record import Record
+from bristle.data.record import Record, freeze
 from bristle.model.arrays import Array
 
 _PROMINENT = 0.1
@@ -63,7 +63,7 @@ class Loading:
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
-        _freeze(self)
+        freeze(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,7 @@ class Loop:
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
-        _freeze(self)
+        freeze(self)
 
 
 def find_loadings(
@@ -108,9 +108,8 @@ def find_loadings(
     """
     position, torque = _signals(record)
     quantum = resolution or smallest_step(position)
-    slow = smoothed(record, torque, cutoff) if cutoff < 0.5 / record.step else torque
-    drift = smoothed(record, position, cutoff) if cutoff < 0.5 / record.step else position
-    speed = derivative(record, drift)
+    slow = _low_passed(record, torque, cutoff)
+    speed = derivative(record, _low_passed(record, position, cutoff))
     found = []
     for piece, sign in _pieces(record, slow):
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
@@ -142,7 +141,7 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     """The closed cycles of a presliding run, from one largest torque to the next, or else from one smallest to the next."""
     position, torque = _signals(record)
     quantum = resolution or smallest_step(position)
-    slow = smoothed(record, torque, cutoff) if cutoff < 0.5 / record.step else torque
+    slow = _low_passed(record, torque, cutoff)
     found = []
     for stretch in stretches(record):
         tops, bottoms = _turns(slow[stretch])
@@ -172,6 +171,11 @@ def _signals(record: Record) -> tuple[Array, Array]:
     if record.position is None or record.torque is None:
         raise ValueError(f"{record.file}: presliding needs position and torque; name both under signals")
     return record.position, record.torque
+
+
+def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
+    """A signal, (n,), through the low pass; the signal itself where the cut-off is not below the Nyquist frequency."""
+    return smoothed(record, values, cutoff) if cutoff < 0.5 / record.step else values
 
 
 def _turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -253,12 +257,3 @@ def _loop(file: str, start: int, stop: int, position: Array, torque: Array, quan
         inverse_slope=float(T @ T / (y @ T)),
         counts=round(float(np.ptp(position)) / quantum) if quantum else 0,
     )
-
-
-def _freeze(piece: Loading | Loop) -> None:
-    for item in fields(piece):
-        value = getattr(piece, item.name)
-        if isinstance(value, np.ndarray):
-            array = value.copy()
-            array.setflags(write=False)
-            object.__setattr__(piece, item.name, array)

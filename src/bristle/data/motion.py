@@ -30,8 +30,7 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
     values = record.position if record.velocity is None else record.velocity
     if values is None:
         raise ValueError(f"{record.file}: neither position nor velocity; name one of them under signals")
-    nyquist = 0.5 / record.step
-    used = min(cutoff, 0.8 * nyquist) if cutoff >= nyquist else cutoff
+    used = usable(record, cutoff)
     lowered = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency" if used < cutoff else ""
     smooth = smoothed(record, values, used)
     velocity = derivative(record, smooth) if record.velocity is None else record.velocity
@@ -40,6 +39,12 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
     low_pass = f"Butterworth low pass of order {ORDER}, forward and backward, cut-off {used:g} Hz{lowered}"
     note = f"{what} from {source}: {low_pass}; then the derivatives of a quintic spline."
     return replace(record, velocity=velocity, acceleration=acceleration, notes=(*record.notes, note))
+
+
+def usable(record: Record, cutoff: float) -> float:
+    """The cut-off, Hz, lowered to 0.8 of the record's Nyquist frequency where it is not below that."""
+    nyquist = 0.5 / record.step
+    return cutoff if cutoff < nyquist else 0.8 * nyquist
 
 
 def smoothed(record: Record, values: Array, cutoff: float) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from bristle.data.motion import derivative, estimate_motion, smoothed
+from bristle.data.motion import derivative, estimate_motion, smoothed, usable
 from bristle.data.record import Record
 from bristle.data.sensor import quantise
 from bristle.identification.estimate import Estimate, TrackingFit
@@ -65,7 +65,7 @@ def without_count_bias(
 
 
 def _as_if_true(record: Record, cutoff: float) -> Record:
-    smooth = smoothed(record, np.asarray(record.position), min(cutoff, 0.4 / record.step))
+    smooth = smoothed(record, np.asarray(record.position), usable(record, cutoff))
     return replace(
         record, position=smooth, velocity=derivative(record, smooth), acceleration=derivative(record, smooth, 2)
     )

@@ -4,13 +4,12 @@ Nothing of the grid is used but its range of v_s: the model is the law's own exp
 are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 from scipy.interpolate import BSpline
 
 from bristle.identification.estimate import Crosscheck
+from bristle.identification.ipopt import solver
 from bristle.identification.regression import Regression
 from bristle.identification.static import GRID, log_grid
 from bristle.model import law
@@ -22,11 +21,7 @@ STARTS = 8
 SEED = 0
 _SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
-_OPTIONS: dict[str, Any] = {
-    "print_time": False,
-    "error_on_fail": False,
-    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0},
-}
+_OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 _NODES = 1000
 _SLOWEST = 1e-7
 """Of the fastest speed: where nodes begin."""
@@ -53,8 +48,7 @@ def full_fit(
     linear = len(problem.names) - count
     theta = ca.vertcat(x[:linear] * scale[:linear], ca.exp(x[linear:]))
     residual = _residuals(problem, theta, v_s_range) / torque_scale
-    nlp: dict[str, Any] = {"x": x, "f": ca.dot(residual, residual)}
-    solver = ca.nlpsol("full", "ipopt", nlp, _OPTIONS)
+    full = solver("full", x, ca.dot(residual, residual), **_OPTIONS)
     log_range = np.log(v_s_range)
     lower = np.concatenate([problem.lower, np.zeros(count), np.full(count, log_range[0])])
     upper = np.concatenate([np.full(linear, np.inf), np.full(count, log_range[1])])
@@ -63,7 +57,7 @@ def full_fit(
     for _ in range(starts):
         x0 = rng.uniform(0.0, 1.0, len(problem.names))
         x0[linear:] = rng.uniform(log_range[0], log_range[1], count)
-        values = np.asarray(solver(x0=x0, lbx=lower, ubx=upper)["x"]).ravel()
+        values = np.asarray(full(x0=x0, lbx=lower, ubx=upper)["x"]).ravel()
         ends.append(np.append(values[:linear] * scale[:linear], np.exp(values[linear:])))
     costs = np.array([float(np.sum(problem.residuals(end) ** 2)) for end in ends])
     best = int(costs.argmin())

@@ -1,12 +1,13 @@
 """Results as values: an estimate, a fit, a cross-check; frozen, with every doubt listed singly."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 
 from bristle.data.loading import Loading, Loop
+from bristle.data.record import freeze
 from bristle.data.steady import Segment
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, Lugre
@@ -61,7 +62,7 @@ class Profile:
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""
-        _freeze(self)
+        freeze(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +112,7 @@ class StaticFit:
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""
-        _freeze(self)
+        freeze(self)
 
     def values(self) -> Lugre[float] | None:
         """The fitted static set with zero presliding parameters (sigma_0 = 1, sigma_1 = 0), or None where nothing was fitted.
@@ -233,7 +234,7 @@ class TrackingFit:
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""
-        _freeze(self)
+        freeze(self)
 
     def values(self, direction: str) -> Lugre[float] | None:
         """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
@@ -307,12 +308,3 @@ class Joint:
     assumptions: tuple[str, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
     """Thresholds, cut-offs and options in force, as the report states them."""
-
-
-def _freeze(result: Profile | StaticFit | TrackingFit) -> None:
-    for name in (item.name for item in fields(result)):
-        value = getattr(result, name)
-        if isinstance(value, np.ndarray):
-            array = value.copy()
-            array.setflags(write=False)
-            object.__setattr__(result, name, array)

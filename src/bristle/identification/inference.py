@@ -10,7 +10,7 @@ from bristle.data.statistics import inflation
 from bristle.identification import uncertainty
 from bristle.identification.doubts import fit_doubts, in_direction, is_closed
 from bristle.identification.estimate import Estimate, Outcome, Profile
-from bristle.identification.regression import Regression
+from bristle.identification.regression import SEEN, Regression
 from bristle.identification.robust import huber
 from bristle.identification.static import Projected, Solution, solve
 from bristle.model.arrays import Array
@@ -18,8 +18,6 @@ from bristle.model.parameters import Kind, unit
 
 SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
-SEEN = 1.5
-"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1 is invented."""
 _NEAR = 40

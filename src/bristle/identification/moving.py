@@ -22,8 +22,8 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
     asked: tuple[str, ...] | None = experiment.fit.regressors
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
-    fixed = experiment.inertia is not None and not experiment.inertia.standard_error
-    return tuple(r for r in asked if not (r == "inertia" and fixed))
+    fixed, _ = inertia(experiment)
+    return tuple(r for r in asked if r != "inertia" or fixed is None)
 
 
 def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:

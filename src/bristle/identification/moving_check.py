@@ -12,8 +12,9 @@ import casadi as ca
 import numpy as np
 
 from bristle.identification.estimate import Crosscheck
+from bristle.identification.ipopt import solver
 from bristle.identification.tracking import Tracked
-from bristle.identification.trajectory import Tracking, bounds, from_scaled, scaled, scales, to_scaled
+from bristle.identification.trajectory import LOGARITHMIC, Tracking, bounds, from_scaled, scaled, scales, to_scaled
 from bristle.model import law
 from bristle.model.arrays import Array
 from bristle.model.nodes import Nodes, refined
@@ -25,18 +26,7 @@ _APART = 0.2
 """How far a start lies from the answer, as a share either way."""
 _SAME = 1e-4
 """Relative difference in cost within which the two routes agree: theirs treat a change of z's sign inside a step differently."""
-_OPTIONS: dict[str, Any] = {
-    "print_time": False,
-    "error_on_fail": False,
-    "ipopt": {
-        "print_level": 0,
-        "sb": "yes",
-        "tol": 1e-9,
-        "max_iter": 150,
-        "hessian_approximation": "limited-memory",
-        "limited_memory_max_history": 20,
-    },
-}
+_OPTIONS = {"tol": 1e-9, "max_iter": 150, "hessian_approximation": "limited-memory", "limited_memory_max_history": 20}
 
 
 def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> Crosscheck:
@@ -53,13 +43,13 @@ def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> C
     evaluate = scaled(problem, scale)
     size = float(np.sum(evaluate(best)[0] ** 2)) or 1.0
     x = ca.MX.sym("x", best.size)
-    solver = ca.nlpsol("moving", "ipopt", {"x": x, "f": _cost(problem, x, scale, values) / size}, _OPTIONS)
+    whole = solver("moving", x, _cost(problem, x, scale, values) / size, **_OPTIONS)
     lower, upper = bounds(problem)
     rng = np.random.default_rng(seed)
     ends = []
     for _ in range(starts):
         away = {n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()}
-        solved = solver(x0=np.clip(to_scaled(problem, away, scale), lower, upper), lbx=lower, ubx=upper)
+        solved = whole(x0=np.clip(to_scaled(problem, away, scale), lower, upper), lbx=lower, ubx=upper)
         ends.append(np.asarray(solved["x"]).ravel())
     costs = np.array([float(np.sum(evaluate(end)[0] ** 2)) for end in ends])
     return _compared(found, size, costs, from_scaled(problem, ends[int(costs.argmin())], scale))
@@ -96,9 +86,8 @@ def _compared(found: Tracked, cost: float, costs: Array, full: Mapping[str, floa
 def _cost(problem: Tracking, x: ca.MX, scale: Array, values: Mapping[str, float]) -> ca.MX:
     """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
     known: dict[str, Any] = dict(problem.fixed)
-    logarithmic = ("alpha_0", "v_s", "sigma_0")
     for k, name in enumerate(problem.names):
-        known[name] = ca.exp(x[k]) if name.rstrip("+-") in logarithmic else x[k] * float(scale[k])
+        known[name] = ca.exp(x[k]) if name.rstrip("+-") in LOGARITHMIC else x[k] * float(scale[k])
     p = ca.vertcat(*(known[problem.key(name, tag)] for tag in problem.tags for name in Lugre._fields))
     slowest = min(v for n, v in {**problem.fixed, **values}.items() if n.startswith("v_s"))
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)

@@ -13,13 +13,14 @@ from bristle.data.judging import POSITION_DIFFERS
 from bristle.data.record import Record
 from bristle.data.steady import Segment, find_segments, nothing_left, unit_mistake
 from bristle.identification import regression
-from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit, TrackingFit
+from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit
 from bristle.identification.fit import Where, fit_static
 from bristle.identification.moving import DIRECTIONS, fit_moving, refuse_mixed_rates, refuse_opposing
 from bristle.identification.moving import regressors as asked_regressors
-from bristle.identification.presliding import Level, identify_presliding
+from bristle.identification.presliding import identify_presliding, with_damping
 from bristle.identification.regression import Regression
 from bristle.identification.stages import track
+from bristle.identification.stiffness import Level
 from bristle.model.arrays import Array
 
 
@@ -63,8 +64,9 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
     Raises ValueError where no run can be fitted, saying which threshold ate what.
     """
     experiment = measured.experiment
-    if measured.moving(hold_out=False):
-        refuse_mixed_rates([*measured.moving(hold_out=False), *measured.moving(hold_out=True)])
+    training, held = measured.moving(hold_out=False), measured.moving(hold_out=True)
+    if training:
+        refuse_mixed_rates([*training, *held])
     points = measured.points(hold_out=False)
     slow = tuple(run.record for run in measured.runs if run.kind == "presliding" and not run.hold_out)
     static: dict[str, StaticFit] = {}
@@ -72,39 +74,23 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
     left_out: tuple[str, ...] = ()
     if points:
         static, checks = _fit_points(measured, points, timings)
-    elif measured.moving(hold_out=False):
-        static, checks, left_out = fit_moving(
-            experiment, measured.moving(hold_out=False), measured.moving(hold_out=True), timings
-        )
+    elif training:
+        static, checks, left_out = fit_moving(experiment, training, held, timings)
     elif not slow or any(run.kind in {"ramp", "points"} for run in measured.runs):
-        training = [
-            (r, s)
-            for r, s in zip(measured.runs, measured.segments, strict=True)
-            if r.kind in {"ramp", "points"} and not r.hold_out
-        ]
-        if not training:
-            raise ValueError(
-                f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
-            )
-        candidates = tuple(s for _, found in training for s in found)
-        raise ValueError(nothing_left(candidates, tuple(r.record for r, _ in training), experiment.segments))
-    presliding = _presliding(experiment, slow, static, None) if slow else None
+        raise ValueError(_nothing_to_fit(measured))
+    presliding = _presliding(experiment, slow, static) if slow else None
     alone, both, agree = None, None, tuple[Consistency, ...]()
-    if measured.moving(hold_out=False):
+    if training:
         started = perf_counter()
         alone, both, agree = track(
-            experiment,
-            measured.moving(hold_out=False),
-            measured.moving(hold_out=True),
-            static,
-            presliding,
-            static_is_apart=bool(points),
-            second_route=second_route,
+            experiment, training, held, static, presliding, static_is_apart=bool(points), second_route=second_route
         )
         if timings is not None:
             timings["moving runs"] = perf_counter() - started
-        if slow:
-            presliding = _presliding(experiment, slow, static, both or alone)
+        J = (both or alone).parameters.get("inertia")
+        if presliding is not None and experiment.inertia is None and J is not None and J.value:
+            known = Level(J.value, J.standard_error or 0.0, "the moving runs")
+            presliding = with_damping(presliding, known, experiment.joint.kind)
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,
@@ -120,8 +106,19 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
-        settings=_settings(experiment, moving=bool(measured.moving(hold_out=False))),
+        settings=_settings(experiment, moving=bool(training)),
     )
+
+
+def _nothing_to_fit(measured: Measured) -> str:
+    """Why no run can be fitted, one sentence."""
+    experiment = measured.experiment
+    pairs = zip(measured.runs, measured.segments, strict=True)
+    training = [(run, found) for run, found in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
+    if not training:
+        return f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
+    candidates = tuple(s for _, found in training for s in found)
+    return nothing_left(candidates, tuple(run.record for run, _ in training), experiment.segments)
 
 
 def _refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
@@ -238,17 +235,11 @@ def _where(points: Sequence[Segment]) -> Where:
     )
 
 
-def _presliding(
-    experiment: Experiment, slow: Sequence[Record], static: Mapping[str, StaticFit], moving: TrackingFit | None
-) -> Presliding:
-    """sigma_0 and sigma_1 from the slow runs, with g0 and the inertia from wherever they are known."""
+def _presliding(experiment: Experiment, slow: Sequence[Record], static: Mapping[str, StaticFit]) -> Presliding:
+    """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits."""
     levels = {d: level for d in DIRECTIONS if (level := _level(static.get(d) or static.get("both"))) is not None}
-    inertia = moving.parameters.get("inertia") if moving is not None else None
-    known = (
-        Level(inertia.value, inertia.standard_error or 0.0, "the moving runs") if inertia and inertia.value else None
-    )
-    if experiment.inertia is not None:
-        known = Level(experiment.inertia.value, experiment.inertia.standard_error or 0.0, "the experiment file")
+    J = experiment.inertia
+    known = None if J is None else Level(J.value, J.standard_error or 0.0, "the experiment file")
     return identify_presliding(
         slow, levels, known, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
     )

@@ -21,6 +21,8 @@ from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shap
 
 _KERNEL_TAIL = 1e-8
 """Where the smoothing kernel is cut, relative to its peak."""
+SEEN = 1.5
+"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving import directions, inertia, regressors
 from bristle.identification.moving_check import check_tracking
-from bristle.identification.tracking import STARTS, fit_tracking
+from bristle.identification.tracking import STARTS, Tracked, fit_tracking
 from bristle.identification.trajectory import Prior, Tracking, tracking, with_priors
 from bristle.model import functions
 from bristle.model.arrays import evaluate
@@ -52,20 +53,13 @@ def track(
 
     Raises ValueError where a run lacks a signal, or shows none of the parameters.
     """
+    kind, pose = experiment.joint.kind, partial(_posed, experiment, directions(experiment, records))
+    resolution = experiment.encoder_resolution if experiment.signals.velocity is None else None
 
-    def pose(chosen: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
-        known, _ = inertia(experiment)
-        return tracking(
-            chosen,
-            directions(experiment, records),
-            regressors(experiment),
-            experiment.fit.decimation,
-            known,
-            fixed,
-            experiment.fit.shared,
-        )
+    def uncounted(found: Tracked) -> TrackingFit:
+        cutoff = experiment.fit.position_cutoff
+        return without_count_bias(found, records, pose, cutoff, resolution) if resolution else found.fit
 
-    kind, counts = experiment.joint.kind, experiment.encoder_resolution if experiment.signals.velocity is None else None
     start = _start(pose(records, {}), static, slow)
     fixed = _fixed(experiment, pose(records, {}))
     problem = pose(records, fixed)
@@ -76,21 +70,23 @@ def track(
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
         found = found._replace(fit=replace(found.fit, check=check, doubts=(*found.fit.doubts, *said)))
-    alone = without_count_bias(found, records, pose, experiment.fit.position_cutoff, counts) if counts else found.fit
+    alone = uncounted(found)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
         return alone, None, ()
-    both = fit_tracking(
-        with_priors(problem, priors, alone.rms),
-        start,
-        kind,
-        tests,
-        starts=1,
-        others=[{**found.problem.fixed, **found.values}],
-    )
-    joint = without_count_bias(both, records, pose, experiment.fit.position_cutoff, counts) if counts else both.fit
+    told, ended = with_priors(problem, priors, alone.rms), {**found.problem.fixed, **found.values}
+    joint = uncounted(fit_tracking(told, start, kind, tests, starts=1, others=[ended]))
     agree = _consistency(priors, alone, joint)
     return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree
+
+
+def _posed(
+    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[str, float]
+) -> Tracking:
+    """The problem that some records pose, with the experiment's options, in the directions `moving`."""
+    known, _ = inertia(experiment)
+    options = experiment.fit
+    return tracking(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
 
 
 def _static_of(static: Mapping[str, StaticFit], tag: str) -> StaticFit | None:

@@ -1,25 +1,23 @@
 """The fit of moving data judged: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from bristle.data.statistics import inflation, lag_one
+from bristle.data.statistics import lag_one
 from bristle.identification.estimate import Estimate, HoldOut, TrackingFit
-from bristle.identification.linear import inverse_gram
-from bristle.identification.marquardt import Minimum
+from bristle.identification.judged import Judged, judge, with_deflections, without_deflections
 from bristle.identification.trajectory import (
+    LOGARITHMIC,
     Tracking,
     bounds,
-    fit,
     parameters,
     residuals,
     scales,
-    slopes_of_scaling,
 )
 from bristle.identification.uncertainty import condition, student
 from bristle.model.arrays import Array
@@ -28,39 +26,16 @@ from bristle.model.parameters import Kind, Lugre, is_passive, unit
 SEED = 0
 STARTS = 6
 """One from the other stages, the others at random about it."""
-_APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
-"""How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
 _SUM = "If v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen."
 _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
 _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
-_SAME = 1e-6
-_TRIES = 30
-"""Steps that a random start is given to reach the lowest cost."""
 _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
 _WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 _NOT_SEEN = "Not identifiable from this motion"
-_LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
-    """A minimum with what is known of it."""
-
-    values: Mapping[str, float]
-    minimum: Minimum
-    names: tuple[str, ...]
-    scaled_errors: Array
-    """Standard errors of the scaled unknowns, (p,); inf where nothing is seen of one."""
-    covariance: Array
-    """Of the parameters, (p, p)."""
-    freedom: float
-    stretch: float
-    starts: int
-    reached: int
 
 
 class Tracked(NamedTuple):
@@ -93,42 +68,21 @@ def fit_tracking(
 
     Raises ValueError where a start shows no dependence on any parameter.
     """
-    judged = judge(problem, start, starts, seed, others)
-    problem, changed = _weighted(problem, judged.values)
-    if changed:
-        judged = judge(problem, _without_deflections(judged.values), starts, seed)
-    bent = _bent(problem, judged.values)
-    if bent:
-        problem = replace(problem, fixed={**problem.fixed, **bent})
-        held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-        rest = {n: v for n, v in _without_deflections(judged.values).items() if n not in bent}
-        judged = judge(problem, rest, starts, seed)
-    estimates = _estimates(problem, judged, kind)
-    estimates |= {name: _refused(name, kind) for name in bent}
-    for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
-        if name in estimates:
-            estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, _SUM))
-    estimates |= {name: _without(estimates[name]) for name in _weak(estimates)}
+    problem, judged, bent = _settled(problem, start, starts, seed, others)
+    held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
+    estimates = _judged_estimates(problem, judged, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in judged.names if n in estimates)
     rows, _ = residuals(problem, judged.values)
     torque = problem.torque
     doubts = (*_doubts(judged, rows, unseen), *_physics(problem, judged.values), *_named(unseen))
-    bound = [n for n, e in estimates.items() if any(d.startswith("At its physical bound") for d in e.doubts)]
-    outcome = (
-        "The fit converged inside every bound."
-        if judged.minimum.converged
-        else "The fit did not converge; its numbers are not to be trusted."
-    )
     fit = TrackingFit(
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
         relative_error=float(100 * np.linalg.norm(rows) / np.linalg.norm(torque)),
         n=rows.size,
-        outcome=f"The fit converged, with {', '.join(bound)} at a bound."
-        if bound and judged.minimum.converged
-        else outcome,
+        outcome=_outcome(estimates, converged=judged.minimum.converged),
         starts=judged.starts,
         reached=judged.reached,
         condition=condition(judged.minimum.jacobian[:, judged.scaled_errors < np.inf]),
@@ -144,6 +98,41 @@ def fit_tracking(
         starts_of_runs=_starts(problem),
     )
     return Tracked(fit, problem, judged.values)
+
+
+def _settled(
+    problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]]
+) -> tuple[Tracking, Judged, dict[str, float]]:
+    """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
+    judged = judge(problem, start, starts, seed, others)
+    problem, changed = _weighted(problem, judged.values)
+    if changed:
+        judged = judge(problem, without_deflections(judged.values), starts, seed)
+    bent = _bent(problem, judged.values)
+    if bent:
+        problem = replace(problem, fixed={**problem.fixed, **bent})
+        rest = {n: v for n, v in without_deflections(judged.values).items() if n not in bent}
+        judged = judge(problem, rest, starts, seed)
+    return problem, judged, bent
+
+
+def _judged_estimates(problem: Tracking, judged: Judged, kind: Kind, bent: Mapping[str, float]) -> dict[str, Estimate]:
+    """Each parameter but the deflections at the start; what the motion does not show has no value."""
+    estimates = _estimates(problem, judged, kind)
+    estimates |= {name: _refused(name, kind) for name in bent}
+    for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
+        if name in estimates:
+            estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, _SUM))
+    return estimates | {name: _without(estimates[name]) for name in _weak(estimates)}
+
+
+def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> str:
+    if not converged:
+        return "The fit did not converge; its numbers are not to be trusted."
+    bound = [n for n, e in estimates.items() if any(d.startswith("At its physical bound") for d in e.doubts)]
+    return (
+        f"The fit converged, with {', '.join(bound)} at a bound." if bound else "The fit converged inside every bound."
+    )
 
 
 def _weighted(problem: Tracking, values: Mapping[str, float]) -> tuple[Tracking, bool]:
@@ -204,93 +193,14 @@ def _named(unseen: Mapping[str, Estimate]) -> list[str]:
     return [*said, f"Of alpha_0 and alpha_1: {_SUM[0].lower()}{_SUM[1:]}"] if refused else said
 
 
-def judge(
-    problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]] = ()
-) -> Judged:
-    """The lowest minimum from several starts, and the covariance there."""
-    rng = np.random.default_rng(seed)
-    first = _with_deflections(problem, start)
-    ends = [fit(problem, whole) for whole in (first, *others)]
-    for _ in range(starts - 1):
-        moved = {name: value * _factor(name, rng) for name, value in start.items()}
-        try:
-            ends.append(fit(problem, _with_deflections(problem, moved), _TRIES))
-        except ValueError:  # a random start may well lie where nothing depends on anything
-            continue
-    values, minimum = min(ends, key=lambda end: end[1].cost)
-    reached = sum(m.cost <= minimum.cost * (1 + _SAME) + 1e-20 for _, m in ends)
-    errors, covariance, freedom, stretch = _scatter(problem, values, minimum)
-    return Judged(
-        values=values,
-        minimum=minimum,
-        names=problem.names,
-        scaled_errors=errors,
-        covariance=covariance,
-        freedom=freedom,
-        stretch=stretch,
-        starts=starts + len(others),
-        reached=reached,
-    )
-
-
 def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
     """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted: each starts in steady state."""
-    rows, _ = residuals(problem, _with_deflections(problem, _without_deflections(values)))
+    rows, _ = residuals(problem, with_deflections(problem, without_deflections(values)))
     return float(100 * np.linalg.norm(rows) / np.linalg.norm(problem.torque))
-
-
-def _factor(name: str, rng: np.random.Generator) -> float:
-    reach = np.log(_APART.get(name.rstrip("+-"), 3.0))
-    return float(np.exp(rng.uniform(-reach, reach))) if name.startswith(("alpha", "v_s", "sigma")) else 1.0
-
-
-def _with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str, float]:
-    """A start with the deflection of each stretch: what carries its first torque, within the steady one."""
-    p = parameters(problem, start)
-    out = dict(start)
-    for k, m in enumerate(problem.motions):
-        own = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
-        most = own.alpha_0 / own.sigma_0
-        out[f"z0[{k}]"] = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
-    return out
-
-
-def _without_deflections(values: Mapping[str, float]) -> dict[str, float]:
-    return {name: value for name, value in values.items() if not name.startswith("z0")}
 
 
 def _starts(problem: Tracking) -> tuple[int, ...]:
     return (0, *np.cumsum([m.size for m in problem.motions])[:-1].tolist())
-
-
-def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -> tuple[Array, Array, float, float]:
-    """Standard errors of the scaled unknowns, the parameters' covariance, degrees of freedom, and the widening by correlated residuals.
-
-    Each unknown's error is a weighted sum of the residuals; its variance allows for their correlation and for a variance that changes.
-    """
-    jacobian, rest = minimum.jacobian, minimum.residuals
-    length = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
-    seen = length > 1e-9 * length.max()
-    n, p = jacobian.shape[0], int(seen.sum())
-    priors = sum(len(prior.names) for prior in problem.priors)
-    inner = inverse_gram(jacobian[:, seen])
-    weights = jacobian[:, seen] @ inner
-    naive = np.diag(inner) * minimum.cost / max(n - p, 1)
-    scores = weights[: n - priors] * rest[: n - priors, None]
-    stretch = np.array([inflation(score) for score in scores.T])
-    spread = np.einsum("np,np->p", scores, scores) * stretch * n / max(n - p, 1)
-    spread += problem.sigma**2 * np.einsum("np,np->p", weights[n - priors :], weights[n - priors :])
-    spread = np.maximum(spread, naive if not priors else 0.0)
-    ratio = np.sqrt(spread / naive)
-    chain = slopes_of_scaling(problem, values, scales(problem, values))
-    covariance = np.full((length.size, length.size), np.nan)
-    covariance[np.ix_(seen, seen)] = (
-        inner * minimum.cost / max(n - p, 1) * np.outer(ratio, ratio) * np.outer(chain[seen], chain[seen])
-    )
-    errors = np.full(length.size, np.inf)
-    errors[seen] = np.sqrt(spread)
-    widening = float(np.median(ratio))
-    return errors, covariance, max(n / float(stretch.max()) - p, 1.0), widening
 
 
 def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estimate]:
@@ -305,7 +215,7 @@ def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estim
             continue
         bare, value = name.rstrip("+-"), judged.values[name]
         doubts: list[str] = []
-        if bare in _LOGARITHMIC:
+        if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
                 low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
             se = value * error
@@ -319,7 +229,7 @@ def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estim
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
                 doubts.append("At its physical bound of zero: the interval is one-sided.")
         if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
-            doubts.append(f"Not identifiable from this motion: its standard error is {_percent(relative)} its value.")
+            doubts.append(f"{_NOT_SEEN}: its standard error is {_percent(relative)} its value.")
         out[name] = Estimate(
             value=value,
             unit=unit(bare, kind),

@@ -16,14 +16,13 @@ from scipy import sparse
 from bristle.data.motion import stretches
 from bristle.data.record import Record
 from bristle.identification.marquardt import Minimum, minimise
-from bristle.identification.regression import decimator, extra_columns
+from bristle.identification.regression import SEEN, decimator, extra_columns
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 
-SEEN = 1.5
-"""Speeds beyond this many v_s must be there for a Stribeck term to be one."""
-_LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
+LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
+"""What the descent sees as its logarithm."""
 _BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
 
 
@@ -277,7 +276,7 @@ def scales(problem: Tracking, at: Mapping[str, float]) -> Array:
     sizes = []
     for name in problem.names:
         bare = name.rstrip("+-")
-        sizes.append(1.0 if bare in _LOGARITHMIC else deflection if bare.startswith("z0") else typical[bare])
+        sizes.append(1.0 if bare in LOGARITHMIC else deflection if bare.startswith("z0") else typical[bare])
     return np.array(sizes)
 
 
@@ -289,7 +288,7 @@ def to_scaled(problem: Tracking, values: Mapping[str, float], scale: Array) -> A
     """The unknowns as the descent sees them, (p,)."""
     return np.array(
         [
-            np.log(values[name]) if name.rstrip("+-") in _LOGARITHMIC else values[name] / size
+            np.log(values[name]) if name.rstrip("+-") in LOGARITHMIC else values[name] / size
             for name, size in zip(problem.names, scale.tolist(), strict=True)
         ]
     )
@@ -298,7 +297,7 @@ def to_scaled(problem: Tracking, values: Mapping[str, float], scale: Array) -> A
 def from_scaled(problem: Tracking, x: Array, scale: Array) -> dict[str, float]:
     """The inverse of `to_scaled`."""
     return {
-        name: float(np.exp(value)) if name.rstrip("+-") in _LOGARITHMIC else value * size
+        name: float(np.exp(value)) if name.rstrip("+-") in LOGARITHMIC else value * size
         for name, value, size in zip(problem.names, x.tolist(), scale.tolist(), strict=True)
     }
 
@@ -307,7 +306,7 @@ def slopes_of_scaling(problem: Tracking, values: Mapping[str, float], scale: Arr
     """Derivative of each parameter by its scaled unknown, (p,)."""
     return np.array(
         [
-            values[name] if name.rstrip("+-") in _LOGARITHMIC else size
+            values[name] if name.rstrip("+-") in LOGARITHMIC else size
             for name, size in zip(problem.names, scale.tolist(), strict=True)
         ]
     )
@@ -319,7 +318,7 @@ def scaled(problem: Tracking, scale: Array) -> Callable[[Array], tuple[Array, Ar
     def evaluate(x: Array) -> tuple[Array, Array]:
         with np.errstate(over="ignore", invalid="ignore"):
             values = from_scaled(problem, x, scale)
-            if not all(np.isfinite(v) and (v > 0 or n.rstrip("+-") not in _LOGARITHMIC) for n, v in values.items()):
+            if not all(np.isfinite(v) and (v > 0 or n.rstrip("+-") not in LOGARITHMIC) for n, v in values.items()):
                 return np.full(1, np.inf), np.zeros((1, x.size))
             rows, slopes = residuals(problem, values)
             if not np.isfinite(slopes.sum()):

@@ -55,9 +55,7 @@ def presliding_figure(joint: Joint) -> Figure | None:
     fits = list(joint.presliding.fits.values()) if joint.presliding else []
     if not fits:
         return None
-    figure = new_figure(1.1 + 2.9 * len(fits))
-    axes = figure.subplots(len(fits), squeeze=False)[:, 0]
-    title(axes[0], joint.name, joint.simulated)
+    figure, axes = _panels(joint, len(fits), 1.1 + 2.9 * len(fits))
     for ax, fit in zip(axes, fits, strict=True):
         _loadings(ax, fit)
         _fitted(ax, fit)
@@ -65,6 +63,14 @@ def presliding_figure(joint: Joint) -> Figure | None:
         _label(ax, axis("displacement from rest", joint.kind), axis("torque", joint.kind))
     _legend(figure, 3)
     return figure
+
+
+def _panels(joint: Joint, count: int, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure of this height, inches, with panels one below the other under the joint's name."""
+    figure = new_figure(height)
+    axes = list(figure.subplots(count, squeeze=False)[:, 0])
+    title(axes[0], joint.name, joint.simulated)
+    return figure, axes
 
 
 def _label(ax: Axes, x: str, y: str) -> None:
@@ -117,9 +123,7 @@ def hysteresis_figure(joint: Joint) -> Figure | None:
     loops = loops_drawn(joint.presliding.loops) if joint.presliding else ()
     if not loops:
         return None
-    figure = new_figure(0.9 + 2.5 * len(loops))
-    axes = figure.subplots(len(loops), squeeze=False)[:, 0]
-    title(axes[0], joint.name, joint.simulated)
+    figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops))
     for ax, loop in zip(axes, loops, strict=True):
         _loop(ax, loop)
         name = f"{shortened(loop.file, 32, end=True)}\nrows {loop.start}-{loop.stop}"

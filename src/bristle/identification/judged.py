@@ -1,0 +1,116 @@
+"""Moving data solved from several starts: the lowest minimum, and what the scatter of its residuals says of each unknown."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bristle.data.statistics import inflation
+from bristle.identification.linear import inverse_gram
+from bristle.identification.marquardt import Minimum
+from bristle.identification.trajectory import Tracking, fit, parameters, scales, slopes_of_scaling
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+_APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
+"""How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
+_SAME = 1e-6
+_TRIES = 30
+"""Steps that a random start is given to reach the lowest cost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """A minimum with what is known of it."""
+
+    values: Mapping[str, float]
+    minimum: Minimum
+    names: tuple[str, ...]
+    scaled_errors: Array
+    """Standard errors of the scaled unknowns, (p,); inf where nothing is seen of one."""
+    covariance: Array
+    """Of the parameters, (p, p)."""
+    freedom: float
+    stretch: float
+    starts: int
+    reached: int
+
+
+def judge(
+    problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]] = ()
+) -> Judged:
+    """The lowest minimum from several starts, and the covariance there."""
+    rng = np.random.default_rng(seed)
+    first = with_deflections(problem, start)
+    ends = [fit(problem, whole) for whole in (first, *others)]
+    for _ in range(starts - 1):
+        moved = {name: value * _factor(name, rng) for name, value in start.items()}
+        try:
+            ends.append(fit(problem, with_deflections(problem, moved), _TRIES))
+        except ValueError:  # a random start may well lie where nothing depends on anything
+            continue
+    values, minimum = min(ends, key=lambda end: end[1].cost)
+    reached = sum(m.cost <= minimum.cost * (1 + _SAME) + 1e-20 for _, m in ends)
+    errors, covariance, freedom, stretch = _scatter(problem, values, minimum)
+    return Judged(
+        values=values,
+        minimum=minimum,
+        names=problem.names,
+        scaled_errors=errors,
+        covariance=covariance,
+        freedom=freedom,
+        stretch=stretch,
+        starts=starts + len(others),
+        reached=reached,
+    )
+
+
+def _factor(name: str, rng: np.random.Generator) -> float:
+    reach = np.log(_APART.get(name.rstrip("+-"), 3.0))
+    return float(np.exp(rng.uniform(-reach, reach))) if name.startswith(("alpha", "v_s", "sigma")) else 1.0
+
+
+def with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str, float]:
+    """A start with the deflection of each stretch: what carries its first torque, within the steady one."""
+    p = parameters(problem, start)
+    out = dict(start)
+    for k, m in enumerate(problem.motions):
+        own = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
+        most = own.alpha_0 / own.sigma_0
+        out[f"z0[{k}]"] = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
+    return out
+
+
+def without_deflections(values: Mapping[str, float]) -> dict[str, float]:
+    """The values without the deflections at the start of each stretch."""
+    return {name: value for name, value in values.items() if not name.startswith("z0")}
+
+
+def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -> tuple[Array, Array, float, float]:
+    """Standard errors of the scaled unknowns, the parameters' covariance, degrees of freedom, and the widening by correlated residuals.
+
+    Each unknown's error is a weighted sum of the residuals; its variance allows for their correlation and for a variance that changes.
+    """
+    jacobian, rest = minimum.jacobian, minimum.residuals
+    length = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
+    seen = length > 1e-9 * length.max()
+    n, p = jacobian.shape[0], int(seen.sum())
+    priors = sum(len(prior.names) for prior in problem.priors)
+    inner = inverse_gram(jacobian[:, seen])
+    weights = jacobian[:, seen] @ inner
+    naive = np.diag(inner) * minimum.cost / max(n - p, 1)
+    scores = weights[: n - priors] * rest[: n - priors, None]
+    stretch = np.array([inflation(score) for score in scores.T])
+    spread = np.einsum("np,np->p", scores, scores) * stretch * n / max(n - p, 1)
+    spread += problem.sigma**2 * np.einsum("np,np->p", weights[n - priors :], weights[n - priors :])
+    spread = np.maximum(spread, naive if not priors else 0.0)
+    ratio = np.sqrt(spread / naive)
+    chain = slopes_of_scaling(problem, values, scales(problem, values))
+    covariance = np.full((length.size, length.size), np.nan)
+    covariance[np.ix_(seen, seen)] = (
+        inner * minimum.cost / max(n - p, 1) * np.outer(ratio, ratio) * np.outer(chain[seen], chain[seen])
+    )
+    errors = np.full(length.size, np.inf)
+    errors[seen] = np.sqrt(spread)
+    widening = float(np.median(ratio))
+    return errors, covariance, max(n / float(stretch.max()) - p, 1.0), widening
