@@ -24,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-_WRONG_USE = next(c for c in typer.BadParameter.__mro__ if issubclass(c, Exception) and c.__name__ == "ClickException")
+_WRONG_USE: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
 """What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it."""
 
 _Experiment = Annotated[
@@ -207,9 +207,9 @@ def main() -> NoReturn:
             raise
         code = 2
         print(f"bristle: {_sentence(bad)}", file=sys.stderr)
-    except _WRONG_USE as bad:
+    except _WRONG_USE as wrong:
         code = 2
-        print(f"bristle: {bad.format_message()}", file=sys.stderr)
+        print(f"bristle: {wrong.format_message()}", file=sys.stderr)
     if code == 130:  # by an exception or, in newer versions of typer, as an exit code
         print("interrupted", file=sys.stderr)
     sys.exit(code)
