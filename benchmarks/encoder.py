@@ -2,10 +2,12 @@
 
 (a) presliding of gripper rotation (+): relative error of sigma_0 by (14), its inverse, the count edges and all samples, the joint resting on a count
 edge or anywhere in a count. (b) moving runs of gripper rotation: error of each parameter in its standard errors, as fitted and after the bias of
-counts is taken off. Simulated, with fixed seeds.
+counts is taken off. (c) the same runs, the torque predicted from the estimated velocity beside the position predicted by the simulated motor:
+relative errors. Simulated, with fixed seeds.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from bristle.data.record import Record
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import PreslidingFit, TrackingFit
 from bristle.identification.presliding import fit_presliding
+from bristle.identification.simulation import simulation
 from bristle.identification.stiffness import Level, printed_bias
 from bristle.identification.tracking import fit_tracking
 from bristle.identification.trajectory import Tracking, tracking
@@ -30,12 +33,14 @@ G0 = P.alpha_0 + P.alpha_1
 METHODS = ("printed", "corrected", "edges", "samples")
 REPETITIONS = 200
 SEEDS = 10
+SEEDS_OF_ROUTES = 5
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the three tables."""
     presliding()
     moving()
+    routes()
 
 
 def presliding() -> None:
@@ -94,26 +99,63 @@ def moving() -> None:
 
 def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     """One seed's fit as it is, and with the bias taken off."""
-    log = edro.tracking_logs("gripper", [seed], resolution=quantum)
-    motor = edro.motor("gripper rotation")
-    record = estimate_motion(
-        Record(file="run", time=log.time, position=log.position[0], voltage=log.voltage[0]), edro.CUTOFF
-    )
-    torque = np.asarray(drive_torque(record.voltage, record.velocity, motor))
-    run = Record(
-        file="run",
-        time=record.time,
-        position=record.position,
-        velocity=record.velocity,
-        torque=torque,
-        acceleration=record.acceleration,
-    )
+    run = measured(quantum, seed)
 
     def pose(records: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
         return tracking(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], {}), truth(), "revolute", starts=1)
     return found.fit, without_count_bias(found, [run], pose, edro.CUTOFF, quantum)
+
+
+def routes() -> None:
+    """Relative errors of both routes over bits."""
+    names = ("alpha_0+", "alpha_2+", "sigma_0+", "sigma_1+", "inertia")
+    print(
+        f"(c) the same, relative error in %, mean +- spread over {SEEDS_OF_ROUTES} seeds; Stribeck terms given; torque predicted / position predicted"
+    )
+    print(f"{'bits':>4}" + "".join(f"{name:>32}" for name in names))
+    for bits in (11, 12, 14, 16, 20):
+        pairs = [by_route(2 * np.pi / 2**bits, seed) for seed in range(SEEDS_OF_ROUTES)]
+        off = np.array([[[relative(fit, name) for fit in pair] for pair in pairs] for name in names])
+        cells = [
+            " / ".join(spread(own[:, k]) if np.isfinite(own[:, k]).any() else "not seen" for k in (0, 1)) for own in off
+        ]
+        print(f"{bits:>4}" + "".join(f"{cell:>32}" for cell in cells))
+
+
+def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
+    """One seed's fit of the torque, the bias of counts taken off, and of the position."""
+    run = measured(quantum, seed)
+    known = {name: value for name, value in truth().items() if name.startswith(("alpha_1", "v_s"))}
+    start = {name: value for name, value in truth().items() if name not in known}
+
+    def pose(records: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
+        return tracking(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
+
+    found = fit_tracking(pose([run], known), start, "revolute", starts=1)
+    whole = tracking([run], ("+", "-"), ("inertia",), 1, None, known)
+    windows = simulation([run], whole, edro.motor("gripper rotation"), 0.5, edro.DECIMATION)
+    return without_count_bias(found, [run], pose, edro.CUTOFF, quantum), fit_tracking(
+        windows, start, "revolute", starts=1
+    ).fit
+
+
+def relative(fit: TrackingFit, name: str) -> float:
+    """Relative error, percent; nan where the motion does not show the parameter."""
+    value = fit.parameters[name].value
+    return np.nan if value is None else 100 * (value / truth()[name] - 1)
+
+
+def measured(quantum: float, seed: int) -> Record:
+    """A moving run of the virtual bench, with velocity and torque as the pipeline estimates them."""
+    log = edro.tracking_logs("gripper", [seed], resolution=quantum)
+    motor = edro.motor("gripper rotation")
+    record = estimate_motion(
+        Record(file="run", time=log.time, position=log.position[0], voltage=log.voltage[0]), edro.CUTOFF
+    )
+    torque = np.asarray(drive_torque(record.voltage, record.velocity, motor))
+    return replace(record, torque=torque)
 
 
 def truth() -> dict[str, float]:

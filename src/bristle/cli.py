@@ -161,6 +161,8 @@ def validate(experiment: _Experiment, strict: _Strict = False) -> None:
             _print_check(f"{joint.name} {direction}", "grid", check)
         if joint.tracking is not None and joint.tracking.check is not None:
             _print_check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.check)
+        elif joint.tracking is not None:
+            print(f"{joint.name}, moving runs: a simulated position has no second route; it was not checked")
     for what, seconds in results.timings.items():
         print(f"  {what}: {1000 * seconds:.2f} ms")
     _finish(results, strict)

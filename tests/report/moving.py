@@ -38,7 +38,7 @@ def tracked(factor: float = 1.0, **changes: Any) -> TrackingFit:
     fit = TrackingFit(
         parameters={name: estimate(name, factor) for name in VALUES}, rms=4e-4, relative_error=1.25, n=velocity.size,
         outcome="The fit converged inside every bound.", starts=4, reached=3, condition=8.9, names=tuple(VALUES),
-        covariance=correlation * np.outer(errors, errors), time=np.concatenate([first, second]), velocity=velocity, torque=torque,
+        covariance=correlation * np.outer(errors, errors), time=np.concatenate([first, second]), velocity=velocity, measured=torque,
         residuals=4e-4 * np.sin(np.arange(velocity.size)), starts_of_runs=(0, STRETCH), hold_out=(HoldOut(file="held.csv", relative_error=1.5),),
     )  # fmt: skip  # a list of values
     return replace(fit, **changes)

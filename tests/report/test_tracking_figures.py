@@ -32,7 +32,7 @@ def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
 def test_window_of_a_stretch_without_reversals_begins_with_it(seconds: float) -> None:
     """A joint that never turns, and a stretch that is shorter than SPAN, are shown from their start."""
     t = np.linspace(0.0, seconds, 301)
-    fit = tracked(time=t, velocity=np.ones(301), torque=t, residuals=0 * t, starts_of_runs=(0,))
+    fit = tracked(time=t, velocity=np.ones(301), measured=t, residuals=0 * t, starts_of_runs=(0,))
     own = tracking_figures.window(fit)
     assert own.start == 0
     assert t[own.stop - 1] == pytest.approx(min(seconds, tracking_figures.SPAN), abs=seconds / 300)
@@ -41,7 +41,7 @@ def test_window_of_a_stretch_without_reversals_begins_with_it(seconds: float) ->
 def test_window_near_the_end_keeps_its_length() -> None:
     """A reversal in the last moment of a stretch is shown with what came before it."""
     t = np.arange(1000) / 100
-    fit = tracked(time=t, velocity=np.where(t < 9.9, 1.0, -1.0), torque=t, residuals=0 * t, starts_of_runs=(0,))
+    fit = tracked(time=t, velocity=np.where(t < 9.9, 1.0, -1.0), measured=t, residuals=0 * t, starts_of_runs=(0,))
     own = tracking_figures.window(fit)
     assert own.stop == 1000
     assert t[own.stop - 1] - t[own.start] == pytest.approx(tracking_figures.SPAN, abs=0.011)
@@ -103,7 +103,7 @@ def test_few_points_are_drawn_of_many() -> None:
     n = 1_000_000
     t = np.arange(n) / 1e6
     fit = tracked(
-        time=t, velocity=np.cos(40 * t), torque=np.cos(40 * t), residuals=1e-3 * np.sin(t), starts_of_runs=(0,)
+        time=t, velocity=np.cos(40 * t), measured=np.cos(40 * t), residuals=1e-3 * np.sin(t), starts_of_runs=(0,)
     )
     for figure in both(replace(moving(), joint_fit=fit)):
         sizes = [len(np.asarray(line.get_xdata())) for ax in figure.axes for line in ax.get_lines()]
@@ -114,7 +114,7 @@ def test_few_points_are_drawn_of_many() -> None:
 def test_without_moving_runs_nothing_is_drawn(joint: Joint) -> None:
     """No fit, or one without equations: no figure."""
     empty = np.zeros(0)
-    none = tracked(time=empty, velocity=empty, torque=empty, residuals=empty, starts_of_runs=(0,))
+    none = tracked(time=empty, velocity=empty, measured=empty, residuals=empty, starts_of_runs=(0,))
     assert both(joint) == both(replace(joint, tracking=none)) == []
 
 

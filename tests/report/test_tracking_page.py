@@ -111,3 +111,22 @@ def test_two_writes_give_the_same_bytes_and_names_stay_text(tmp_path: Path) -> N
     assert text.count("&lt;script&gt;") > 10
     ids = re.findall(r'\sid="([^"]+)"', text)
     assert len(ids) == len(set(ids))
+
+
+def test_a_fit_that_predicts_the_position_says_so(moved: Joint, tmp_path: Path) -> None:
+    """Words, unit and captions are those of a simulated position; nothing calls it a torque."""
+    changes: dict[str, Any] = {"quantity": "position", "windows": 34, "starts_of_runs": (0,)}
+    alone = replace(moved, tracking=tracked(**changes), joint_fit=None, consistency=())
+    text = written(alone, tmp_path / "out")
+    section = text[text.index('<section id="gripper-rotation-tracking">') :]
+    section = section[: section.index("</section>")]
+    words = re.sub(r"<svg.*?</svg>", "", section, flags=re.DOTALL)
+    for said in (
+        "the motor is simulated",
+        "rms residual 0.0004 rad",
+        "simulated in 34 windows",
+        "Measured position",
+        "start alone was fitted",
+    ):
+        assert said in words
+    assert "torque" not in words

@@ -8,6 +8,7 @@ and are stepped by the exponential of the 2x2 matrix A in closed form: stable fo
 implicit half step predicts, which makes the step second order where the motion is smooth. A and b come from the law and the motor by differentiation.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -22,6 +23,9 @@ from bristle.model.parameters import Motor, Pair
 
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""
+
+Current = Callable[[Expression, Expression, Motor[Any]], Expression]
+"""(drive, velocity, motor) -> armature current, A: `motor.current` or `motor.current_for`."""
 
 _INPUTS = 4
 _CHUNK = 100
@@ -99,27 +103,36 @@ def exponential(A: Expression, h: Expression) -> Expression:
     return c * ca.SX.eye(2) + s * (A - m * ca.SX.eye(2))
 
 
-@lru_cache(maxsize=64)
-def _frozen(pair: Pair[float], m: Motor[float]) -> ca.Function:
-    """(frozen at, voltage, disturbance) -> A, b of d(v, z)/dt = A (v, z) + b, from (2), (4) and (6)."""
-    x, at, V, load = ca.SX.sym("x", 2), ca.SX.sym("at", 2), ca.SX.sym("V"), ca.SX.sym("load")
+def _frozen(
+    at: Expression, drive: Expression, load: Expression, pair: Pair[Any], m: Motor[Any], current: Current
+) -> tuple[Expression, Expression]:
+    """A, b of d(v, z)/dt = A (v, z) + b with lambda frozen at a (v, z), from (2), (4) and (6)."""
+    x = ca.SX.sym("x", 2)
     (v, z), p = ca.vertsplit(x), law.active(at[1], at[0], pair)
     friction = law.torque(z, v, p, at=at[0])
     rates = ca.vertcat(
-        motor.acceleration(motor.current(V, v, m), friction - load, m), law.bristle_rate(z, v, p, at=at[0])
+        motor.acceleration(current(drive, v, m), friction - load, m), law.bristle_rate(z, v, p, at=at[0])
     )
-    return ca.Function("frozen", [at, V, load], [ca.jacobian(rates, x), ca.substitute(rates, x, ca.SX.zeros(2))])
+    return ca.jacobian(rates, x), ca.substitute(rates, x, ca.SX.zeros(2))
 
 
 def plant_step(
-    state: State, V: Expression, load: Expression, h: Expression, pair: Pair[float], m: Motor[float]
+    state: State,
+    drive: Expression,
+    load: Expression,
+    h: Expression,
+    pair: Pair[Any],
+    m: Motor[Any],
+    current: Current = motor.current,
 ) -> State:
-    """The plant after h seconds at constant voltage V (V) and disturbing torque `load` (N*m, positive along positive velocity)."""
+    """The plant after h seconds at a constant drive and disturbing torque `load` (N*m, positive along positive velocity).
+
+    The drive is a voltage (V) under `motor.current`, a torque (N*m) under `motor.current_for`; pair and motor hold floats or CasADi symbols.
+    """
     x = ca.vertcat(state.velocity, state.deflection)
-    system = _frozen(pair, m)
-    A, b = system(x, V, load)
+    A, b = _frozen(x, drive, load, pair, m, current)
     middle = ca.inv_minor(ca.SX.eye(2) - h / 2 * A) @ (x + h / 2 * b)
-    A, b = system(middle, V, load)
+    A, b = _frozen(middle, drive, load, pair, m, current)
     inverse = ca.inv_minor(A)
     rest = -inverse @ b
     new = rest + exponential(A, h) @ (x - rest)

@@ -113,6 +113,10 @@ class FitOptions(Model):
     """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both directions; SI."""
     shared: tuple[Literal["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"], ...] = ()
     """LuGre parameters that both directions have in common in the fit of all parameters."""
+    predict: Literal["torque", "position"] = "torque"
+    """What the model of moving runs predicts: the torque of the measured velocity, or, the motor simulated, the position."""
+    horizon: Seconds = 0.5
+    """Length of the windows that are simulated, s."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
 
     @model_validator(mode="after")

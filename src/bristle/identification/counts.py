@@ -10,7 +10,7 @@ from bristle.data.record import Record
 from bristle.data.sensor import quantise
 from bristle.identification.estimate import Estimate, TrackingFit
 from bristle.identification.tracking import Tracked
-from bristle.identification.trajectory import Tracking, fit, modelled
+from bristle.identification.trajectory import Tracking, fit, is_start, modelled
 from bristle.model.arrays import Array
 
 REPETITIONS = 6
@@ -45,7 +45,7 @@ def without_count_bias(
     priors = tuple(
         replace(prior, value=np.array([found.values[name] for name in prior.names])) for prior in found.problem.priors
     )
-    known = [name for name in found.problem.names if not name.startswith("z0")]
+    known = [name for name in found.problem.names if not is_start(name)]
     ends = []
     for _ in range(REPETITIONS):
         counted = [

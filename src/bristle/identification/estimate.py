@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Literal
 
 import numpy as np
 
@@ -202,9 +203,9 @@ class TrackingFit:
 
     parameters: Mapping[str, Estimate]
     rms: float
-    """Root mean square residual of the equations, N*m."""
+    """Root mean square residual of the equations, N*m (rad where the position is predicted)."""
     relative_error: float
-    """100 * norm(residual) / norm(torque), percent."""
+    """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
     n: int
     outcome: str
     """One sentence."""
@@ -226,11 +227,16 @@ class TrackingFit:
     """The same problem by CasADi and IPOPT."""
     time: Array = field(default_factory=lambda: np.zeros(0))
     """Of each equation, s from the start of its run, (n,)."""
+    quantity: Literal["torque", "position"] = "torque"
+    """What the fit predicts."""
     velocity: Array = field(default_factory=lambda: np.zeros(0))
-    torque: Array = field(default_factory=lambda: np.zeros(0))
+    measured: Array = field(default_factory=lambda: np.zeros(0))
+    """Torque, N*m, or position, rad, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0))
     starts_of_runs: tuple[int, ...] = (0,)
     """First equation of each stretch."""
+    windows: int = 0
+    """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""

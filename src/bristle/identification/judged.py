@@ -8,7 +8,7 @@ import numpy as np
 from bristle.data.statistics import inflation
 from bristle.identification.linear import inverse_gram
 from bristle.identification.marquardt import Minimum
-from bristle.identification.trajectory import Tracking, fit, parameters, scales, slopes_of_scaling
+from bristle.identification.trajectory import Tracking, fit, is_start, parameters, scales, slopes_of_scaling
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 
@@ -71,19 +71,21 @@ def _factor(name: str, rng: np.random.Generator) -> float:
 
 
 def with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str, float]:
-    """A start with the deflection of each stretch: what carries its first torque, within the steady one."""
+    """A start with what each motion begins with: the deflection that carries its first torque, within the steady one, and the first position."""
     p = parameters(problem, start)
     out = dict(start)
     for k, m in enumerate(problem.motions):
         own = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
         most = own.alpha_0 / own.sigma_0
-        out[f"z0[{k}]"] = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
+        z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
+        first = {"y0": float(m.measured[0]), "v0": float(m.velocity[0]), "z0": z0}
+        out |= {f"{name}[{k}]": first[name] for name in problem.begins}
     return out
 
 
 def without_deflections(values: Mapping[str, float]) -> dict[str, float]:
     """The values without the deflections at the start of each stretch."""
-    return {name: value for name, value in values.items() if not name.startswith("z0")}
+    return {name: value for name, value in values.items() if not is_start(name)}
 
 
 def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -> tuple[Array, Array, float, float]:
@@ -105,6 +107,7 @@ def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -
     spread += problem.sigma**2 * np.einsum("np,np->p", weights[n - priors :], weights[n - priors :])
     spread = np.maximum(spread, naive if not priors else 0.0)
     ratio = np.sqrt(spread / naive)
+    named = np.array([not is_start(name) for name in problem.names])[seen]
     chain = slopes_of_scaling(problem, values, scales(problem, values))
     covariance = np.full((length.size, length.size), np.nan)
     covariance[np.ix_(seen, seen)] = (
@@ -112,5 +115,5 @@ def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -
     )
     errors = np.full(length.size, np.inf)
     errors[seen] = np.sqrt(spread)
-    widening = float(np.median(ratio))
-    return errors, covariance, max(n / float(stretch.max()) - p, 1.0), widening
+    widening = float(np.median(ratio[named]))
+    return errors, covariance, max(n / float(stretch[named].max(initial=1.0)) - p, 1.0), widening

@@ -74,9 +74,9 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
     left_out: tuple[str, ...] = ()
     if points:
         static, checks = _fit_points(measured, points, timings)
-    elif training:
+    elif training and experiment.fit.predict == "torque":
         static, checks, left_out = fit_moving(experiment, training, held, timings)
-    elif not slow or any(run.kind in {"ramp", "points"} for run in measured.runs):
+    elif not training and (not slow or any(run.kind in {"ramp", "points"} for run in measured.runs)):
         raise ValueError(_nothing_to_fit(measured))
     presliding = _presliding(experiment, slow, static) if slow else None
     alone, both, agree = None, None, tuple[Consistency, ...]()
@@ -323,6 +323,11 @@ def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:
             "decimation": f"one sample in {fit.decimation}, both sides through 0.8 of the new Nyquist frequency, zero phase",
             "regressors": ", ".join(asked_regressors(experiment)) or "none",
         }
+        if fit.predict == "position":
+            settings |= {
+                "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.decimation} samples; "
+                "position filter and decimation serve the start alone"
+            }
         if experiment.inertia is not None:
             known = experiment.inertia
             settings["inertia"] = (

@@ -10,9 +10,11 @@ from bristle.data.experiment import Experiment
 from bristle.data.record import Record
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import Consistency, Estimate, Presliding, StaticFit, TrackingFit
+from bristle.identification.judged import judge, without_deflections
 from bristle.identification.moving import directions, inertia, regressors
 from bristle.identification.moving_check import check_tracking
-from bristle.identification.tracking import STARTS, Tracked, fit_tracking
+from bristle.identification.simulation import simulation
+from bristle.identification.tracking import SEED, STARTS, Tracked, fit_tracking
 from bristle.identification.trajectory import Prior, Tracking, tracking, with_priors
 from bristle.model import functions
 from bristle.model.arrays import evaluate
@@ -53,20 +55,27 @@ def track(
 
     Raises ValueError where a run lacks a signal, or shows none of the parameters.
     """
-    kind, pose = experiment.joint.kind, partial(_posed, experiment, directions(experiment, records))
-    resolution = experiment.encoder_resolution if experiment.signals.velocity is None else None
+    moving, options = directions(experiment, records), experiment.fit
+    kind, driven = experiment.joint.kind, partial(_driven, experiment, moving)
+    by_torque = options.predict == "torque"
+    pose = driven if by_torque else partial(_simulated, experiment, moving)
+    counted = by_torque and experiment.signals.velocity is None
+    resolution = experiment.encoder_resolution if counted else None
 
     def uncounted(found: Tracked) -> TrackingFit:
-        cutoff = experiment.fit.position_cutoff
-        return without_count_bias(found, records, pose, cutoff, resolution) if resolution else found.fit
+        return (
+            without_count_bias(found, records, pose, options.position_cutoff, resolution) if resolution else found.fit
+        )
 
-    start = _start(pose(records, {}), static, slow)
-    fixed = _fixed(experiment, pose(records, {}))
-    problem = pose(records, fixed)
+    fixed = _fixed(experiment, driven(records, {}))
+    start = _start(driven(records, {}), static, slow)
     start = {name: value for name, value in start.items() if name not in fixed}
+    problem = pose(records, fixed)
+    if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
+        start = without_deflections(judge(driven(records, fixed), start, _SURE, SEED).values)
     tests = [(r.file, pose([r], fixed)) for r in held]
     found = fit_tracking(problem, start, kind, tests, starts=_SURE if static_is_apart else STARTS)
-    if second_route:
+    if second_route and by_torque:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
         found = found._replace(fit=replace(found.fit, check=check, doubts=(*found.fit.doubts, *said)))
@@ -80,7 +89,19 @@ def track(
     return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree
 
 
-def _posed(
+def _simulated(
+    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[str, float]
+) -> Tracking:
+    """The same as `_driven` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
+    known, _ = inertia(experiment)
+    options, asked = experiment.fit, regressors(experiment)
+    if known is not None:
+        asked, fixed = (*asked, "inertia"), {**fixed, "inertia": known}
+    posed = tracking(records, moving, asked, 1, None, fixed, options.shared)
+    return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
+
+
+def _driven(
     experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[str, float]
 ) -> Tracking:
     """The problem that some records pose, with the experiment's options, in the directions `moving`."""

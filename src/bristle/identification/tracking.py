@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from math import sqrt
 from typing import NamedTuple
 
@@ -15,6 +14,8 @@ from bristle.identification.trajectory import (
     LOGARITHMIC,
     Tracking,
     bounds,
+    fit,
+    is_start,
     parameters,
     residuals,
     scales,
@@ -29,6 +30,8 @@ STARTS = 6
 _SUM = "If v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen."
 _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
+_TRIES = 30
+"""Steps that the start of a held-out window is given."""
 _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
 _UNSEEN = 1e-2
@@ -75,17 +78,16 @@ def fit_tracking(
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in judged.names if n in estimates)
     rows, _ = residuals(problem, judged.values)
-    torque = problem.torque
-    doubts = (*_doubts(judged, rows, unseen), *_physics(problem, judged.values), *_named(unseen))
-    fit = TrackingFit(
+    doubts = (*_doubts(judged, rows, unseen), *_physics(problem, judged.values, unseen), *_named(unseen))
+    found = TrackingFit(
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
-        relative_error=float(100 * np.linalg.norm(rows) / np.linalg.norm(torque)),
+        relative_error=float(100 * np.linalg.norm(rows) / problem.extent),
         n=rows.size,
         outcome=_outcome(estimates, converged=judged.minimum.converged),
         starts=judged.starts,
         reached=judged.reached,
-        condition=condition(judged.minimum.jacobian[:, judged.scaled_errors < np.inf]),
+        condition=condition(judged.minimum.jacobian[:, _seen(judged)]),
         doubts=doubts,
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
         names=free,
@@ -93,11 +95,13 @@ def fit_tracking(
         fixed={**problem.fixed, **{name: judged.values[name] for name in unseen if name in judged.values}},
         time=problem.time,
         velocity=problem.velocity,
-        torque=torque,
+        measured=problem.measured,
+        quantity=problem.quantity,
         residuals=rows,
         starts_of_runs=_starts(problem),
+        windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
-    return Tracked(fit, problem, judged.values)
+    return Tracked(found, problem, judged.values)
 
 
 def _settled(
@@ -138,12 +142,13 @@ def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> str:
 def _weighted(problem: Tracking, values: Mapping[str, float]) -> tuple[Tracking, bool]:
     """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
     rows, _ = residuals(problem, values)
-    ends = [*_starts(problem), rows.size]
-    scatter = np.array([np.sqrt(np.mean(rows[a:b] ** 2)) for a, b in pairwise(ends)])
+    _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
+    by_run = np.repeat(run, [m.size for m in problem.motions])
+    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
     if scatter.max() <= _UNEVEN * scatter.min():
         return problem, False
     weights = float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())
-    motions = tuple(replace(m, weight=float(w)) for m, w in zip(problem.motions, weights, strict=True))
+    motions = tuple(replace(m, weight=float(weights[k])) for m, k in zip(problem.motions, run, strict=True))
     return replace(problem, motions=motions), True
 
 
@@ -194,13 +199,24 @@ def _named(unseen: Mapping[str, Estimate]) -> list[str]:
 
 
 def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
-    """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted: each starts in steady state."""
-    rows, _ = residuals(problem, with_deflections(problem, without_deflections(values)))
-    return float(100 * np.linalg.norm(rows) / np.linalg.norm(problem.torque))
+    """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
+
+    Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start: that of each window,
+    and nothing else, is then fitted to it.
+    """
+    known = without_deflections(values)
+    whole = with_deflections(problem, known)
+    if problem.quantity == "position":
+        own = replace(problem, fixed={**problem.fixed, **known}, priors=())
+        whole |= fit(own, {name: whole[name] for name in own.names}, _TRIES)[0]
+    rows, _ = residuals(problem, whole)
+    return float(100 * np.linalg.norm(rows) / problem.extent)
 
 
 def _starts(problem: Tracking) -> tuple[int, ...]:
-    return (0, *np.cumsum([m.size for m in problem.motions])[:-1].tolist())
+    """First equation of each stretch, which may go on over several motions."""
+    first = np.cumsum([0, *(m.size for m in problem.motions)])[:-1]
+    return tuple(int(k) for k, m in zip(first, problem.motions, strict=True) if not m.goes_on)
 
 
 def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estimate]:
@@ -211,7 +227,7 @@ def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estim
     for name, x, error, size in zip(
         judged.names, judged.minimum.x, judged.scaled_errors.tolist(), scale.tolist(), strict=True
     ):
-        if name.startswith("z0"):
+        if is_start(name):
             continue
         bare, value = name.rstrip("+-"), judged.values[name]
         doubts: list[str] = []
@@ -259,9 +275,14 @@ def _doubts(judged: Judged, rows: Array, unseen: Mapping[str, Estimate]) -> tupl
     return (*found, *_unseen(judged, unseen))
 
 
+def _seen(judged: Judged) -> list[int]:
+    """Columns of the parameters, starts of the motions apart, of which anything is seen."""
+    return [k for k, n in enumerate(judged.names) if not is_start(n) and judged.scaled_errors[k] < np.inf]
+
+
 def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
     """The directions in parameter space that the data hardly see, in words."""
-    keep = [k for k, n in enumerate(judged.names) if not n.startswith("z0") and judged.scaled_errors[k] < np.inf]
+    keep = _seen(judged)
     jacobian = judged.minimum.jacobian[:, keep]
     jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
     _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
@@ -276,7 +297,7 @@ def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
     said += [
         f"Nothing is seen of {n}: the torque does not depend on it in this motion."
         for k, n in enumerate(judged.names)
-        if judged.scaled_errors[k] == np.inf and not n.startswith("z0")
+        if judged.scaled_errors[k] == np.inf and not is_start(n)
     ]
     return said
 
@@ -291,19 +312,19 @@ def _in_words(members: Sequence[tuple[str, float]]) -> str:
     return f"The data see {' and '.join([*up, *down])} only as a sum: raising {' and '.join(up)} and lowering {' and '.join(down)} changes nothing."
 
 
-def _physics(problem: Tracking, values: Mapping[str, float]) -> list[str]:
-    """Verdicts that need no data: passivity, and damping in presliding."""
+def _physics(problem: Tracking, values: Mapping[str, float], unseen: Mapping[str, Estimate]) -> list[str]:
+    """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
     said = []
     p = parameters(problem, values)
     sets = {"": p} if isinstance(p, Lugre) else dict(zip(problem.tags, p, strict=True))
     J = {**problem.fixed, **values}.get("inertia")
     for d, own in sets.items():
         where = f" in direction {d}" if d else ""
-        if not is_passive(own):
+        if not is_passive(own) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             said.append(
                 f"Not passive{where}: alpha_2 = {own.alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {own.sigma_1 * own.alpha_1 / own.alpha_0:.3g}."
             )
-        if J and J > 0:
+        if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (own.sigma_1 + own.alpha_2) / (2 * sqrt(J * own.sigma_0))
             if not 0.02 < ratio < 5:
                 said.append(f"The damping ratio in presliding{where} would be {ratio:.2g}; 0.1 to 1 is usual.")

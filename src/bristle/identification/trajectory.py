@@ -7,8 +7,9 @@ alpha_0, v_s and sigma_0 by their logarithms, the others by a typical size.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import Literal
 
 import numpy as np
 from scipy import sparse
@@ -21,8 +22,11 @@ from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 
+Quantity = Literal["torque", "position"]
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
+_MOST = 10.0
+"""Of the largest torque: alpha_1 at most."""
 _BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
 
 
@@ -41,10 +45,12 @@ class Motion:
     """Columns of the extra regressors, (N, k)."""
     smooth: sparse.csr_array | None
     """The decimation filter, (n, N); None: none."""
+    goes_on: bool = False
+    """Whether it begins where the motion before it ends."""
     weight: float = 1.0
     """What its residuals are multiplied by in the fit."""
-    whole: Array
-    """The measured torque itself, N*m, (N,)."""
+    measured: Array
+    """What is to be explained: the measured torque itself, N*m, (N,)."""
 
     @property
     def size(self) -> int:
@@ -89,6 +95,12 @@ class Tracking:
     priors: tuple[Prior, ...] = ()
     sigma: float = 1.0
     """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
+    quantity: Quantity = "torque"
+    """What the equations are about; where it is the position, residuals are in rad."""
+    begins: tuple[str, ...] = ("z0",)
+    """What each motion begins with, unknown."""
+    equations: "Equations" = field(default_factory=lambda: driven)
+    """The model."""
 
     @property
     def friction_names(self) -> tuple[str, ...]:
@@ -109,12 +121,21 @@ class Tracking:
     def names(self) -> tuple[str, ...]:
         """The free parameters: LuGre, extra regressors, then z0 of each stretch."""
         every = (*self.friction_names, *self.extra_names)
-        return (*(n for n in every if n not in self.fixed), *(f"z0[{k}]" for k in range(len(self.motions))))
+        starts = (f"{name}[{k}]" for k in range(len(self.motions)) for name in self.begins)
+        return (*(n for n in every if n not in self.fixed), *starts)
 
     @property
-    def torque(self) -> Array:
-        """Measured torque as the equations see it, (n,)."""
-        return np.concatenate([m.smoothed(m.whole) for m in self.motions])
+    def measured(self) -> Array:
+        """What is to be explained, as the equations see it, (n,)."""
+        return np.concatenate([m.smoothed(m.measured) for m in self.motions])
+
+    @property
+    def extent(self) -> float:
+        """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
+        rows = [m.smoothed(m.measured) for m in self.motions]
+        return float(
+            np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
+        )
 
     @property
     def velocity(self) -> Array:
@@ -125,6 +146,10 @@ class Tracking:
     def time(self) -> Array:
         """The same of the time, (n,)."""
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
+
+
+Equations = Callable[[Tracking, int, Mapping[str, float]], tuple[Array, dict[str, Array]]]
+"""(problem, which motion, all values by name) -> measured less modelled at its samples, (N,), and the model's derivatives by name, (N,) each."""
 
 
 def tracking(
@@ -165,7 +190,7 @@ def tracking(
                     torque=(record.torque - known)[part],
                     extra=columns[part],
                     smooth=None if decimation == 1 else smooth,
-                    whole=record.torque[part],
+                    measured=record.torque[part],
                 )
             )
     return Tracking(
@@ -181,31 +206,37 @@ def parameters(problem: Tracking, values: Mapping[str, float]) -> Lugre[float] |
 
 
 def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Array]:
-    """Measured less modelled torque of every equation, N*m, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
+    """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
 
     `values` holds every name of `problem.names`.
     """
     known = {**problem.fixed, **values}
     names = problem.names
-    p = parameters(problem, values)
-    extra = np.array([known[name] for name in problem.extra_names])
+    row_of = {name: j for j, name in enumerate(names)}
     rows = np.empty(sum(m.size for m in problem.motions))
     slopes = np.zeros((len(names), rows.size))  # a row per parameter: long inner loops
     start = 0
     for k, m in enumerate(problem.motions):
-        rolled = rollout_jacobian(m.velocity, m.step, p, values[f"z0[{k}]"])
+        rest, own = problem.equations(problem, k, known)
         here = slice(start, start + m.size)
-        rows[here] = m.smoothed(m.torque - rolled.torque - m.extra @ extra)
-        own = _by_name(problem, rolled.by_parameters.T)
-        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rolled.by_z0}
-        for j, name in enumerate(names):
-            if name in own:
-                np.negative(m.smoothed(own[name]), out=slopes[j, here])
+        rows[here] = m.smoothed(rest)
+        for name in own.keys() & row_of.keys():
+            np.negative(m.smoothed(own[name]), out=slopes[row_of[name], here])
         start += m.size
     return rows, slopes.T
 
 
-def _by_name(problem: Tracking, rows: Array) -> dict[str, Array]:
+def driven(problem: Tracking, k: int, known: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
+    """Measured less modelled torque of motion k at its samples, N*m, (N,), and the derivative of the modelled one by each unknown's name."""
+    m, p = problem.motions[k], parameters(problem, known)
+    rolled = rollout_jacobian(m.velocity, m.step, p, known[f"z0[{k}]"])
+    extra = np.array([known[name] for name in problem.extra_names])
+    own = by_name(problem, rolled.by_parameters.T)
+    own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rolled.by_z0}
+    return m.torque - rolled.torque - m.extra @ extra, own
+
+
+def by_name(problem: Tracking, rows: Array) -> dict[str, Array]:
     """The derivatives by each LuGre parameter, (6 or 12, N), by name; those of a shared one are added up."""
     own: dict[str, Array] = {}
     for (tag, name), row in zip(product(problem.tags, Lugre._fields), rows, strict=True):
@@ -221,13 +252,13 @@ def modelled(problem: Tracking, values: Mapping[str, float]) -> Array:
     p = parameters(problem, values)
     return np.concatenate(
         [
-            rollout(m.velocity, m.step, p, values[f"z0[{k}]"]).torque + m.extra @ extra + (m.whole - m.torque)
+            rollout(m.velocity, m.step, p, values[f"z0[{k}]"]).torque + m.extra @ extra + (m.measured - m.torque)
             for k, m in enumerate(problem.motions)
         ]
     )
 
 
-def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
+def fit(problem: Tracking, start: Mapping[str, float], most: int = 150) -> tuple[dict[str, float], Minimum]:
     """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
 
     Raises ValueError as `minimise` does.
@@ -242,7 +273,8 @@ def bounds(problem: Tracking) -> tuple[Array, Array]:
     """What the scaled unknowns lie between, (p,) each: physical bounds, and for what stands as a logarithm the range that a motion can show.
 
     No motion shows a v_s below 1e-4 of its fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends
-    by more than ten times the travel or less than a billionth of it. z0 lies within twice the typical deflection.
+    by more than ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held the joint.
+    z0 lies within twice the typical deflection.
     """
     speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
@@ -257,10 +289,10 @@ def bounds(problem: Tracking) -> tuple[Array, Array]:
         bare = name.rstrip("+-")
         if bare in limits:
             box.append((float(np.log(limits[bare][0])), float(np.log(limits[bare][1]))))
-        elif bare.startswith("z0"):
+        elif bare.startswith("z0["):
             box.append((-2.0, 2.0))
         else:
-            box.append((0.0 if bare in _BOUNDED else -np.inf, np.inf))
+            box.append((0.0 if bare in _BOUNDED else -np.inf, _MOST if bare == "alpha_1" else np.inf))
     lower, upper = np.array(box).T
     return lower, upper
 
@@ -272,12 +304,10 @@ def scales(problem: Tracking, at: Mapping[str, float]) -> Array:
     typical = {"alpha_1": torque, "alpha_2": torque / speed, "sigma_1": torque / speed}
     for k, name in enumerate(problem.extra_names):
         typical[name] = torque / (max(float(np.abs(m.extra[:, k]).max()) for m in problem.motions) or 1.0)
-    deflection = max(_all(problem, at, "alpha_0")) / min(_all(problem, at, "sigma_0"))
-    sizes = []
-    for name in problem.names:
-        bare = name.rstrip("+-")
-        sizes.append(1.0 if bare in LOGARITHMIC else deflection if bare.startswith("z0") else typical[bare])
-    return np.array(sizes)
+    travel = max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
+    typical |= {"z0": max(_all(problem, at, "alpha_0")) / min(_all(problem, at, "sigma_0")), "v0": speed, "y0": travel}
+    bare = (name.rstrip("+-").split("[")[0] for name in problem.names)
+    return np.array([1.0 if name in LOGARITHMIC else typical[name] for name in bare])
 
 
 def _all(problem: Tracking, at: Mapping[str, float], name: str) -> list[float]:
@@ -310,6 +340,11 @@ def slopes_of_scaling(problem: Tracking, values: Mapping[str, float], scale: Arr
             for name, size in zip(problem.names, scale.tolist(), strict=True)
         ]
     )
+
+
+def is_start(name: str) -> bool:
+    """Whether an unknown is what a motion begins with, such as z0[3]."""
+    return name.endswith("]")
 
 
 def scaled(problem: Tracking, scale: Array) -> Callable[[Array], tuple[Array, Array]]:

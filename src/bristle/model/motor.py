@@ -26,6 +26,11 @@ def current(V: Expression, w: Expression, m: Motor[Any]) -> Expression:
     return (V - m.k_t * w) / m.R
 
 
+def current_for(T: Expression, w: Expression, m: Motor[Any]) -> Expression:  # noqa: ARG001  # as `current`
+    """Armature current of a drive that sets the torque, A: i = T / k_t, whatever the velocity; the alternative to `current`."""
+    return T / m.k_t
+
+
 def drive_torque(V: Expression, w: Expression, m: Motor[Any]) -> Expression:
     """Torque that voltage V drives at velocity w, N*m: k_t (V - k_t w) / R (7).
 

@@ -105,6 +105,7 @@ class HysteresisJson(BaseModel):
 class TrackingJson(BaseModel):
     """All parameters from moving runs: their direction stands at the end of their name, as in `alpha_0+`; shared ones stand bare."""
 
+    predicts: Literal["torque", "position"]
     parameters: dict[str, ParameterJson]
     rms: float | None
     relative_error: float | None

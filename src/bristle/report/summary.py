@@ -158,6 +158,7 @@ def _tracking(fit: TrackingFit) -> TrackingJson:
     rms, relative = _finite(fit.rms), _finite(fit.relative_error)
     return TrackingJson(
         parameters={name: _parameter(e) for name, e in fit.parameters.items()},
+        predicts=fit.quantity,
         rms=rms,
         relative_error=relative,
         n=fit.n,

@@ -134,7 +134,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
 def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
     yield f"  [[{name}]] {printable(fit.outcome)}"
     yield f"    {'data':<15}= {fit.n} equations in {len(fit.starts_of_runs)} {_plural('stretch', 'es', len(fit.starts_of_runs))}"
-    yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit('torque', joint.kind)}"
+    yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit(fit.quantity, joint.kind)}"
     yield f"    {'relative error':<15}= {_number(fit.relative_error)} %"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_number(held.relative_error)} % on {printable(held.file)}"

@@ -47,39 +47,39 @@ def _window(t: Array, v: Array, offset: int) -> tuple[float, slice]:
 
 @styled
 def course_figure(joint: Joint) -> Figure | None:
-    """Measured and predicted torque over time around the strongest reversals, residuals beneath; None without moving runs."""
+    """Measured and predicted torque (or position) over time around the strongest reversals, residuals beneath; None without moving runs."""
     fit = best(joint)
     if fit is None or not fit.time.size:
         return None
     own = window(fit)
     k = own.start + thinned(own.stop - own.start, MOST)
     figure, above, below = _panels(joint)
-    time, torque, residual = fit.time[k], fit.torque[k], fit.residuals[k]
+    time, torque, residual = fit.time[k], fit.measured[k], fit.residuals[k]
     above.plot(time, torque, "-", color=_GREY, linewidth=3.5, label="measured")
     above.plot(time, torque - residual, "-", color=_BLUE, linewidth=1.2, label="predicted")
     below.plot(time, residual, "-", color=_VERMILION, linewidth=0.9)
-    _finish(joint, figure, "time")
+    _finish(joint, figure, "time", fit.quantity)
     return figure
 
 
 @styled
 def velocity_figure(joint: Joint) -> Figure | None:
-    """Measured and predicted torque of all moving runs over velocity, residuals beneath, as points; None without moving runs."""
+    """Measured and predicted torque (or position) of all moving runs over velocity, residuals beneath, as points; None without moving runs."""
     fit = best(joint)
     if fit is None or not fit.time.size:
         return None
     k = thinned(fit.time.size, MOST)
     figure, above, below = _panels(joint)
-    velocity, torque, residual = fit.velocity[k], fit.torque[k], fit.residuals[k]
+    velocity, torque, residual = fit.velocity[k], fit.measured[k], fit.residuals[k]
     above.plot(velocity, torque, "o", color=_GREY, markerfacecolor="none", markersize=5, label="measured")
     above.plot(velocity, torque - residual, ".", color=_BLUE, markersize=3.5, label="predicted")
     below.plot(velocity, residual, ".", color=_VERMILION, markersize=3)
-    _finish(joint, figure, "velocity")
+    _finish(joint, figure, "velocity", fit.quantity)
     return figure
 
 
 def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:
-    """Torque above, residuals below, over one axis."""
+    """What is predicted above, residuals below, over one axis."""
     figure = new_figure(5.2)
     above, below = figure.subplots(2, sharex=True, height_ratios=(5, 4))
     title(above, joint.name, joint.simulated)
@@ -87,11 +87,11 @@ def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:
     return figure, above, below
 
 
-def _finish(joint: Joint, figure: Figure, quantity: str) -> None:
+def _finish(joint: Joint, figure: Figure, over: str, quantity: str) -> None:
     above, below = figure.axes
-    above.set_ylabel(axis("torque", joint.kind))
-    below.set_ylabel(axis("torque", joint.kind, "residual"))
-    below.set_xlabel(axis(quantity, joint.kind))
+    above.set_ylabel(axis(quantity, joint.kind))
+    below.set_ylabel(axis(quantity, joint.kind, "residual"))
+    below.set_xlabel(axis(over, joint.kind))
     low, high = above.get_ylim()
     above.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
     above.legend(loc="upper right", ncols=2)

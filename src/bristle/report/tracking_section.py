@@ -48,9 +48,10 @@ def _fit(joint: Joint, kind: str, fit: TrackingFit) -> dict[str, Any]:
         "name": FITS[kind],
         "outcome": fit.outcome,
         "relative_error": number(fit.relative_error, 3),
-        "rms": f"{number(fit.rms, 3)} {pretty(unit('torque', joint.kind))}",
+        "rms": f"{number(fit.rms, 3)} {pretty(unit(fit.quantity, joint.kind))}",
         "n": fit.n,
         "stretches": len(fit.starts_of_runs),
+        "windows": fit.windows,
         "condition": number(fit.condition, 2),
         "reached": reached(fit),
         "bias": [(name, pretty(bias_text(fit, name, bias, share))) for name, bias, share in biased(fit)],
@@ -108,6 +109,7 @@ def _drawn(joint: Joint) -> dict[str, Any] | None:
     chosen = window(fit)
     return {
         "fit": FITS[kind],
+        "quantity": fit.quantity,
         "from": number(float(fit.time[chosen.start]), 3),
         "to": number(float(fit.time[chosen.stop - 1]), 3),
         "stretch": 1 + sum(chosen.start >= start for start in fit.starts_of_runs[1:]),
