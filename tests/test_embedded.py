@@ -60,3 +60,11 @@ def test_the_joint_fit_completes_table_1(results: Results) -> None:
         assert len(fit.hold_out) == 1
         assert sum(c.verdict == "They agree." for c in joint.consistency) >= 8
     assert inside >= 40
+
+
+def test_cycles_close_or_are_said_to_drift(results: Results) -> None:
+    """Each joint's second slow cycle is a hysteresis loop, or a doubt says how far it drifts; at least two joints show a loop."""
+    shown = [joint.presliding for joint in results.joints if joint.presliding]
+    assert len(shown) == 4
+    assert all(bool(p.loops) != any("do not close" in doubt for doubt in p.doubts) for p in shown)
+    assert sum(bool(p.loops) for p in shown) >= 2

@@ -112,7 +112,7 @@ ASSUMPTIONS: tuple[str, ...] = (
     f"Noise: white on the logged voltage, such that a 4 s plateau's mean torque has a standard error of {100 * NOISE:g} % of the larger alpha_0; "
     f"white torque noise on the plant, {100 * DISTURBANCE:g} % of it per control period.",
     "Speeds: 22 of our choice, the same forth and back, from a quarter of the smaller v_s to 1.0 rad/s (pitch) or 1.2 rad/s (rotation).",
-    f"Presliding: voltage along a slow open-loop ramp to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, no torque noise: "
+    f"Presliding: voltage along slow open-loop ramps to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, twice, no torque noise: "
     "LuGre creeps under vibration, and the ramps' noise would halve the sigma_0 that is found.",
     "Moving runs: six sines of the angle of our choice, from a slow wide one to a few bristle deflections at 13 Hz, no torque noise; control and "
     "logging at 500 Hz, each voltage the mean of the two control periods about its sample, with half the ramps' noise.",
@@ -179,7 +179,9 @@ def logs(stem: str, seeds: Sequence[int]) -> Logs:
 def load_logs(stem: str, seeds: Sequence[int]) -> Logs:
     """What the bench logs of a joint in presliding, once for each seed."""
     positive, negative = (PEAK * (p.alpha_0 + p.alpha_1) for p in TABLE_1[SETTINGS[stem].name])
-    return load_bench(_quiet(stem, CLOCK), Loads(positive, negative), _stream(seeds, stem, 1))
+    return load_bench(
+        _quiet(stem, CLOCK), Loads(positive, negative, rise=16.0, fall=3.0, cycles=2), _stream(seeds, stem, 1)
+    )
 
 
 def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, resolution: float = RESOLUTION) -> Logs:

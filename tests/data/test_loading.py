@@ -1,5 +1,7 @@
 """Slow loading: pieces, count edges, breakaway, hysteresis loops."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -70,7 +72,8 @@ def test_a_cycle_is_cut_where_its_torque_passes_zero() -> None:
 def test_loops_have_the_loss_and_stiffness_of_the_law() -> None:
     """A closed cycle loses the work of the law around it, cycles settle to one loss, and no regression is stiffer than the bristle."""
     record = cycle(turns=8)
-    found = find_loops(record, 1e3, None)
+    found, drifts = find_loops(record, 1e3, None)
+    assert drifts == ()
     assert len(found) == 7
     assert record.torque is not None
     assert record.position is not None
@@ -80,6 +83,17 @@ def test_loops_have_the_loss_and_stiffness_of_the_law() -> None:
     assert found[-1].loss == pytest.approx(found[-2].loss, rel=2e-3)
     assert 0 < found[-1].slope < found[-1].inverse_slope
     assert found[-1].slope < P.sigma_0
+
+
+def test_a_cycle_that_drifts_is_no_loop() -> None:
+    """A cycle whose ends are a third of its range apart is not given as a loop; how far apart they are is."""
+    record = cycle(turns=8)
+    assert record.position is not None
+    drift = np.ptp(record.position) * record.time / record.time[-1]
+    found, drifts = find_loops(replace(record, position=record.position + 3 * drift), 1e3, None)
+    assert found == ()
+    assert len(drifts) == 7
+    assert all(0.2 < share < 0.5 for share in drifts)
 
 
 def test_breakaway_is_seen_where_the_joint_slides() -> None:

@@ -137,21 +137,27 @@ def find_loadings(
     return tuple(found)
 
 
-def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple[Loop, ...]:
-    """The closed cycles of a presliding run, from one largest torque to the next, or else from one smallest to the next."""
+def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple[tuple[Loop, ...], tuple[float, ...]]:
+    """The closed cycles of a presliding run, and of those that do not close how far apart their ends are, as a share of their range.
+
+    A cycle goes from one largest torque to the next, or else from one smallest to the next. It drifts where the two directions' friction differs.
+    """
     position, torque = _signals(record)
     quantum = resolution or smallest_step(position)
     slow = _low_passed(record, torque, cutoff)
-    found = []
+    found, drifts = [], []
     for stretch in stretches(record):
         tops, bottoms = _turns(slow[stretch])
         ends = (tops if tops.size > 1 else bottoms) + stretch.start
         for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             y, T = position[start : stop + 1], torque[start : stop + 1]
-            open_ends = abs(y[-1] - y[0]) > max(1.5 * quantum, _CLOSED * np.ptp(y))
-            if np.ptp(y) > 0 and not open_ends and abs(slow[stop] - slow[start]) <= _CLOSED * np.ptp(slow):
+            if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > _CLOSED * np.ptp(slow):
+                continue
+            if abs(y[-1] - y[0]) > max(1.5 * quantum, _CLOSED * np.ptp(y)):
+                drifts.append(float((y[-1] - y[0]) / np.ptp(y)))
+            else:
                 found.append(_loop(record.file, start, stop, y, T, quantum))
-    return tuple(found)
+    return tuple(found), tuple(drifts)
 
 
 def smallest_step(position: Array) -> float:

@@ -70,8 +70,9 @@ def identify_presliding(
             )
             continue
         fits[direction] = fit_presliding([x for x in found if x.direction == direction], level, inertia, kind)
-    loops = tuple(x for r in records for x in find_loops(r, options.presliding_cutoff, resolution))
-    doubts += _loop_doubts(loops)
+    cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
+    loops = tuple(loop for closed, _ in cycles for loop in closed)
+    doubts += _loop_doubts(loops, [drift for _, drifts in cycles for drift in drifts])
     return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, doubts=tuple(doubts))
 
 
@@ -163,12 +164,19 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> Level 
     return None
 
 
-def _loop_doubts(loops: Sequence[Loop]) -> list[str]:
+def _loop_doubts(loops: Sequence[Loop], drifts: Sequence[float]) -> list[str]:
+    said = []
     few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
-    if not few:
-        return []
-    span = f"{min(few)}" if min(few) == max(few) else f"{min(few)} to {max(few)}"
-    return [f"The hysteresis loops span only {span} encoder counts: their slopes and losses are coarse."]
+    if few:
+        span = f"{min(few)}" if min(few) == max(few) else f"{min(few)} to {max(few)}"
+        said.append(f"The hysteresis loops span only {span} encoder counts: their slopes and losses are coarse.")
+    if drifts:
+        most = max(drifts, key=abs)
+        said.append(
+            f"{len(drifts)} of {len(drifts) + len(loops)} hysteresis cycles do not close, by up to {most:+.0%} of their range, and are no loop: "
+            "the two directions' friction differs at these peaks, or the first cycle began from rest."
+        )
+    return said
 
 
 def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: Kind) -> Estimate:
