@@ -262,7 +262,10 @@ def test_units_of_logs() -> None:
     assert factor("V", "N", scale="35.15 N/V") == pytest.approx(35.15)
     assert factor("V/rpm", "N*m/A") == pytest.approx(30 / np.pi)
     assert plus_minus("95.1 ± 0.5 kg", "kg") == plus_minus("(95.1 +/- 0.5) kg", "kg") == (95.1, 0.5)
+    assert plus_minus("95.1 kg ± 500 g", "kg") == plus_minus("95.1 kg +/- 0.5", "kg") == pytest.approx((95.1, 0.5))
     assert plus_minus("9 kg", "kg") == (9, None)
+    with pytest.raises(ValueError, match="no unit of kg"):
+        plus_minus("95.1 N ± 0.5 kg", "kg")
 
 
 @pytest.mark.parametrize(

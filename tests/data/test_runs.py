@@ -160,6 +160,21 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     assert _record(tmp_path, cleaning={"backward": "drop"}).dropped == 2
 
 
+def test_a_delayed_signal_is_taken_when_it_happened(tmp_path: Path) -> None:
+    """A torque logged 2.5 ms late comes back in time with the position, and a note says so; a delay as long as the run is refused."""
+    _log(tmp_path, tau=np.cos(9 * (_T - 2.5e-3)))
+    torque = _BASE["signals"]["torque"]
+    record = _record(tmp_path, signals=_signals(torque=torque | {"delay": "2.5 ms"}))
+    assert record.torque is not None
+    np.testing.assert_allclose(record.torque[:-3], np.cos(9 * _T)[:-3], atol=2e-5)
+    assert any("taken 0.0025 s earlier" in note for note in record.notes)
+    early = _record(tmp_path, signals=_signals(torque=torque | {"delay": "-1 ms"}))
+    assert early.torque is not None
+    np.testing.assert_allclose(early.torque[1:], np.cos(9 * (_T - 3.5e-3))[1:], atol=2e-5)
+    with pytest.raises(ValueError, match=r"torque: delay: got 1 s in a run of 0\.399 s"):
+        _record(tmp_path, signals=_signals(torque=torque | {"delay": "1 s"}))
+
+
 def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
     """A ramp without velocity has it from its position, by the rate where there is no time, and the notes say so."""
     q = 0.3 * _T + 1e-3 * np.sin(50 * _T)

@@ -14,10 +14,11 @@ from bristle import edro
 from bristle.data.experiment import load_experiment
 from bristle.data.record import Record
 from bristle.identification.estimate import Joint
+from bristle.identification.judged import judge, with_deflections
 from bristle.identification.pipeline import identify_joint, measure
 from bristle.identification.simulation import simulation
 from bristle.identification.tracking import fit_tracking, relative_error
-from bristle.identification.trajectory import Tracking, from_scaled, residuals, scaled, scales, to_scaled, tracking
+from bristle.identification.trajectory import Tracking, fit, from_scaled, residuals, scaled, scales, to_scaled, tracking
 from bristle.model import law, motor
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Motor, Pair
@@ -133,6 +134,29 @@ def test_torque_in_position_out_recovers_the_truth() -> None:
     missed = [n for n, e in found.parameters.items() if e.interval and not e.interval[0] <= values[n] <= e.interval[1]]
     assert len(missed) <= 1
     assert found.parameters["inertia"].value == pytest.approx(LOADS["inertia"], rel=0.01)
+
+
+def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
+    """The standard errors equal those of leaving each window out and fitting again, however correlated the residuals."""
+    t, rng = np.arange(0, 6.0, STEP), np.random.default_rng(0)
+    V = drive(t)
+    position = solved(Pair(GRIPPER, GRIPPER), t, V)
+    # noise of the logged voltage adds up in a simulated position: correlated inside a window, independent between windows
+    problem = posed(t, V + 0.02 * rng.standard_normal(t.size), position, 0.5, decimation=5)
+    free = {"alpha_0": GRIPPER.alpha_0, "alpha_2": GRIPPER.alpha_2, "inertia": LOADS["inertia"]}
+    fixed = {n: x for n, x in (GRIPPER._asdict() | LOADS).items() if n not in free}
+    problem = replace(problem, directions=("both",), fixed=fixed)
+    whole = judge(problem, free, 1, 0)
+    again = []
+    for k in range(len(problem.motions)):
+        rest = replace(problem, motions=(*problem.motions[:k], *problem.motions[k + 1 :]))
+        values, _ = fit(rest, with_deflections(rest, free))
+        again.append([values[name] for name in free])
+    windows = len(problem.motions)
+    jackknife = np.sqrt((windows - 1) / windows * ((np.array(again) - np.mean(again, axis=0)) ** 2).sum(axis=0))
+    index = [problem.names.index(name) for name in free]
+    np.testing.assert_allclose(np.sqrt(whole.covariance[index, index]), jackknife, rtol=0.1)
+    assert whole.freedom == windows - 1
 
 
 def test_a_held_out_run_is_judged_from_its_own_starts() -> None:

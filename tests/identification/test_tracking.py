@@ -1,5 +1,6 @@
 """All parameters on moving data: the descent, the residuals' derivatives, intervals, what is not seen, priors, counts."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -256,6 +257,43 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
     ]
     assert np.linalg.norm(off[1]) < 0.6 * np.linalg.norm(off[0])
     assert any("Encoder counts biased" in doubt for doubt in better.doubts)
+
+
+@pytest.mark.parametrize("samples", [1.0, 0.5, -1.0])
+def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
+    """A torque shifted by half a sample or more is named, with a delay within a fifth of the true one; one in time is not."""
+    t, _ = motion()
+    run = record(GRIPPER, noise=2e-4)
+    assert run.torque is not None
+    late = replace(run, torque=np.interp(t - samples * STEP, t, run.torque))
+    names = ("alpha_1", "v_s")
+    fixed = {name: named(GRIPPER)[name] for name in names}
+    start = {name: value for name, value in named(GRIPPER).items() if name not in names}
+    said = [
+        [
+            d
+            for d in fit_tracking(replace(posed(r, decimation=2), fixed=fixed), start, "revolute", starts=1).fit.doubts
+            if "delay:" in d
+        ]
+        for r in (run, late)
+    ]
+    assert said[0] == []
+    (sentence,) = said[1]
+    assert float(re.findall(r"delay: (\S+) s", sentence)[0]) == pytest.approx(samples * STEP, rel=0.2)
+    assert ("earlier" if samples > 0 else "later") in sentence
+
+
+def test_a_wrong_inertia_that_was_given_is_named() -> None:
+    """With the inertia fixed 5 % too high, a doubt names it and what is to be added, and nothing else is blamed; with the right one none does."""
+    run, start = record(GRIPPER, noise=2e-4), {n: x for n, x in named(GRIPPER).items() if n != "inertia"}
+    said = []
+    for factor in (1.0, 1.05):
+        problem = tracking([run], ("both",), (), 2, factor * J)
+        doubts = fit_tracking(problem, start, "revolute", starts=1).fit.doubts
+        said.append([d for d in doubts if "inertia that was given" in d or "delay:" in d])
+    assert said[0] == []
+    (sentence,) = said[1]
+    assert float(sentence.split("with ")[1].split()[0]) == pytest.approx(-0.05 * J, rel=0.2)
 
 
 def test_rest_shows_nothing_and_is_refused() -> None:

@@ -14,6 +14,8 @@ from bristle.data.signals import Cleaning, Context, Signal, Signals
 from bristle.model.arrays import Array
 
 _TURN = 2 * np.pi
+_LATEST = 0.1
+"""Of a run: a delay is shorter."""
 
 
 @dataclass(slots=True)
@@ -64,6 +66,7 @@ def make_record(
             revolute=context.kind == "revolute",
         )
     _refuse_constant(rows)
+    _undelay(rows, signals, starts)
     return _record(file, table, rows, starts, labels or {})
 
 
@@ -200,6 +203,24 @@ def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool
                 f"position jumps by a full turn between samples, {full.size} times (first: row {rows.number[full[0] + 1]}); "
                 "declare wraps: true under signals.position, or wraps: false if the joint does move so fast"
             )
+
+
+def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
+    """Each signal taken when it happened: linear between samples, held beyond the ends of a stretch."""
+    time = rows.data["time"]
+    for name, signal in signals:
+        if not isinstance(signal, Signal) or not signal.delay:
+            continue
+        if not abs(signal.delay) < _LATEST * (time[-1] - time[0]):
+            raise ValueError(
+                f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s; expected less than a tenth of it, such as 1 ms"
+            )
+        parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)
+        rows.data[name] = np.concatenate([np.interp(t + signal.delay, t, values) for t, values in parts])
+        when = "earlier" if signal.delay > 0 else "later"
+        rows.notes.append(
+            f"{name.capitalize()} taken {abs(signal.delay):.4g} s {when} than logged: the declared delay."
+        )
 
 
 def _enough(rows: _Rows) -> None:

@@ -59,6 +59,8 @@ class Signal(Model):
     """Column of a matrix, counted from 0 (MAT and NPZ files)."""
     unit: StrictStr
     scale: float | str = 1.0
+    delay: Annotated[float, quantity("s")] = 0.0
+    """How much later than the other signals it was logged, s; negative where it was logged early."""
 
     @field_validator("column")
     @classmethod

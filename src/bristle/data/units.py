@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
-_UNCERTAIN = re.compile(rf"\s*\(?\s*({_NUMBER})\s*(?:±|\+/-|\+-)\s*({_NUMBER})\s*\)?\s*(.*?)\s*", re.DOTALL)
+_UNCERTAIN = re.compile(rf"\s*\(?\s*({_NUMBER})\s*([^±]*?)\s*(?:±|\+/-|\+-)\s*({_NUMBER})\s*\)?\s*(.*?)\s*", re.DOTALL)
 _UNIT = re.compile(r"[\w%µΩ\s*/^()+-]{1,64}")
 _POWER = re.compile(r"(?:\*\*|\^)(?!\s*-?\d(?!\d|\s*(?:\*\*|\^)))")
 """A power that is not one digit, or a power of a power: pint would compute it, however large."""
@@ -62,17 +62,17 @@ def to_si(value: object, target: str) -> float:
 
 
 def plus_minus(value: object, target: str) -> tuple[float, float | None]:
-    """`x unit` as (x, None), and `x ± s unit` (also `x +/- s unit`) as (x, s), both in `target`.
+    """`x unit` as (x, None), and `x ± s unit` (also `x +/- s unit`, or with a unit after x as well) as (x, s), both in `target`.
 
     Raises ValueError as `to_si`, and where s is not positive.
     """
     found = _UNCERTAIN.fullmatch(value) if isinstance(value, str) else None
     if not found:
         return to_si(value, target), None
-    if not float(found[2]) > 0:
+    if not float(found[3]) > 0:
         raise ValueError(f"got {_short(value)}; expected a positive standard error after ±, or none at all")
-    unit = factor(found[3] or "1", target)
-    return float(found[1]) * unit, float(found[2]) * unit
+    first, second = found[2] or found[4] or "1", found[4] or found[2] or "1"
+    return float(found[1]) * factor(first, target), float(found[3]) * factor(second, target)
 
 
 def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: float | None = None) -> float:

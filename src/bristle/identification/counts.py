@@ -91,7 +91,10 @@ def _corrected(found: TrackingFit, bias: Mapping[str, float], scatter: Mapping[s
         if abs(bias[name]) > e.standard_error:
             large.append(name)
         parameters[name] = _shifted(e, bias[name], scatter[name])
-    said = f"Encoder counts biased {', '.join(large)} by more than a standard error; the bias was taken off, but a finer encoder is better."
+    said = (
+        f"Encoder counts biased {', '.join(large)} by more than a standard error; the bias was taken off, but a finer encoder is better, "
+        "or fit.predict: position, which simulates the motor and differentiates nothing."
+    )
     return replace(
         found, parameters=parameters, bias=dict(bias), doubts=(*found.doubts, said) if large else found.doubts
     )

@@ -51,7 +51,8 @@ def judge(
             continue
     values, minimum = min(ends, key=lambda end: end[1].cost)
     reached = sum(m.cost <= minimum.cost * (1 + _SAME) + 1e-20 for _, m in ends)
-    errors, covariance, freedom, stretch = _scatter(problem, values, minimum)
+    scatter = _scatter if problem.quantity == "torque" else _scatter_of_windows
+    errors, covariance, freedom, stretch = scatter(problem, values, minimum)
     return Judged(
         values=values,
         minimum=minimum,
@@ -117,3 +118,43 @@ def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -
     errors[seen] = np.sqrt(spread)
     widening = float(np.median(ratio[named]))
     return errors, covariance, max(n / float(stretch[named].max(initial=1.0)) - p, 1.0), widening
+
+
+def _scatter_of_windows(
+    problem: Tracking, values: Mapping[str, float], minimum: Minimum
+) -> tuple[Array, Array, float, float]:
+    """The same as `_scatter` where each motion has a start of its own, so that motions err independently, however their residuals are correlated.
+
+    The jackknife over windows, linearised: with A_w the window's part of J'J and b_w of J'r, its start eliminated, leaving the window out moves the
+    estimate by G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w. Nothing is said of the starts themselves.
+    """
+    named = np.flatnonzero([not is_start(name) for name in problem.names])
+    jacobian, rest = minimum.jacobian[:, named], minimum.residuals
+    length = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
+    seen = length > 1e-9 * length.max()
+    own, size = named[seen], length[seen]
+    grams, slopes, first = [], [], 0
+    for k, m in enumerate(problem.motions):
+        rows = slice(first, first + m.size)
+        starts = [problem.names.index(f"{name}[{k}]") for name in problem.begins]
+        basis = np.linalg.qr(minimum.jacobian[rows][:, starts])[0]
+        columns = jacobian[rows][:, seen] / size
+        columns = columns - basis @ (basis.T @ columns)
+        grams.append(columns.T @ columns)
+        slopes.append(columns.T @ rest[rows])
+        first += m.size
+    told = jacobian[first:, seen] / size  # the priors
+    inner = np.linalg.pinv(sum(grams) + told.T @ told, hermitian=True)
+    one, windows = np.eye(own.size), len(grams)
+    moves = np.array(
+        [inner @ np.linalg.lstsq(one - A @ inner, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
+    )
+    spread = (windows - 1) / windows * moves.T @ moves + problem.sigma**2 * inner @ told.T @ told @ inner
+    spread /= np.outer(size, size)
+    chain = slopes_of_scaling(problem, values, scales(problem, values))[own]
+    covariance = np.full((len(problem.names), len(problem.names)), np.nan)
+    covariance[np.ix_(own, own)] = spread * np.outer(chain, chain)
+    errors = np.full(len(problem.names), np.inf)
+    errors[own] = np.sqrt(spread.diagonal())
+    naive = np.diag(inner) / size**2 * minimum.cost / max(rest.size - len(problem.names), 1)
+    return errors, covariance, max(windows - 1.0, 1.0), float(np.median(errors[own] / np.sqrt(naive)))

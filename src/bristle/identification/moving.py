@@ -35,6 +35,12 @@ def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what
         )
 
 
+def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
+    """Raise ValueError where the torque of moving runs opposes their velocity."""
+    velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
+    refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
+
+
 def refuse_mixed_rates(records: Sequence[Record]) -> None:
     """Raise ValueError where moving runs were sampled at different rates: one decimation filter serves them all."""
     steps = {r.file: r.step for r in records}
@@ -59,8 +65,6 @@ def fit_moving(
     def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
         return regression.from_records(chosen, moving, asked, experiment.fit.decimation, fixed)
 
-    velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-    refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
     every, (time, position), _ = problem(records)
     training, fast = _above(every, experiment.fit.moving_above)
     where = Where(time=time[fast], position=position[fast[: position.size]])

@@ -15,7 +15,13 @@ from bristle.data.steady import Segment, find_segments, nothing_left, unit_mista
 from bristle.identification import regression
 from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit
 from bristle.identification.fit import Where, fit_static
-from bristle.identification.moving import DIRECTIONS, fit_moving, refuse_mixed_rates, refuse_opposing
+from bristle.identification.moving import (
+    DIRECTIONS,
+    fit_moving,
+    refuse_mixed_rates,
+    refuse_opposing,
+    refuse_opposing_runs,
+)
 from bristle.identification.moving import regressors as asked_regressors
 from bristle.identification.presliding import identify_presliding, with_damping
 from bristle.identification.regression import Regression
@@ -67,6 +73,7 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
     training, held = measured.moving(hold_out=False), measured.moving(hold_out=True)
     if training:
         refuse_mixed_rates([*training, *held])
+        refuse_opposing_runs(experiment, training)
     points = measured.points(hold_out=False)
     slow = tuple(run.record for run in measured.runs if run.kind == "presliding" and not run.hold_out)
     static: dict[str, StaticFit] = {}

@@ -10,6 +10,7 @@ import numpy as np
 from bristle.data.statistics import lag_one
 from bristle.identification.estimate import Estimate, HoldOut, TrackingFit
 from bristle.identification.judged import Judged, judge, with_deflections, without_deflections
+from bristle.identification.lacking import lacking
 from bristle.identification.trajectory import (
     LOGARITHMIC,
     Tracking,
@@ -78,7 +79,12 @@ def fit_tracking(
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in judged.names if n in estimates)
     rows, _ = residuals(problem, judged.values)
-    doubts = (*_doubts(judged, rows, unseen), *_physics(problem, judged.values, unseen), *_named(unseen))
+    doubts = (
+        *_doubts(judged, rows, unseen),
+        *_physics(problem, judged.values, unseen),
+        *_named(unseen),
+        *lacking(problem, judged, kind),
+    )
     found = TrackingFit(
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),

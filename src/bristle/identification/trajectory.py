@@ -258,7 +258,7 @@ def modelled(problem: Tracking, values: Mapping[str, float]) -> Array:
     )
 
 
-def fit(problem: Tracking, start: Mapping[str, float], most: int = 150) -> tuple[dict[str, float], Minimum]:
+def fit(problem: Tracking, start: Mapping[str, float], most: int = 100) -> tuple[dict[str, float], Minimum]:
     """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
 
     Raises ValueError as `minimise` does.

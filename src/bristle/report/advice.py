@@ -7,12 +7,22 @@ import numpy as np
 from bristle.identification.estimate import Joint, Outcome, StaticFit
 from bristle.model.arrays import Array
 from bristle.model.parameters import unit
-from bristle.report.tracking import fits
+from bristle.report.tracking import best, fits
 from bristle.report.wording import direction as named
-from bristle.report.wording import number, pretty
+from bristle.report.wording import number, pretty, symbol
 
 WIDE = 0.15
 """A standard error above this share of its value is called wide."""
+_MOTIONS = {
+    ("alpha_1", "v_s"): "add constant velocities below and around vₛ (experiment: ramp), or move long and slowly there",
+    ("alpha_2",): "move faster, where the viscous part is larger",
+    (
+        "sigma_0",
+        "sigma_1",
+    ): "add slow loading below breakaway (experiment: presliding), or turn often and slowly, by a few times the way in which friction builds up",
+    ("inertia",): "accelerate harder, or give the inertia",
+}
+"""Parameters that moving runs may leave open, and what would show them."""
 _CLEAR = 1.1
 """How far above a speed that sticks and slips a proposed one lies."""
 
@@ -29,10 +39,29 @@ def next_measurements(joint: Joint) -> tuple[str, ...]:
     if {"+", "-"} & set(joint.static) and not {"+", "-"} <= set(joint.static):
         missing = "-" if "+" in joint.static else "+"
         advice.append(f"Measure direction {named(missing)} at the same speeds: nothing is known of it.")
+    advice += _of_moving(joint)
     held = [*(fit.hold_out for fit in joint.static.values()), *(fit.hold_out for fit in fits(joint).values())]
     if joint.static and not any(held):
         advice.append("Hold back one run (hold_out: true): the error on data that were not fitted is the one to trust.")
     return tuple(advice)
+
+
+def _of_moving(joint: Joint) -> Iterator[str]:
+    """What moving runs leave open, and which motion would show it."""
+    fit = best(joint)
+    if fit is None:
+        return
+    wide = {
+        name.rstrip("+-")
+        for name, e in fit.parameters.items()
+        if e.value is None or (e.standard_error or 0.0) > WIDE * abs(e.value)
+    }
+    for names, how in _MOTIONS.items():
+        open_ones = [symbol(name) for name in names if name in wide]
+        if open_ones:
+            yield f"The moving runs leave {' and '.join(open_ones)} open: {how}."
+    if fit.quantity == "torque" and any("Encoder counts biased" in doubt for doubt in fit.doubts):
+        yield "Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."
 
 
 def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[str]:
