@@ -80,6 +80,17 @@ def test_a_planted_trend_or_ripple_is_told(axis: int, word: str) -> None:
     assert "p = " in told[0]
 
 
+def test_a_difference_between_directions_is_told() -> None:
+    """What a symmetric curve leaves of friction that is not - a constant, or a slope over speed - is told; what is odd in velocity is not."""
+    rng = np.random.default_rng(6)
+    velocity, noise = rng.uniform(-1, 1, 200), rng.normal(size=200)
+    for even in (np.ones(200), np.abs(velocity)):
+        told = residual_doubts(noise + even, velocity, EMPTY, EMPTY)
+        assert any("directions: separate" in sentence for sentence in told)
+    told = residual_doubts(noise + velocity, velocity, EMPTY, EMPTY)
+    assert not any("directions: separate" in sentence for sentence in told)
+
+
 def test_noise_alone_is_rarely_told() -> None:
     """White and correlated residuals without a trend give a doubt in no more than 2 % of cases, as the 1 % of the correction promises."""
     rng = np.random.default_rng(4)

@@ -112,7 +112,7 @@ def test_presliding_table_has_the_methods_side_by_side(slow: Joint) -> None:
     """Four rows per direction, of which one is recommended, each with its error against the truth."""
     frame = tables.all_tables([slow])["presliding"]
     assert list(frame.columns) == [
-        "joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "true", "error_percent", "recommended",
+        "joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "true", "error_percent", "inside", "recommended",
     ]  # fmt: skip  # a list of words
     assert list(frame["method"]) == 2 * ["printed", "corrected", "edges", "samples"]
     assert list(frame[frame["recommended"]]["method"]) == ["edges", "edges"]

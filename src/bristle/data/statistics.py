@@ -57,7 +57,7 @@ def standard_error(x: Array) -> float | None:
 
 
 def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[str, ...]:
-    """A sentence for each trend of the residuals over time or velocity, and for a ripple over position, that noise does not explain.
+    """A sentence for each trend of the residuals over time or velocity, a ripple over position, a difference between directions: beyond noise.
 
     F tests against a constant, of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni
     corrected for their number; residuals that are correlated in the order given count for fewer. Significant is p < 0.01 after correction.
@@ -75,7 +75,15 @@ def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Ar
     count = min(n // 4, _HARMONICS) if "position" in known else 0
     if count:
         period, bases["ripple over position"] = _strongest_harmonic(residuals, known["position"], count)
-    looks, found = len(known) + count, []
+    both = "velocity" in known and velocity.min() < 0 < velocity.max()
+    looks, found = len(known) + count + both, []
+    if both:  # a symmetric curve that is not: what it leaves is even in velocity
+        p, share = _f_test(residuals, np.stack([np.ones(n), np.abs(velocity)]), about_mean=False)
+        if p * looks < _SIGNIFICANT:
+            found.append(
+                f"Friction differs between the directions (p = {p * looks:.1g}, corrected for {looks} looks): that holds {share:.0%} of the "
+                "residuals' variance; fit them apart (directions: separate)."
+            )
     for what, basis in bases.items():
         p, share = _f_test(residuals, basis)
         if p * looks < _SIGNIFICANT:
@@ -101,16 +109,16 @@ def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, A
     return reach / (best + 1), bases[best]
 
 
-def _f_test(y: Array, basis: Array) -> tuple[float, float]:
-    """Probability of the F test of basis, shape (k, n), against a constant, counting independent samples; and its share of the variance."""
-    centred = y - y.mean()
+def _f_test(y: Array, basis: Array, *, about_mean: bool = True) -> tuple[float, float]:
+    """Probability of the F test of basis, shape (k, n), against a constant (or zero), counting independent samples; and its share of the variance."""
+    centred = y - y.mean() if about_mean else y
     total = float(centred @ centred)
-    directions = np.linalg.qr((basis - basis.mean(axis=1, keepdims=True)).T)[0].T
+    directions = np.linalg.qr((basis - basis.mean(axis=1, keepdims=True) if about_mean else basis).T)[0].T
     explained = (directions @ centred) @ directions
     rest = centred - explained
     share = float(explained @ explained) / total if total > 0 else 0.0
     k, independent = basis.shape[0], y.size / inflation(rest)
-    freedom = independent - k - 1
+    freedom = independent - k - about_mean
     if freedom < 1 or share <= 0:
         return 1.0, share
     return float(fdtrc(k, freedom, share / k / max(1 - share, 1e-300) * freedom)), share

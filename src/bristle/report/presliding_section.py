@@ -43,7 +43,7 @@ def section(joint: Joint) -> dict[str, Any] | None:
     broken = tables.breakaway([joint]).rename(columns={"breakaway": f"torque ({torque})"})
     return {
         "fits": [_slow(joint, fit) for fit in slow.fits.values()],
-        "table": shown(frame if joint.truth else frame.drop(columns=["true", "error_percent"])),
+        "table": shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"])),
         "medians": [
             (d, measured(e.value, e.standard_error), span(e.interval), torque) for d, e in slow.breakaway.items()
         ],

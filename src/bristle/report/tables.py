@@ -8,7 +8,7 @@ import pandas as pd
 
 from bristle.identification.estimate import Estimate, Joint, StaticFit
 from bristle.model.parameters import unit
-from bristle.report.frame import estimates, true_value, with_truth
+from bristle.report.frame import estimates, with_truth
 from bristle.report.presliding import methods
 from bristle.report.tracking_tables import consistency, table_1, tracking, tracking_hold_out
 from bristle.report.wording import WORK
@@ -129,10 +129,7 @@ def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
     numbers = ["value", "standard_error", "lower", "upper"]
     columns = ["joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "recommended"]
     frame = pd.DataFrame(rows, columns=columns).astype({**dict.fromkeys(numbers, float), "recommended": bool})
-    true = [true_value(joints, row.joint, row.direction, "sigma_0") for row in frame.itertuples()]
-    frame.insert(8, "true", np.array(true, dtype=float))
-    frame.insert(9, "error_percent", 100 * (frame["value"] - frame["true"]) / frame["true"])
-    return frame
+    return with_truth(frame.assign(parameter="sigma_0"), joints, 8).drop(columns="parameter")
 
 
 def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
