@@ -69,7 +69,7 @@ def test_printed_19_is_the_derivative_by_alpha_1_not_alpha_0(gripper: Lugre[floa
     v, z = 0.03, 0.003
     p = Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
     theta = ca.SX.sym("theta", 2)
-    torque = law.torque(z, v, law.adapted(p, theta[0], theta[1]))
+    torque = law.torque(z, v, law.adapted(p, {"alpha_0": theta[0], "alpha_2": theta[1]}))
     by = ca.Function("by", [ca.vertcat(*p), theta], [ca.jacobian(torque, ca.vertcat(*p, theta))])
     row = np.array(by(ca.DM(list(gripper)), [1, 1])).ravel()
     g = float(law.stribeck(v, gripper))
@@ -84,7 +84,7 @@ def test_printed_19_is_the_derivative_by_alpha_1_not_alpha_0(gripper: Lugre[floa
 @given(z=st.floats(-1, 1), v=velocities, p=sets)
 def test_adaptive_form_at_one_is_the_law(z: float, v: float, p: Lugre[float]) -> None:
     """With theta_1 = theta_2 = 1, (16)-(18) are (3)-(5)."""
-    assert float(law.torque(z, v, law.adapted(p, 1.0, 1.0))) == float(law.torque(z, v, p))
+    assert float(law.torque(z, v, law.adapted(p, {"alpha_0": 1.0, "alpha_2": 1.0}))) == float(law.torque(z, v, p))
 
 
 @given(z=st.floats(-1, 1), v=velocities, p=sets)

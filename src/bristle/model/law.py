@@ -4,6 +4,7 @@ Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s
 simulators, residuals, Jacobians, adaptation - is derived from them; derivatives come from CasADi.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -70,9 +71,9 @@ def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
     return steady_torque(v, Lugre(0.0, 1.0, 0.0, v_s, 1.0, 0.0))
 
 
-def adapted(p: Lugre[Any], theta_1: Expression, theta_2: Expression) -> Lugre[Any]:
-    """The parameters of the adaptive form (16)-(18): theta_1 scales alpha_0, theta_2 scales alpha_2."""
-    return p._replace(alpha_0=theta_1 * p.alpha_0, alpha_2=theta_2 * p.alpha_2)
+def adapted(p: Lugre[Any], theta: Mapping[str, Expression]) -> Lugre[Any]:
+    """The parameters of the adaptive form (16)-(18): each named one times its gain; the paper's theta_1 scales alpha_0, theta_2 alpha_2."""
+    return p._replace(**{name: gain * getattr(p, name) for name, gain in theta.items()})
 
 
 def active(z: Expression, v: Expression, pair: Pair[Any]) -> Lugre[Any]:

@@ -1,0 +1,191 @@
+"""On-line adaptation of friction parameters, 3.3: the gains theta of (16)-(18) and the laws that move them.
+
+    d theta_i / dt = -gamma_i  G_i  e,        e = y - y_ref, rad: position error, measured minus reference
+
+G is the derivative of the predicted friction torque (16)-(18) by the adapted parameters, and differs from law to law:
+
+    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d alpha_0
+    partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is
+    partial-theta    dT_f / d theta = the same times the start
+    total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the forward-sensitivity equation
+
+With learning rates >= 0 the gains move the right way for this e only; the PID's error has the other sign. gamma is in 1/(rad * s) times what makes
+d theta / dt a rate: theta is a number, so gamma_1 (alpha_0) is in 1/(rad*s) for a G of dT_f / d alpha_0, a number, and gamma_2 (alpha_2) in s/(rad*s)
+for a G in rad/s. Every derivative but the printed one is CasADi's. All functions take floats or CasADi symbols.
+"""
+
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Any, Literal, NamedTuple, get_args
+
+import casadi as ca
+
+from bristle.model import functions
+from bristle.model import law as friction
+from bristle.model.parameters import Lugre
+
+Expression = Any
+"""A float or a CasADi symbol: CasADi carries no types."""
+Law = Literal["printed", "partial", "partial-theta", "total"]
+LAWS: tuple[Law, ...] = get_args(Law)
+Step = Literal["gradient", "normalised", "least-squares"]
+STEPS: tuple[Step, ...] = get_args(Step)
+_ADAPTABLE = Lugre._fields
+_LARGEST = 1e150
+"""Beyond this an input counts as no number, and nothing is learnt from it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adaptation:
+    """Which gains move, by which law and how fast.
+
+    Raises ValueError where a law, a step or a parameter is unknown, a rate negative or not finite, or the limits do not enclose the start, 1.
+    """
+
+    law: Law = "partial"
+    step: Step = "gradient"
+    """`gradient`: theta_i' = -gamma_i G_i e. `normalised`: the same over 1 + sum gamma_i G_i**2. `least-squares`: theta' = -P G e with
+    P' = forgetting P - P G G' P, from P = diag(gamma), its trace never above the first."""
+    parameters: tuple[str, ...] = ("alpha_0", "alpha_2")
+    """What is adapted, in the order of `gamma`; the paper's choice."""
+    gamma: tuple[float, ...] = (20.0, 20.0)
+    """Learning rates, >= 0."""
+    limits: tuple[float, float] = (0.05, 5.0)
+    """The gains stay within these (projection), so that no parameter changes its sign."""
+    dead_zone: float = 0.0
+    """An error smaller than this teaches nothing, rad; a larger one what it has beyond."""
+    leakage: float = 0.0
+    """Rate at which gains return to 1, 1/s."""
+    forgetting: float = 0.0
+    """Of least squares, 1/s."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        for name, value, known in (("law", self.law, LAWS), ("step", self.step, STEPS)):
+            if value not in known:
+                raise ValueError(f"adaptation: {name}: got {value!r}; expected one of {', '.join(known)}")
+        wrong = [name for name in self.parameters if name not in _ADAPTABLE]
+        if wrong or not self.parameters or len(set(self.parameters)) < len(self.parameters):
+            raise ValueError(
+                f"adaptation: parameters: got {', '.join(self.parameters) or 'none'}; expected some of {', '.join(_ADAPTABLE)}, each once"
+            )
+        if self.law == "printed" and set(self.parameters) - {"alpha_0", "alpha_2"}:
+            raise ValueError(
+                "adaptation: law: printed is typeset for alpha_0 and alpha_2 alone; choose partial or total for others"
+            )
+        if len(self.gamma) != len(self.parameters):
+            raise ValueError(
+                f"adaptation: gamma: got {len(self.gamma)} rates for {len(self.parameters)} parameters; expected one each"
+            )
+        for name, values in (
+            ("gamma", self.gamma),
+            ("dead_zone", (self.dead_zone,)),
+            ("leakage", (self.leakage,)),
+            ("forgetting", (self.forgetting,)),
+        ):
+            bad = [x for x in values if not 0 <= x < inf]
+            if bad:
+                raise ValueError(f"adaptation: {name}: got {bad[0]:g}; expected zero or more, and finite")
+        low, high = self.limits
+        if not (0 < low <= 1 <= high and isfinite(high)):
+            raise ValueError(
+                f"adaptation: limits: got {low:g} to {high:g}; expected 0 < lower <= 1 <= upper: the gains start at 1"
+            )
+
+
+class Learnt(NamedTuple):
+    """What adaptation remembers: the gains, and what its law and its step need beside them."""
+
+    theta: tuple[Expression, ...]
+    """One gain for each adapted parameter."""
+    sensitivity: tuple[Expression, ...]
+    """dz / d theta of each, for the total law, rad; dz / dp is this over the parameter of the set that acts."""
+    covariance: tuple[Expression, ...]
+    """P of least squares, row by row."""
+
+
+def start(adaptation: Adaptation) -> Learnt:
+    """Nothing learnt yet: gains of 1."""
+    n = len(adaptation.parameters)
+    rows = tuple(adaptation.gamma[i] if i == j else 0.0 for i in range(n) for j in range(n))
+    return Learnt((1.0,) * n, (0.0,) * n, rows)
+
+
+def effective(p: Lugre[Any], adaptation: Adaptation, theta: tuple[Expression, ...]) -> Lugre[Any]:
+    """The parameters of (16)-(18): each adapted one times its gain."""
+    return friction.adapted(p, dict(zip(adaptation.parameters, theta, strict=True)))
+
+
+def gradient(
+    adaptation: Adaptation, z: Expression, v: Expression, p: Lugre[Any], learnt: Learnt
+) -> tuple[Expression, ...]:
+    """G of the law for each adapted parameter.
+
+    Args:
+        adaptation: with its law.
+        z: deflection of the model's bristle, rad.
+        v: the velocity that drives the model, rad/s.
+        p: the set that acts there, as it started.
+        learnt: the gains and, for the total law, dz / d theta.
+    """
+    if adaptation.law == "printed":
+        return tuple(printed(name, z, v, p) for name in adaptation.parameters)
+    T = functions.torque_sensitivity()(z, v, *effective(p, adaptation, learnt.theta))
+    by = dict(zip(("T", "z", *Lugre._fields), T, strict=True))
+    slopes = [by[name] for name in adaptation.parameters]
+    if adaptation.law == "partial-theta":
+        return tuple(slope * getattr(p, name) for slope, name in zip(slopes, adaptation.parameters, strict=True))
+    if adaptation.law == "total":
+        parts = zip(slopes, learnt.sensitivity, adaptation.parameters, strict=True)
+        return tuple(slope + by["z"] * s / getattr(p, name) for slope, s, name in parts)
+    return tuple(slopes)
+
+
+def printed(name: str, z: Expression, v: Expression, p: Lugre[Any]) -> Expression:
+    """The right-hand sides of (19) and (20) as they are typeset, without -gamma and e: the one derivative that is typed, to be compared."""
+    if name == "alpha_2":
+        return v
+    peak = ca.exp(-((v / p.v_s) ** 2))
+    return p.sigma_0 * p.sigma_1 * ca.fabs(v) * z * peak / (p.alpha_0 + p.alpha_1 * peak) ** 2
+
+
+def rate(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: Expression) -> tuple[Expression, ...]:
+    """The rate d theta / dt, 1/s, for position error e (measured minus reference), rad, before the projection; P of least squares as it is."""
+    beyond = ca.sign(e) * ca.fmax(ca.fabs(e) - adaptation.dead_zone, 0.0)
+    n, P = len(G), learnt.covariance
+    if adaptation.step == "least-squares":
+        pull = [-sum(P[i * n + j] * G[j] for j in range(n)) * beyond for i in range(n)]
+    else:
+        over = 1.0
+        if adaptation.step == "normalised":
+            over = 1 + sum(gamma * g * g for gamma, g in zip(adaptation.gamma, G, strict=True))
+        pull = [-gamma * g * beyond / over for gamma, g in zip(adaptation.gamma, G, strict=True)]
+    return tuple(x - adaptation.leakage * (theta - 1) for x, theta in zip(pull, learnt.theta, strict=True))
+
+
+def learn(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: Expression, h: Expression) -> Learnt:
+    """One sample of h seconds: the gains moved and projected onto their limits, and P; an error that is no number teaches nothing."""
+    low, high = adaptation.limits
+    moved = []
+    for theta, slope in zip(learnt.theta, rate(adaptation, learnt, G, e), strict=True):
+        change = h * slope
+        moved.append(ca.fmin(ca.fmax(theta + ca.if_else(ca.fabs(change) < _LARGEST, change, 0.0), low), high))
+    return learnt._replace(theta=tuple(moved), covariance=_forgotten(adaptation, learnt, G, h))
+
+
+def _forgotten(
+    adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], h: Expression
+) -> tuple[Expression, ...]:
+    """P after a sample: P' = forgetting P - P G G' P, the second part by the exact inverse, so that P stays positive for any h."""
+    if adaptation.step != "least-squares":
+        return learnt.covariance
+    n, P = len(G), learnt.covariance
+    PG = [sum(P[i * n + j] * G[j] for j in range(n)) for i in range(n)]
+    over = 1 + h * sum(g * x for g, x in zip(G, PG, strict=True))
+    grown = ca.exp(adaptation.forgetting * h)
+    upper = {(i, j): grown * (P[i * n + j] - h * PG[i] * PG[j] / over) for i in range(n) for j in range(i, n)}
+    new = [upper[min(i, j), max(i, j)] for i in range(n) for j in range(n)]
+    trace = sum(new[i * n + i] for i in range(n))
+    shrink = ca.fmin(1.0, sum(adaptation.gamma) / ca.fmax(trace, 1e-300))
+    sound = ca.fabs(over) < _LARGEST
+    return tuple(ca.if_else(sound, shrink * x, old) for x, old in zip(new, P, strict=True))

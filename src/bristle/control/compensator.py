@@ -1,0 +1,220 @@
+"""Friction compensators with one interface, pure functions of their state: `start(compensator, parameters)`, then `step` at every sample.
+
+    none              nothing
+    coulomb           alpha_0 tanh(v / v_0)
+    stribeck          the steady curve (9)
+    lugre             LuGre driven by the reference velocity: the paper's feed-forward scheme, section 4
+    lugre-feedback    LuGre driven by the measured velocity, or by one that is differentiated from the measured position
+    lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e (Canudas de Wit, 1995), e = y - y_ref
+
+The first three take the reference velocity. Those of LuGre may adapt. The same functions serve a simulation, a loop in real time and C code, since all
+they compute is CasADi's: with floats they return floats, with symbols expressions; `compiled` makes one `ca.Function` of a step.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf
+from typing import Any, Literal, NamedTuple, get_args
+
+import casadi as ca
+import numpy as np
+
+from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, learn
+from bristle.control.adaptation import start as nothing_learnt
+from bristle.model import functions, law
+from bristle.model.parameters import Lugre, Pair
+
+Expression = Any
+"""A float or a CasADi symbol: CasADi carries no types."""
+Name = Literal["none", "coulomb", "stribeck", "lugre", "lugre-feedback", "lugre-observer"]
+NAMES: tuple[Name, ...] = get_args(Name)
+_MEASURED = ("lugre-feedback", "lugre-observer")
+
+
+class Reference(NamedTuple):
+    """What the joint is to do now."""
+
+    position: Expression
+    """rad."""
+    velocity: Expression
+    """rad/s."""
+    acceleration: Expression
+    """rad/s**2."""
+
+
+class Measurement(NamedTuple):
+    """What it does."""
+
+    position: Expression
+    """rad."""
+    velocity: Expression | None = None
+    """rad/s; None: differentiated from the position, through a first-order filter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compensator:
+    """Which compensator, and its settings. Raises ValueError at an unknown name, adaptation of what has no bristle, or a number out of range."""
+
+    name: Name = "lugre"
+    share: float = 1.0
+    """Of the predicted friction that is compensated; 1 is all of it."""
+    inertia: float = 0.0
+    """Inertia feed-forward: this times the reference acceleration is added, kg*m**2; 0: none, as in the paper."""
+    adaptation: Adaptation | None = None
+    softness: float = 0.01
+    """v_0 of the Coulomb compensator, rad/s."""
+    filter_time: float = 0.0
+    """Of the velocity that is differentiated, s; 0: the plain difference."""
+    observer_gain: float = 10.0
+    """k, 1/s."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        if self.name not in NAMES:
+            raise ValueError(f"compensator: got {self.name!r}; expected one of {', '.join(NAMES)}")
+        if self.adaptation is not None and not self.name.startswith("lugre"):
+            raise ValueError(
+                f"compensator: {self.name} cannot adapt; expected one of {', '.join(n for n in NAMES if n.startswith('lugre'))}"
+            )
+        for what in ("share", "inertia", "softness", "filter_time", "observer_gain"):
+            value = getattr(self, what)
+            if not 0 <= value < inf or (what == "softness" and value == 0):
+                raise ValueError(
+                    f"compensator: {what}: got {value:g}; expected {'a positive number' if what == 'softness' else 'zero or more'}, and finite"
+                )
+
+
+class State(NamedTuple):
+    """What a compensator remembers from one sample to the next."""
+
+    parameters: Pair[Any]
+    deflection: Expression
+    """Of the model's bristle, rad."""
+    velocity: Expression
+    """That drove the model last, rad/s."""
+    position: Expression
+    """Measured last, rad."""
+    learnt: Learnt
+    """Empty where nothing adapts."""
+
+
+def start(compensator: Compensator, parameters: Pair[Any], position: Expression = 0.0) -> State:
+    """At rest at a position, rad, the bristle not bent, nothing learnt."""
+    learnt = nothing_learnt(compensator.adaptation) if compensator.adaptation else Learnt((), (), ())
+    return State(parameters, 0.0, 0.0, position, learnt)
+
+
+def step(
+    compensator: Compensator, state: State, reference: Reference, measurement: Measurement, h: Expression
+) -> tuple[State, Expression]:
+    """One sample, h seconds after the last one: the new state, and the torque to add to the controller's, N*m."""
+    name, pair = compensator.name, state.parameters
+    forward = compensator.inertia * reference.acceleration
+    if name == "none":
+        return state, forward
+    if name == "coulomb":
+        alpha_0 = ca.if_else(reference.velocity < 0, pair.negative.alpha_0, pair.positive.alpha_0)
+        return state, forward + compensator.share * alpha_0 * ca.tanh(reference.velocity / compensator.softness)
+    if name == "stribeck":
+        p = law.active(reference.velocity, reference.velocity, pair)
+        return state, forward + compensator.share * law.steady_torque(reference.velocity, p)
+    e = measurement.position - reference.position
+    v = _driving(compensator, state, reference, measurement, h)
+    z, learnt = _advanced(compensator, state, v, h)
+    if name == "lugre-observer":
+        z = z - h * compensator.observer_gain * e
+    p, a = law.active(z, v, pair), compensator.adaptation
+    T = law.torque(z, v, effective(p, a, learnt.theta) if a else p)
+    if a:
+        learnt = learn(a, learnt, gradient(a, z, v, p, learnt), e, h)
+    return State(pair, z, v, measurement.position, learnt), forward + compensator.share * T
+
+
+def _driving(
+    compensator: Compensator, state: State, reference: Reference, measurement: Measurement, h: Expression
+) -> Expression:
+    """The velocity that drives the model, rad/s."""
+    if compensator.name not in _MEASURED:
+        return reference.velocity
+    if measurement.velocity is not None:
+        return measurement.velocity
+    plain = (measurement.position - state.position) / h
+    return state.velocity + h / (h + compensator.filter_time) * (plain - state.velocity)
+
+
+def _advanced(compensator: Compensator, state: State, v: Expression, h: Expression) -> tuple[Expression, Learnt]:
+    """The model's bristle after h seconds, v linear meanwhile, and dz / d theta beside it for the total law.
+
+    Two exact-exponential steps: up to where v passes zero, or else to the middle, and from there.
+    """
+    v0, a, learnt = state.velocity, compensator.adaptation, state.learnt
+    crosses = v0 * v < 0
+    share = ca.if_else(crosses, ca.fabs(v0) / (ca.fabs(v0) + ca.fabs(v) + 1e-300), 0.5)
+    middle = ca.if_else(crosses, 0.0, (v0 + v) / 2)
+    z, slopes = state.deflection, learnt.sensitivity
+    for first, last, part in ((v0, middle, share * h), (middle, v, (1 - share) * h)):
+        p = law.active(z, first + last, state.parameters)
+        if a is None or a.law != "total":
+            own = effective(p, a, learnt.theta) if a else p
+            by_z, rest = law.bristle_step(first, last, part, own)
+        else:
+            own = effective(p, a, learnt.theta)
+            out = functions.step_sensitivity()(first, last, part, *own)
+            by_z, rest, *by_p = out
+            enter = functions.step_parameters()
+            more = {n: by_p[i] * z + by_p[len(enter) + i] for i, n in enumerate(enter)}
+            slopes = tuple(
+                by_z * s + getattr(p, n) * more.get(n, 0.0) for n, s in zip(a.parameters, slopes, strict=True)
+            )
+        z = by_z * z + rest
+    return z, learnt._replace(sensitivity=slopes)
+
+
+@lru_cache(maxsize=64)
+def compiled(
+    compensator: Compensator, *, velocity: bool = True
+) -> Callable[[State, Reference, Measurement, float], tuple[State, float]]:
+    """`step` for a loop in real time: compiled once by CasADi, then called with floats.
+
+    With `velocity` the measurement must hold one. A returned function keeps buffers of its own: one thread at a time.
+    """
+    shape = start(compensator, Pair(Lugre(*[0.0] * 6), Lugre(*[0.0] * 6)))
+    sizes = [len(part) for part in shape.learnt]
+    memory, q = ca.SX.sym("memory", 3 + sum(sizes)), ca.SX.sym("pair", 12)
+    inputs = ca.SX.sym("inputs", 6)
+    state = _unpacked(ca.vertsplit(memory), Pair(Lugre(*ca.vertsplit(q[:6])), Lugre(*ca.vertsplit(q[6:]))), sizes)
+    r, m, h = Reference(*ca.vertsplit(inputs[:3])), ca.vertsplit(inputs[3:5]), inputs[5]
+    new, T = step(compensator, state, r, Measurement(m[0], m[1] if velocity else None), h)
+    out = [ca.densify(ca.vertcat(*_packed(new), T))]
+    function = ca.Function("compensate", [memory, q, inputs], out, {"cse": True})
+    buffers = [np.zeros(function.numel_in(k)) for k in range(3)]
+    result = np.zeros(function.numel_out(0))
+    buffer, run = function.buffer()
+    for k, values in enumerate(buffers):
+        buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # its stubs know the C++ call alone
+    buffer.set_res(0, memoryview(result))  # type: ignore[call-arg, arg-type]  # as above
+    kept = function, buffer  # which `run` points into, and does not hold
+
+    def call(state: State, reference: Reference, measurement: Measurement, h: float) -> tuple[State, float]:
+        buffers[0][:] = _packed(state)
+        buffers[1][:6], buffers[1][6:] = state.parameters
+        buffers[2][:] = (*reference, measurement.position, measurement.velocity or 0.0, h)
+        run()
+        assert kept  # noqa: S101  # keeps them alive as long as this function
+        *memory, T = result.tolist()
+        return _unpacked(memory, state.parameters, sizes), T
+
+    return call
+
+
+def _packed(state: State) -> list[Expression]:
+    """All that changes from sample to sample, one number after the other."""
+    theta, sensitivity, covariance = state.learnt
+    return [state.deflection, state.velocity, state.position, *theta, *sensitivity, *covariance]
+
+
+def _unpacked(memory: Sequence[Expression], parameters: Pair[Any], sizes: Sequence[int]) -> State:
+    z, v, position, *rest = memory
+    n, m = sizes[0], sizes[0] + sizes[1]
+    return State(parameters, z, v, position, Learnt(tuple(rest[:n]), tuple(rest[n:m]), tuple(rest[m:])))
