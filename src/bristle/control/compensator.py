@@ -7,7 +7,7 @@
     lugre-feedback    LuGre driven by the measured velocity, or by one that is differentiated from the measured position
     lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e (Canudas de Wit, 1995), e = y - y_ref
 
-The first three take the reference velocity. Those of LuGre may adapt. The same functions serve a simulation, a loop in real time and C code, since all
+    lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e, e = y - y_ref (Canudas de Wit, 1995)
 they compute is CasADi's: with floats they return floats, with symbols expressions; `compiled` makes one `ca.Function` of a step.
 """
 
@@ -183,10 +183,10 @@ def compiled(
     sizes = [len(part) for part in shape.learnt]
     memory, q = ca.SX.sym("memory", 3 + sum(sizes)), ca.SX.sym("pair", 12)
     inputs = ca.SX.sym("inputs", 6)
-    state = _unpacked(ca.vertsplit(memory), Pair(Lugre(*ca.vertsplit(q[:6])), Lugre(*ca.vertsplit(q[6:]))), sizes)
+    state = unpacked(ca.vertsplit(memory), Pair(Lugre(*ca.vertsplit(q[:6])), Lugre(*ca.vertsplit(q[6:]))), sizes)
     r, m, h = Reference(*ca.vertsplit(inputs[:3])), ca.vertsplit(inputs[3:5]), inputs[5]
     new, T = step(compensator, state, r, Measurement(m[0], m[1] if velocity else None), h)
-    out = [ca.densify(ca.vertcat(*_packed(new), T))]
+    out = [ca.densify(ca.vertcat(*packed(new), T))]
     function = ca.Function("compensate", [memory, q, inputs], out, {"cse": True})
     buffers = [np.zeros(function.numel_in(k)) for k in range(3)]
     result = np.zeros(function.numel_out(0))
@@ -197,24 +197,25 @@ def compiled(
     kept = function, buffer  # which `run` points into, and does not hold
 
     def call(state: State, reference: Reference, measurement: Measurement, h: float) -> tuple[State, float]:
-        buffers[0][:] = _packed(state)
+        buffers[0][:] = packed(state)
         buffers[1][:6], buffers[1][6:] = state.parameters
         buffers[2][:] = (*reference, measurement.position, measurement.velocity or 0.0, h)
         run()
         assert kept  # noqa: S101  # keeps them alive as long as this function
         *memory, T = result.tolist()
-        return _unpacked(memory, state.parameters, sizes), T
+        return unpacked(memory, state.parameters, sizes), T
 
     return call
 
 
-def _packed(state: State) -> list[Expression]:
+def packed(state: State) -> list[Expression]:
     """All that changes from sample to sample, one number after the other."""
     theta, sensitivity, covariance = state.learnt
     return [state.deflection, state.velocity, state.position, *theta, *sensitivity, *covariance]
 
 
-def _unpacked(memory: Sequence[Expression], parameters: Pair[Any], sizes: Sequence[int]) -> State:
+def unpacked(memory: Sequence[Expression], parameters: Pair[Any], sizes: Sequence[int]) -> State:
+    """The inverse of `packed`; `sizes` are the lengths of the three parts of what was learnt."""
     z, v, position, *rest = memory
     n, m = sizes[0], sizes[0] + sizes[1]
     return State(parameters, z, v, position, Learnt(tuple(rest[:n]), tuple(rest[n:m]), tuple(rest[m:])))

@@ -1,0 +1,182 @@
+"""The compensated joint in closed loop: the paper's figures as the notes have them, two simulators that agree, and no energy from nowhere."""
+
+import numpy as np
+import pytest
+
+from bristle import edro
+from bristle.control.adaptation import Adaptation, Law
+from bristle.control.closed import Case, Course, Trajectory, Wiring, simulate
+from bristle.control.compensator import Compensator
+from bristle.control.pid import Gains
+from bristle.model.parameters import Motor, Pair
+
+H = 1e-3
+P = edro.TABLE_1["gripper rotation"].positive
+
+
+def sine(seconds: float, frequency: float, period: float = H, amplitude: float = 1.0) -> Course:
+    """Amplitude sin(2 pi f t), rad."""
+    t, w = period * np.arange(round(seconds / period) + 1), 2 * np.pi * frequency
+    return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
+
+
+def case(name: str, **changes: object) -> Case:
+    """A joint of Table 1 with its true model and the paper's PID."""
+    values = {
+        "plant": edro.TABLE_1[name],
+        "motor": edro.motor(name),
+        "model": edro.TABLE_1[name],
+        "gains": edro.PID_GAINS,
+    }
+    return Case(**(values | changes))  # type: ignore[arg-type]
+
+
+def table_2(way: Law, gamma: float) -> tuple[float, float, float, float]:
+    """Effective factors of alpha_0 and of alpha_2 at 4 s and at 20 s, in the scenario of the notes, section 3."""
+    wrong = P._replace(alpha_0=0.3 * P.alpha_0, alpha_2=0.5 * P.alpha_2)
+    one = Case(
+        plant=Pair(P, P),
+        motor=Motor(1.0, 1.0, 0.0, (P.sigma_1 / 0.2) ** 2 / P.sigma_0),
+        model=Pair(wrong, wrong),
+        gains=edro.PID_GAINS,
+    )
+    wiring = Wiring(compensator=Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma))))
+    theta = simulate(wiring, [one], sine(20.0, 0.5), H).theta[0]
+    return tuple(float(f * theta[k, at]) for k, f in ((0, 0.3), (1, 0.5)) for at in (4000, -1))  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("way", "gamma", "expected"),
+    [
+        ("printed", 20.0, (0.300, 0.300, 1.118, 1.158)), ("partial", 5.0, (0.648, 0.834, 0.789, 1.033)),
+        ("partial", 20.0, (0.832, 0.844, 1.029, 1.051)), ("partial", 50.0, (0.851, 0.848, 1.059, 1.062)),
+        ("total", 20.0, (0.448, 0.469, 1.094, 1.125)),
+    ],
+)  # fmt: skip  # a table
+def test_adapted_factors_are_those_of_the_notes(way: Law, gamma: float, expected: tuple[float, ...]) -> None:
+    """Table 2's scenario by each law: the factors that another simulation of the same equations gave, to 0.0015."""
+    np.testing.assert_allclose(table_2(way, gamma), expected, atol=1.5e-3)
+
+
+@pytest.mark.parametrize("gamma", [5.0, 10.0, 20.0, 35.0, 50.0])
+def test_the_partial_law_lands_on_the_papers_table_2(gamma: float) -> None:
+    """At 20 s the partial law is within 0.02 of the paper's 0.84 and 1.05 for every rate from 5 to 50; the printed one leaves alpha_0 at 0.30."""
+    alpha_0, alpha_2 = table_2("partial", gamma)[1::2]
+    assert alpha_0 == pytest.approx(0.84, abs=0.02)
+    assert alpha_2 == pytest.approx(1.05, abs=0.02)
+    assert table_2("printed", gamma)[1] == pytest.approx(0.30, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "without", "ratio"),
+    [
+        ("gripper rotation", 15.3, 0.030),
+        ("wrist pitch", 63.9, 0.050),
+        ("elbow pitch", 85.2, 0.112),
+        ("base rotation", 108.4, 0.272),
+    ],
+)
+def test_compensation_lowers_the_error_as_fig_8_has_it(name: str, without: float, ratio: float) -> None:
+    """1 rad at 0.2 Hz, from 10 s to 30 s: RMS error without compensation in mrad, and the share of it that LuGre feed-forward leaves, within 10 %."""
+    course = sine(30.0, 0.2)
+    bare, fed = (
+        simulate(Wiring(compensator=Compensator(name=c)), [case(name)], course, H).rms_error(10.0)[0]
+        for c in ("none", "lugre")
+    )
+    assert 1e3 * bare == pytest.approx(without, rel=0.01)
+    assert fed / bare == pytest.approx(ratio, rel=0.1)
+
+
+@pytest.mark.parametrize("name", list(edro.TABLE_1))
+def test_the_fast_simulator_agrees_with_a_stiff_solver(name: str) -> None:
+    """Over 20 s, with both directions in use and the controller held at 1 kHz, exact steps and CVODES differ by less than 1e-4 rad."""
+    fast, stiff = (simulate(Wiring(), [case(name)], sine(20.0, 0.5), H, stiff=which) for which in (False, True))
+    assert np.abs(fast.position - stiff.position).max() < 1e-4
+    assert np.abs(fast.velocity - stiff.velocity).max() < 5e-3
+
+
+def test_the_step_of_the_plant_is_of_second_order() -> None:
+    """Halving the plant's step four times at one controller rate, the distance to CVODES falls by four each time, to within a factor."""
+    course = sine(2.0, 0.5, 8e-3)
+    stiff = simulate(Wiring(), [case("wrist pitch")], course, 8e-3, stiff=True)
+    off = [
+        np.abs(simulate(Wiring(substeps=n), [case("wrist pitch")], course, 8e-3).position - stiff.position).max()
+        for n in (1, 2, 4, 8)
+    ]
+    order = np.log2(off[0] / off[-1]) / 3
+    assert 1.7 < order < 2.5
+
+
+def test_a_voltage_is_the_torque_it_was_made_for_but_for_the_back_emf_of_the_error() -> None:
+    """A voltage drive differs from a torque drive by k_t**2 / R times the velocity error alone: not at all where that is small."""
+    course, J = sine(6.0, 0.3), edro.motor("gripper rotation").J
+    off = []
+    for m in (Motor(1e-4, 1.0, 0.0, J), edro.motor("gripper rotation")):
+        torque, voltage = (
+            simulate(Wiring(drive=d), [case("gripper rotation", motor=m)], course, H) for d in ("torque", "voltage")
+        )
+        assert np.isnan(torque.voltage).all()
+        assert np.isfinite(voltage.voltage).all()
+        off.append(np.abs(torque.position - voltage.position).max() / torque.peak_error(1.0)[0])
+    assert off[0] < 1e-6
+    assert 1e-3 < off[1] < 1
+
+
+@pytest.mark.parametrize("sigma_0", [6.0, 1e3, 1e5])
+def test_a_joint_in_stick_gains_no_energy(sigma_0: float) -> None:
+    """Let go at rest by its controller and struck once below breakaway, a stiff joint at 1 kHz loses what the blow gave it; nothing grows."""
+    p = P._replace(sigma_0=sigma_0, sigma_1=0.0, alpha_2=0.0)
+    n = 4000
+    load = np.zeros(n)
+    load[:5] = 0.5 * (p.alpha_0 + p.alpha_1)
+    zero = np.zeros(n)
+    one = case("gripper rotation", plant=Pair(p, p), gains=Gains(0.0, 0.0, 0.0, 0.0))
+    found = simulate(Wiring(compensator=Compensator(name="none")), [one], Course(zero, zero, zero, load), H)
+    z = found.friction[0] / sigma_0  # sigma_1 and alpha_2 are zero
+    energy = one.motor.J * found.velocity[0] ** 2 / 2 + sigma_0 * z**2 / 2
+    assert np.diff(energy[5:]).max() <= 1e-9 * energy.max()
+
+
+def test_cases_in_one_call_are_those_run_alone() -> None:
+    """A batch gives each case the bytes that it has alone; encoder, delay and saturation act."""
+    wiring = Wiring(encoder=True, delay=2, speedometer=True, compensator=Compensator(name="lugre-feedback"))
+    cases = [
+        case(name, resolution=2 * np.pi / 2**12, torque_limit=limit) for name in edro.TABLE_1 for limit in (0.05, 5.0)
+    ]
+    course = sine(3.0, 0.5)
+    whole = simulate(wiring, cases, course, H)
+    for k, one in enumerate(cases):
+        alone = simulate(wiring, [one], course, H)
+        np.testing.assert_array_equal(whole.position[k], alone.position[0])
+        assert np.abs(whole.torque[k]).max() <= one.torque_limit
+    assert whole.chatter(1.0)[1] > 5 * simulate(Wiring(), [cases[1]], course, H).chatter(1.0)[0]
+
+
+def test_measures_of_a_known_run() -> None:
+    """Error, control, chatter and energy of a trajectory that is written down are what a pencil gives."""
+    t = np.array([0.0, 1.0, 2.0])
+    two, blank = np.array([[3.0, -1.0, 3.0]]), np.zeros((1, 3))
+    run = Trajectory(
+        time=t, reference=np.ones(3), position=np.array([[1.0, 0.0, 3.0]]), velocity=np.array([[0.0, 1.0, 2.0]]), torque=two, voltage=blank,
+        friction=blank, compensation=blank, theta=np.zeros((1, 0, 3)),
+    )  # fmt: skip  # a list of values
+    assert run.rms_error()[0] == pytest.approx(np.sqrt(5 / 3))
+    assert run.peak_error(1.0)[0] == 2.0
+    assert run.rms_torque()[0] == pytest.approx(np.sqrt(19 / 3))
+    assert run.chatter()[0] == pytest.approx(4.0)
+    assert run.energy()[0] == pytest.approx(-0.5 + 2.5)
+
+
+def test_what_cannot_run_is_refused() -> None:
+    """A reference with nan, no case, a period of zero, a negative delay and an unknown drive are refused in one sentence each."""
+    course = sine(1.0, 0.5)
+    with pytest.raises(ValueError, match="not finite"):
+        simulate(Wiring(), [case("wrist pitch")], course._replace(position=np.full(1001, np.nan)), H)
+    with pytest.raises(ValueError, match="got 0 cases"):
+        simulate(Wiring(), [], course, H)
+    with pytest.raises(ValueError, match="a period of 0 s"):
+        simulate(Wiring(), [case("wrist pitch")], course, 0.0)
+    with pytest.raises(ValueError, match="delay -1"):
+        Wiring(delay=-1)
+    with pytest.raises(ValueError, match="drive: got 'steam'; expected torque or voltage"):
+        Wiring(drive="steam")  # type: ignore[arg-type]
