@@ -76,11 +76,12 @@ def report(
     for joint in results.joints:
         for direction, fit in joint.static.items():
             print(f"{joint.name} {direction}: {fit.outcome} {_doubts(len(fit.doubts))}.")
-        moving = joint.joint_fit or joint.tracking
-        if moving is not None:
+        for what, moving in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
+            if moving is None:
+                continue
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             print(
-                f"{joint.name}, moving runs: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {_doubts(len(moving.doubts))}."
+                f"{joint.name}, {what}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {_doubts(len(moving.doubts))}."
             )
         if joint.doubts:
             print(f"{joint.name}: {_doubts(len(joint.doubts))} about the joint as a whole.")

@@ -273,13 +273,13 @@ def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
         [
             d
             for d in fit_tracking(replace(posed(r, decimation=2), fixed=fixed), start, "revolute", starts=1).fit.doubts
-            if "delay:" in d
+            if "to the delay" in d
         ]
         for r in (run, late)
     ]
     assert said[0] == []
     (sentence,) = said[1]
-    assert float(re.findall(r"delay: (\S+) s", sentence)[0]) == pytest.approx(samples * STEP, rel=0.2)
+    assert float(re.findall(r"add (\S+) s to the delay", sentence)[0]) == pytest.approx(samples * STEP, rel=0.2)
     assert ("earlier" if samples > 0 else "later") in sentence
 
 
@@ -290,7 +290,7 @@ def test_a_wrong_inertia_that_was_given_is_named() -> None:
     for factor in (1.0, 1.05):
         problem = tracking([run], ("both",), (), 2, factor * J)
         doubts = fit_tracking(problem, start, "revolute", starts=1).fit.doubts
-        said.append([d for d in doubts if "inertia that was given" in d or "delay:" in d])
+        said.append([d for d in doubts if "inertia that was given" in d or "to the delay" in d])
     assert said[0] == []
     (sentence,) = said[1]
     assert float(sentence.split("with ")[1].split()[0]) == pytest.approx(-0.05 * J, rel=0.2)

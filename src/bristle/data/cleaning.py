@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,7 @@ def make_points(
 
 
 def _record(file: str, table: Table, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:
-    drive = {("torque" if name == "current" else name): values for name, values in rows.data.items()}
+    drive: dict[str, Any] = {("torque" if name == "current" else name): values for name, values in rows.data.items()}
     return Record(
         file=file,
         **drive,

@@ -100,7 +100,7 @@ def evidence(record: Record, stretch: Stretch, usual: Scale, torque_limit: float
         samples=n,
         duration=float(time[-1] - time[0] + np.nan_to_num(record.step)),
         velocity=velocity,
-        logged=logged,
+        logged=velocity if record.velocity_estimated else logged,
         velocity_error=drift_noise / (4 * np.sqrt(12)),
         torque=float(torque.mean()),
         torque_error=standard_error(torque) if n > 1 else None,

@@ -229,9 +229,13 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
     share, level = _SLIDES
     early = position - position[0] <= share * travel
     if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
+        if float((position - position.mean()) @ (torque - torque.mean())) < 0:
+            raise ValueError(
+                f"{file}: the joint moves against its torque; a drive's torque is positive along positive velocity: give it scale: -1 under signals"
+            )
         raise ValueError(
-            f"{file}: the joint slides: {torque[early].max():.3g} of the largest torque, {largest:.3g}, is there within {share:.0%} of its travel of "
-            f"{travel:.3g}; a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
+            f"{file}: the joint slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
+            "a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
         )
 
 

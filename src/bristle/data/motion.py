@@ -38,7 +38,13 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
     what = "Velocity and acceleration" if record.velocity is None else "Acceleration"
     low_pass = f"Butterworth low pass of order {ORDER}, forward and backward, cut-off {used:g} Hz{lowered}"
     note = f"{what} from {source}: {low_pass}; then the derivatives of a quintic spline."
-    return replace(record, velocity=velocity, acceleration=acceleration, notes=(*record.notes, note))
+    return replace(
+        record,
+        velocity=velocity,
+        velocity_estimated=record.velocity is None,
+        acceleration=acceleration,
+        notes=(*record.notes, note),
+    )
 
 
 def usable(record: Record, cutoff: float) -> float:

@@ -29,6 +29,8 @@ class Record:
     """rad, unwrapped."""
     velocity: Array | None = None
     """rad/s, as logged, or as estimated from position."""
+    velocity_estimated: bool = False
+    """Whether it is estimated."""
     torque: Array | None = None
     """N*m: torque of the drive, positive along positive velocity."""
     voltage: Array | None = None

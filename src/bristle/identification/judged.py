@@ -8,9 +8,10 @@ import numpy as np
 from bristle.data.statistics import inflation
 from bristle.identification.linear import inverse_gram
 from bristle.identification.marquardt import Minimum
-from bristle.identification.trajectory import Tracking, fit, is_start, parameters, scales, slopes_of_scaling
+from bristle.identification.trajectory import Tracking, fit, is_start, parameters, polished, scales, slopes_of_scaling
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
+from bristle.model.rollout import rollout
 
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
 """How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
@@ -49,8 +50,8 @@ def judge(
             ends.append(fit(problem, with_deflections(problem, moved), _TRIES))
         except ValueError:  # a random start may well lie where nothing depends on anything
             continue
-    values, minimum = min(ends, key=lambda end: end[1].cost)
-    reached = sum(m.cost <= minimum.cost * (1 + _SAME) + 1e-20 for _, m in ends)
+    values, minimum = polished(problem, *min(ends, key=lambda end: end[1].cost))
+    reached = max(sum(m.cost <= minimum.cost * (1 + _SAME) + 1e-20 for _, m in ends), 1)
     scatter = _scatter if problem.quantity == "torque" else _scatter_of_windows
     errors, covariance, freedom, stretch = scatter(problem, values, minimum)
     return Judged(
@@ -72,13 +73,19 @@ def _factor(name: str, rng: np.random.Generator) -> float:
 
 
 def with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str, float]:
-    """A start with what each motion begins with: the deflection that carries its first torque, within the steady one, and the first position."""
+    """A start with what each motion begins with: the deflection that carries its first torque, within the steady one, and the first position.
+
+    Where a motion goes on from the one before, the deflection is that to which the estimated velocity has brought it.
+    """
     p = parameters(problem, start)
-    out = dict(start)
+    out, end = dict(start), 0.0
     for k, m in enumerate(problem.motions):
         own = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
         most = own.alpha_0 / own.sigma_0
         z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
+        if m.goes_on:
+            z0 = end
+        end = float(rollout(m.velocity, m.step, p, z0).z[-1]) if problem.quantity == "position" else z0
         first = {"y0": float(m.measured[0]), "v0": float(m.velocity[0]), "z0": z0}
         out |= {f"{name}[{k}]": first[name] for name in problem.begins}
     return out

@@ -14,7 +14,7 @@ from bristle.model.parameters import Kind, unit
 
 _SURE = 4.0
 """Standard errors from zero, beyond which it is said."""
-_SHARE = 0.02
+_SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
 
 
@@ -35,9 +35,9 @@ def lacking(problem: Tracking, judged: Judged, kind: Kind) -> list[str]:
         samples = abs(more.value) / float(np.median(np.concatenate([m.step for m in motions])))
         when = "earlier" if more.value > 0 else "later"
         said.append(
-            f"The torque fits better when taken {abs(more.value):.2g} s ({samples:.2g} samples) {when}, which would explain {more.share:.0%} "
-            f"of what is left: check the time stamps, or declare delay: {more.value:.2g} s under its signal (a voltage held "
-            "until the next sample is half a sample early, and its delay negative)."
+            f"The torque fits better when taken {abs(more.value):.2g} s ({samples:.2g} samples) {when} than now, which would explain "
+            f"{more.share:.0%} of what is left: check the time stamps, or add {more.value:.2g} s to the delay of its signal and look again "
+            "(a voltage held until the next sample is half a sample early, its delay negative)."
         )
     if more := found.get("inertia"):
         apart = f"{more.value:+.3g} +/- {more.error:.2g} {unit('inertia', kind)}"

@@ -47,7 +47,7 @@ def refuse_mixed_rates(records: Sequence[Record]) -> None:
     first, last = min(steps, key=lambda f: steps[f]), max(steps, key=lambda f: steps[f])
     if steps[last] > 1.05 * steps[first]:
         raise ValueError(
-            f"tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
+            f"runs: tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
             "fit them in experiments of their own, or resample one"
         )
 

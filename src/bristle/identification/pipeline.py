@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -13,7 +14,7 @@ from bristle.data.judging import POSITION_DIFFERS
 from bristle.data.record import Record
 from bristle.data.steady import Segment, find_segments, nothing_left, unit_mistake
 from bristle.identification import regression
-from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit
+from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit, TrackingFit
 from bristle.identification.fit import Where, fit_static
 from bristle.identification.moving import (
     DIRECTIONS,
@@ -74,6 +75,10 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
     if training:
         refuse_mixed_rates([*training, *held])
         refuse_opposing_runs(experiment, training)
+    elif experiment.fit.predict == "position":
+        raise ValueError(
+            f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
+        )
     points = measured.points(hold_out=False)
     slow = tuple(run.record for run in measured.runs if run.kind == "presliding" and not run.hold_out)
     static: dict[str, StaticFit] = {}
@@ -85,12 +90,14 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
         static, checks, left_out = fit_moving(experiment, training, held, timings)
     elif not training and (not slow or any(run.kind in {"ramp", "points"} for run in measured.runs)):
         raise ValueError(_nothing_to_fit(measured))
-    presliding = _presliding(experiment, slow, static) if slow else None
-    alone, both, agree = None, None, tuple[Consistency, ...]()
+    alone, both, agree, presliding = None, None, tuple[Consistency, ...](), None
+    if slow and not training:
+        presliding = _presliding(experiment, slow, static)
     if training:
         started = perf_counter()
-        alone, both, agree = track(
-            experiment, training, held, static, presliding, static_is_apart=bool(points), second_route=second_route
+        load = partial(_presliding, experiment, slow) if slow else None
+        alone, both, agree, presliding = track(
+            experiment, training, held, static, load, static_is_apart=bool(points), second_route=second_route
         )
         if timings is not None:
             timings["moving runs"] = perf_counter() - started
@@ -242,9 +249,11 @@ def _where(points: Sequence[Segment]) -> Where:
     )
 
 
-def _presliding(experiment: Experiment, slow: Sequence[Record], static: Mapping[str, StaticFit]) -> Presliding:
-    """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits."""
-    levels = {d: level for d in DIRECTIONS if (level := _level(static.get(d) or static.get("both"))) is not None}
+def _presliding(
+    experiment: Experiment, slow: Sequence[Record], fit: Mapping[str, StaticFit] | TrackingFit
+) -> Presliding:
+    """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
+    levels = {d: level for d in DIRECTIONS if (level := _level(fit, d)) is not None}
     J = experiment.inertia
     known = None if J is None else Level(J.value, J.standard_error or 0.0, "the experiment file")
     return identify_presliding(
@@ -252,16 +261,27 @@ def _presliding(experiment: Experiment, slow: Sequence[Record], static: Mapping[
     )
 
 
-def _level(fit: StaticFit | None) -> Level | None:
-    """g0 = alpha_0 + alpha_1 of a static fit, with the error that their covariance gives; alpha_0 alone where no Stribeck term was seen."""
-    if fit is None or fit.parameters["alpha_0"].value is None:
+def _level(found: Mapping[str, StaticFit] | TrackingFit, direction: str) -> Level | None:
+    """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives; alpha_0 alone where no Stribeck term was seen."""
+    moving = isinstance(found, TrackingFit)
+    fit = found if isinstance(found, TrackingFit) else found.get(direction) or found.get("both")
+    if fit is None:
         return None
-    terms = [name for name in ("alpha_0", "alpha_1") if fit.parameters[name].value]
-    value = sum(fit.parameters[name].value or 0.0 for name in terms)
+    both = [
+        next((key for key in (f"{name}{direction}", name) if key in fit.parameters), "")
+        for name in ("alpha_0", "alpha_1")
+    ]
+    terms = [key for key in both if key and fit.parameters[key].value]
+    if not both[0] or both[0] not in terms:
+        return None
+    value = sum(fit.parameters[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
+    source = "the moving runs" if moving else "the static fit"
     return Level(
-        value, error, "the static fit" if "alpha_1" in terms else "alpha_0 of the static fit, which shows no peak"
+        value,
+        error,
+        source if len(terms) == 2 else f"alpha_0 of {source}, which {'show' if moving else 'shows'} no peak",
     )
 
 

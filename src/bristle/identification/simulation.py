@@ -7,9 +7,9 @@ velocity and a deflection of its own, which are unknowns beside the parameters (
 CasADi differentiates it, and the sensitivities are stepped beside the state.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,8 @@ from scipy import sparse
 from bristle.control.loop import Current, State, plant_step
 from bristle.data.motion import stretches
 from bristle.data.record import Record
+from bristle.identification.marquardt import Minimum
+from bristle.identification.nested import Block, descend
 from bristle.identification.trajectory import Motion, Tracking, by_name
 from bristle.model import motor
 from bristle.model.arrays import Array
@@ -29,9 +31,12 @@ _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = ("inertia", "offset", "gravity_sin", "gravity_cos")
 _SHORTEST = 16
 """Samples in a window."""
-_RING = 0.25
+_THREADS = 2
+_POLISH = 25
+"""Steps, each with some evaluations in which windows settle."""
+_RING = 1.0
 """A step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)."""
-_MOST = 16
+_MOST = 4
 """Steps of the plant between two samples, at most."""
 
 
@@ -52,18 +57,29 @@ class Simulated:
     current: Current
     """`motor.current` under a voltage, `motor.current_for` under a torque."""
 
-    def __call__(self, problem: Tracking, k: int, known: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
-        """Measured less simulated position of window k, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
-        window = _window(problem, k)
-        x0 = np.array([known[f"{name}[{k}]"] for name in problem.begins])
-        start = np.concatenate([x0, np.eye(3, 3 + _FREE).T.ravel()])
-        inputs, every = _inputs(window, known)
-        ends = _chain(inputs.shape[1], every, self.current)(start, inputs, self._parameters(problem, known))
-        own, *rows = np.concatenate([start[::3, None], np.asarray(ends)], axis=1)
-        by = np.array(rows)
+    def __call__(self, problem: Tracking, known: Mapping[str, float]) -> list[tuple[Array, dict[str, Array]]]:
+        """Of each window measured less simulated position, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
+        windows = [m for m in problem.motions if isinstance(m, Window)]
+        every = _every(windows, known)
+        p = np.array(self._parameters(problem, known))
+        alike: dict[int, list[int]] = {}
+        for k, window in enumerate(windows):
+            alike.setdefault(window.time.size, []).append(k)
+        found: dict[int, tuple[Array, dict[str, Array]]] = {}
+        for size, own in alike.items():  # windows of one length go in one call
+            x0 = np.array([[known[f"{name}[{k}]"] for name in problem.begins] for k in own]).T
+            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(own), axis=1)])
+            inputs = np.concatenate([_inputs(windows[k], every) for k in own], axis=1)
+            ends = _chain((size - 1) * every, every, self.current, len(own))(start, inputs, p)
+            for k, first, rows in zip(own, start.T, np.split(np.asarray(ends), len(own), axis=1), strict=True):
+                whole = np.concatenate([first[::3, None], rows], axis=1)
+                found[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
+        return [found[k] for k in range(len(windows))]
+
+    def _by_name(self, problem: Tracking, k: int, by: Array) -> dict[str, Array]:
         sets = by[3:15] if len(problem.tags) == 2 else by[3:9] + by[9:15]
         slopes = by_name(problem, sets) | dict(zip(_LOADS, by[15:], strict=True))
-        return window.measured - own, slopes | {f"{n}[{k}]": row for n, row in zip(problem.begins, by[:3], strict=True)}
+        return slopes | {f"{name}[{k}]": row for name, row in zip(problem.begins, by[:3], strict=True)}
 
     def _parameters(self, problem: Tracking, known: Mapping[str, float]) -> list[float]:
         """What `_step` takes: a pair of sets, the loads, k_t and R."""
@@ -95,19 +111,25 @@ def simulation(
     parts = [(r, part) for r in records for part in stretches(r)]
     pairs = zip(parts, posed.motions, strict=True)
     windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
-    return replace(
-        posed,
-        motions=tuple(windows),
-        quantity="position",
-        begins=("y0", "v0", "z0"),
-        equations=plant,
-    )
+    whole = replace(posed, motions=tuple(windows), quantity="position", begins=("y0", "v0", "z0"), equations=plant)
+    return replace(whole, polish=partial(_polish, whole))
 
 
-def _window(problem: Tracking, k: int) -> Window:
-    window = problem.motions[k]
-    assert isinstance(window, Window)  # noqa: S101  # `simulation` makes no other
-    return window
+def _polish(
+    whole: Tracking,
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    start: Array,
+    lower: Array,
+    upper: Array,
+) -> Minimum:
+    """Each window settles its own start; unknowns are in the order of `Tracking.names`, the starts last."""
+    stops = np.cumsum([m.size for m in whole.motions]).tolist()
+    first = start.size - len(whole.begins) * len(stops)
+    blocks = [
+        Block(slice(stop - m.size, stop), [first + len(whole.begins) * k + i for i in range(len(whole.begins))])
+        for k, (stop, m) in enumerate(zip(stops, whole.motions, strict=True))
+    ]
+    return descend(evaluate, start, lower, upper, _POLISH, blocks)
 
 
 def _windows(
@@ -147,17 +169,21 @@ def _means(samples: int, decimation: int) -> sparse.csr_array | None:
     return sparse.csr_array((weight, (block, np.arange(samples))))
 
 
-def _inputs(window: Window, known: Mapping[str, float]) -> tuple[Array, int]:
-    """Drive and length of every step of the plant, (2, steps), and how many there are between two samples."""
+def _every(windows: Sequence[Window], known: Mapping[str, float]) -> int:
+    """Steps of the plant between two samples."""
     J = known["inertia"]
     stiffest = max(value for name, value in known.items() if name.startswith("sigma_0"))
-    longest = float(window.step.max())
+    longest = max(float(window.step.max()) for window in windows)
     wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
-    every = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST))))  # seldom another one from step to step of the fit
+    every: int = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST))))
+    return every  # seldom another one from step to step of the fit
+
+
+def _inputs(window: Window, every: int) -> Array:
+    """Drive and length of every step of the plant, (2, steps)."""
     middle = (np.arange(every) + 0.5) / every
     drive = window.drive[:-1, None] + np.diff(window.drive)[:, None] * middle
-    step = np.repeat(window.step / every, every)
-    return np.vstack([drive.ravel(), step]), every
+    return np.vstack([drive.ravel(), np.repeat(window.step / every, every)])
 
 
 @lru_cache(maxsize=4)
@@ -174,10 +200,11 @@ def _step(current: Current) -> ca.Function:
 
 
 @lru_cache(maxsize=16)
-def _chain(steps: int, every: int, current: Current) -> ca.Function:
+def _chain(steps: int, every: int, current: Current, windows: int) -> ca.Function:
     """Many steps of the state and, beside it, of its derivatives by its start and by the parameters: of all these, y at every sample but the first.
 
-    (the start: y, v, z and their derivatives, column by column; the steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1).
+    (the start: y, v, z and their derivatives, column by column; the steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on
+    for each window.
     """
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
     by = ca.SX.sym("by", 3, 3 + _FREE)
@@ -191,4 +218,5 @@ def _chain(steps: int, every: int, current: Current) -> ca.Function:
         ca.MX.sym("p", _FREE + 2),
     )
     ends = both.mapaccum(steps)(start, inputs, ca.repmat(constants, 1, steps))
-    return ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])
+    one = ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])
+    return one if windows == 1 else one.map(windows, "thread", _THREADS)

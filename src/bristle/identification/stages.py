@@ -1,12 +1,13 @@
 """All parameters from moving runs beside the other stages: starts and priors from them, and whether they agree."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from bristle.data.experiment import Experiment
+from bristle.data.loading import smallest_step
 from bristle.data.record import Record
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import Consistency, Estimate, Presliding, StaticFit, TrackingFit
@@ -22,6 +23,8 @@ from bristle.model.parameters import Lugre
 
 _APART = 2.6
 """Combined standard errors by which two stages differ in one of a hundred cases."""
+_SURER = 1.5
+"""Times: one stage knows a parameter better than another if its error is smaller by this."""
 _SURE = 3
 """Starts where other runs tell the static parameters: then the first one is near."""
 _WORSE = 1.5
@@ -32,16 +35,19 @@ _DAMPING_RATIO = 0.1
 """A start for sigma_1 where no stage gives one, as (15) assumes."""
 
 
+Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
+
+
 def track(
     experiment: Experiment,
     records: Sequence[Record],
     held: Sequence[Record],
     static: Mapping[str, StaticFit],
-    slow: Presliding | None,
+    load: Load | None,
     *,
     static_is_apart: bool,
     second_route: bool = False,
-) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...]]:
+) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...], Presliding | None]:
     """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
 
     Args:
@@ -49,7 +55,7 @@ def track(
         records: training runs.
         held: hold-out runs.
         static: the static fits.
-        slow: the presliding stage.
+        load: makes the presliding stage from fits that tell g0; None where there are no such runs.
         static_is_apart: whether the static fits rest on other data than these runs.
         second_route: whether to solve the problem by CasADi and IPOPT as well, which takes long.
 
@@ -59,14 +65,15 @@ def track(
     kind, driven = experiment.joint.kind, partial(_driven, experiment, moving)
     by_torque = options.predict == "torque"
     pose = driven if by_torque else partial(_simulated, experiment, moving)
-    counted = by_torque and experiment.signals.velocity is None
-    resolution = experiment.encoder_resolution if counted else None
+    resolution = _resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
     def uncounted(found: Tracked) -> TrackingFit:
         return (
             without_count_bias(found, records, pose, options.position_cutoff, resolution) if resolution else found.fit
         )
 
+    # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
+    slow = load(static) if load and static_is_apart else None
     fixed = _fixed(experiment, driven(records, {}))
     start = _start(driven(records, {}), static, slow)
     start = {name: value for name, value in start.items() if name not in fixed}
@@ -74,19 +81,27 @@ def track(
     if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
         start = without_deflections(judge(driven(records, fixed), start, _SURE, SEED).values)
     tests = [(r.file, pose([r], fixed)) for r in held]
-    found = fit_tracking(problem, start, kind, tests, starts=_SURE if static_is_apart else STARTS)
+    found = fit_tracking(problem, start, kind, tests, starts=(_SURE if static_is_apart else STARTS) if by_torque else 1)
     if second_route and by_torque:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
         found = found._replace(fit=replace(found.fit, check=check, doubts=(*found.fit.doubts, *said)))
     alone = uncounted(found)
+    if load and not static_is_apart:
+        slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
-        return alone, None, ()
+        return alone, None, (), slow
     told, ended = with_priors(problem, priors, alone.rms), {**found.problem.fixed, **found.values}
     joint = uncounted(fit_tracking(told, start, kind, tests, starts=1, others=[ended]))
     agree = _consistency(priors, alone, joint)
-    return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree
+    return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree, slow
+
+
+def _resolution(experiment: Experiment, records: Sequence[Record]) -> float:
+    """One encoder count, rad, as declared or as the positions show it; 0 where they keep to no grid."""
+    steps = [smallest_step(r.position) for r in records if r.position is not None]
+    return experiment.encoder_resolution or max(steps, default=0.0)
 
 
 def _simulated(
@@ -253,5 +268,7 @@ def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: Trac
 def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> str:
     if abs(difference) <= _APART:
         return "They agree."
+    if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
+        return "They differ by more than chance, and neither is much surer: see the doubts of both."
     wider = "the moving data" if own_share > stage_share else f"the {stage} stage"
     return f"They differ by more than chance; distrust {wider} first, which knows it less well."

@@ -6,7 +6,7 @@ Each stretch without a gap has a bristle deflection z0 of its own to begin with.
 alpha_0, v_s and sigma_0 by their logarithms, the others by a typical size.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Literal
@@ -101,6 +101,8 @@ class Tracking:
     """What each motion begins with, unknown."""
     equations: "Equations" = field(default_factory=lambda: driven)
     """The model."""
+    polish: Callable[[Callable[[Array], tuple[Array, Array]], Array, Array, Array], Minimum] | None = None
+    """What goes on where the descent ran out of steps; takes and gives what `minimise` does."""
 
     @property
     def friction_names(self) -> tuple[str, ...]:
@@ -148,8 +150,8 @@ class Tracking:
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
 
 
-Equations = Callable[[Tracking, int, Mapping[str, float]], tuple[Array, dict[str, Array]]]
-"""(problem, which motion, all values by name) -> measured less modelled at its samples, (N,), and the model's derivatives by name, (N,) each."""
+Equations = Callable[[Tracking, Mapping[str, float]], Iterable[tuple[Array, dict[str, Array]]]]
+"""(problem, all values by name) -> of each motion measured less modelled at its samples, (N,), and the model's derivatives by name, (N,) each."""
 
 
 def tracking(
@@ -216,8 +218,7 @@ def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Ar
     rows = np.empty(sum(m.size for m in problem.motions))
     slopes = np.zeros((len(names), rows.size))  # a row per parameter: long inner loops
     start = 0
-    for k, m in enumerate(problem.motions):
-        rest, own = problem.equations(problem, k, known)
+    for m, (rest, own) in zip(problem.motions, problem.equations(problem, known), strict=True):
         here = slice(start, start + m.size)
         rows[here] = m.smoothed(rest)
         for name in own.keys() & row_of.keys():
@@ -226,14 +227,14 @@ def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Ar
     return rows, slopes.T
 
 
-def driven(problem: Tracking, k: int, known: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
-    """Measured less modelled torque of motion k at its samples, N*m, (N,), and the derivative of the modelled one by each unknown's name."""
-    m, p = problem.motions[k], parameters(problem, known)
-    rolled = rollout_jacobian(m.velocity, m.step, p, known[f"z0[{k}]"])
-    extra = np.array([known[name] for name in problem.extra_names])
-    own = by_name(problem, rolled.by_parameters.T)
-    own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rolled.by_z0}
-    return m.torque - rolled.torque - m.extra @ extra, own
+def driven(problem: Tracking, known: Mapping[str, float]) -> Iterator[tuple[Array, dict[str, Array]]]:
+    """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown's name."""
+    p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
+    for k, m in enumerate(problem.motions):
+        rolled = rollout_jacobian(m.velocity, m.step, p, known[f"z0[{k}]"])
+        own = by_name(problem, rolled.by_parameters.T)
+        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rolled.by_z0}
+        yield m.torque - rolled.torque - m.extra @ extra, own
 
 
 def by_name(problem: Tracking, rows: Array) -> dict[str, Array]:
@@ -258,7 +259,7 @@ def modelled(problem: Tracking, values: Mapping[str, float]) -> Array:
     )
 
 
-def fit(problem: Tracking, start: Mapping[str, float], most: int = 100) -> tuple[dict[str, float], Minimum]:
+def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
     """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
 
     Raises ValueError as `minimise` does.
@@ -267,6 +268,16 @@ def fit(problem: Tracking, start: Mapping[str, float], most: int = 100) -> tuple
     lower, upper = bounds(problem)
     found = minimise(scaled(problem, scale), to_scaled(problem, start, scale), lower, upper, most)
     return from_scaled(problem, found.x, scale), found
+
+
+def polished(problem: Tracking, values: Mapping[str, float], found: Minimum) -> tuple[Mapping[str, float], Minimum]:
+    """A minimum that ran out of steps brought to its end, where the problem has a way to, and that ends lower."""
+    if problem.polish is None or found.converged:
+        return values, found
+    scale = scales(problem, values)
+    lower, upper = bounds(problem)
+    better = problem.polish(scaled(problem, scale), to_scaled(problem, values, scale), lower, upper)
+    return (from_scaled(problem, better.x, scale), better) if better.cost <= found.cost else (values, found)
 
 
 def bounds(problem: Tracking) -> tuple[Array, Array]:
