@@ -14,8 +14,8 @@ from bristle.model.arrays import Array
 
 _DAMPING = 1e-4
 _MOST = 1e8
-_SETTLED = 1e-8
-"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-4 standard errors."""
+_SETTLED = 1e-6
+"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-3 standard errors."""
 _FLAT = 1e-6
 """Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen."""
 

@@ -207,14 +207,15 @@ def parameters(problem: Tracking, values: Mapping[str, float]) -> Lugre[float] |
     return sets[0] if len(sets) == 1 else Pair(*sets)
 
 
-def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Array]:
+def residuals(problem: Tracking, values: Mapping[str, float], chain: Array | None = None) -> tuple[Array, Array]:
     """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
 
-    `values` holds every name of `problem.names`.
+    `values` holds every name of `problem.names`; `chain` (p,) multiplies each derivative.
     """
     known = {**problem.fixed, **values}
     names = problem.names
     row_of = {name: j for j, name in enumerate(names)}
+    factor = (-np.ones(len(names)) if chain is None else -chain).tolist()
     rows = np.empty(sum(m.size for m in problem.motions))
     slopes = np.zeros((len(names), rows.size))  # a row per parameter: long inner loops
     start = 0
@@ -222,7 +223,7 @@ def residuals(problem: Tracking, values: Mapping[str, float]) -> tuple[Array, Ar
         here = slice(start, start + m.size)
         rows[here] = m.smoothed(rest)
         for name in own.keys() & row_of.keys():
-            np.negative(m.smoothed(own[name]), out=slopes[row_of[name], here])
+            np.multiply(m.smoothed(own[name]), factor[row_of[name]], out=slopes[row_of[name], here])
         start += m.size
     return rows, slopes.T
 
@@ -366,11 +367,10 @@ def scaled(problem: Tracking, scale: Array) -> Callable[[Array], tuple[Array, Ar
             values = from_scaled(problem, x, scale)
             if not all(np.isfinite(v) and (v > 0 or n.rstrip("+-") not in LOGARITHMIC) for n, v in values.items()):
                 return np.full(1, np.inf), np.zeros((1, x.size))
-            rows, slopes = residuals(problem, values)
+            chain = slopes_of_scaling(problem, values, scale)
+            rows, slopes = residuals(problem, values, chain)
             if not np.isfinite(slopes.sum()):
                 return np.full(1, np.inf), np.zeros((1, x.size))
-        chain = slopes_of_scaling(problem, values, scale)
-        slopes *= chain
         if any(m.weight != 1 for m in problem.motions):
             weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
             rows, slopes = rows * weight, slopes * weight[:, None]
