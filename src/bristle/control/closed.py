@@ -15,20 +15,19 @@ import numpy as np
 
 from bristle.control import compensator as compensating
 from bristle.control.compensator import Compensator, Measurement, Reference
+from bristle.control.loop import THREADS, Current, plant_rates, plant_step
 from bristle.control.loop import State as Plant
-from bristle.control.loop import plant_step
 from bristle.control.pid import AT_REST, Gains, Memory, pid
 from bristle.data.sensor import quantise
 from bristle.model import law, motor
 from bristle.model.arrays import Array
-from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.model.parameters import Motor, Pair, pair_of
 
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""
 _CHUNK = 1000
 """Samples of every case in one CasADi call: what bounds the memory."""
 _INPUTS, _NUMBERS = 7, 35
-_THREADS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +173,7 @@ def simulate(
         )
     numbers = np.array([_numbers(case, period) for case in cases]).T
     memory: Any = np.array([_at_rest(wiring, float(y)) for y in given[0, :, 0]]).T
-    rows = _log_size(wiring)
+    rows = 6 + compensating.adapted_count(wiring.compensator)
     logs = np.empty((rows, len(cases), n))
     for first in range(0, n, _CHUNK):
         last = min(first + _CHUNK, n)
@@ -204,19 +203,8 @@ def _numbers(case: Case, period: float) -> list[float]:
     ]
 
 
-def _shape(wiring: Wiring) -> list[int]:
-    """How many numbers the compensator's gains, sensitivities and covariance are."""
-    blank = Pair(Lugre(*[0.0] * 6), Lugre(*[0.0] * 6))
-    return [len(part) for part in compensating.start(wiring.compensator, blank).learnt]
-
-
-def _log_size(wiring: Wiring) -> int:
-    return 6 + _shape(wiring)[0]
-
-
 def _at_rest(wiring: Wiring, position: float) -> list[float]:
-    blank = Pair(Lugre(*[0.0] * 6), Lugre(*[0.0] * 6))
-    own = compensating.packed(compensating.start(wiring.compensator, blank, position))
+    own = compensating.packed(compensating.start(wiring.compensator, pair_of([0.0] * 12), position))
     return [position, 0.0, 0.0, *AT_REST, *own, *[0.0] * (2 * wiring.delay)]
 
 
@@ -230,6 +218,7 @@ class _Period(NamedTuple):
     friction: Pair[Any]
     motor: Motor[Any]
     load: Expression
+    current: Current
     sent: Expression
     """To the drive: N*m or V."""
     h: Expression
@@ -240,27 +229,28 @@ class _Period(NamedTuple):
 
 def _controlled(wiring: Wiring) -> _Period:
     """The controller's part of a period."""
-    sizes = _shape(wiring)
-    count = 3 + sum(sizes)
-    memory = ca.SX.sym("memory", 6 + count + 2 * wiring.delay)
+    memory = ca.SX.sym("memory", len(_at_rest(wiring, 0.0)))
+    asked = memory.shape[0] - 2 * wiring.delay
     u, q = ca.SX.sym("u", _INPUTS), ca.SX.sym("q", _NUMBERS)
     parts, given, numbers = ca.vertsplit(memory), ca.vertsplit(u), ca.vertsplit(q)
-    state, control, own = Plant(*parts[:3]), Memory(*parts[3:6]), parts[6 : 6 + count]
+    state, control, own = Plant(*parts[:3]), Memory(*parts[3:6]), parts[6:asked]
     r, (load, drift_0, drift_2, noise) = Reference(*given[:3]), given[3:]
-    friction = Pair(*(_drifted(Lugre(*numbers[k : k + 6]), drift_0, drift_2) for k in (0, 6)))
-    model = Pair(Lugre(*numbers[12:18]), Lugre(*numbers[18:24]))
+    drift = {"alpha_0": drift_0, "alpha_2": drift_2}
+    friction, model = Pair(*(law.adapted(p, drift) for p in pair_of(numbers[:12]))), pair_of(numbers[12:24])
     m, gains, (limit, resolution, h) = Motor(*numbers[24:28]), Gains(*numbers[28:32]), numbers[32:]
     seen = state.position + noise
     seen = quantise(seen, resolution) if wiring.encoder else seen
     measured = Measurement(seen, state.velocity if wiring.speedometer else None)
-    new_own, T_c = compensating.step(wiring.compensator, compensating.unpacked(own, model, sizes), r, measured, h)
+    before = compensating.unpacked(own, model, compensating.adapted_count(wiring.compensator))
+    new_own, T_c = compensating.step(wiring.compensator, before, r, measured, h)
     T_pid, control = pid(control, r.position - seen, h, gains, limit)
     T = ca.fmin(ca.fmax(T_pid + T_c, -limit), limit)
     V = motor.voltage(T, r.velocity, m)
-    line = [*parts[6 + count :], T, V]  # what was asked for, the oldest first
+    line = [*parts[asked:], T, V]  # what was asked for, the oldest first
     true = law.torque(state.deflection, state.velocity, law.active(state.deflection, state.velocity, friction))
     return _Period(
-        memory, u, q, state, friction, m, load, line[wiring.drive == "voltage"], h,
+        memory, u, q, state, friction, m, load, motor.current_for if wiring.drive == "torque" else motor.current,
+        line[wiring.drive == "voltage"], h,
         kept=[*control, *compensating.packed(new_own), *line[2:]],
         log=ca.vertcat(state.position, state.velocity, T, V, true, T_c, *new_own.learnt.theta),
     )  # fmt: skip  # a list of values
@@ -270,9 +260,9 @@ def _controlled(wiring: Wiring) -> _Period:
 def _tick(wiring: Wiring) -> ca.Function:
     """One control period: (memory, what is given, numbers) -> (memory, log)."""
     now = _controlled(wiring)
-    new, current = now.state, motor.current_for if wiring.drive == "torque" else motor.current
+    new = now.state
     for _ in range(wiring.substeps):
-        new = plant_step(new, now.sent, now.load, now.h / wiring.substeps, now.friction, now.motor, current)
+        new = plant_step(new, now.sent, now.load, now.h / wiring.substeps, now.friction, now.motor, now.current)
     return ca.Function(
         "tick", [now.memory, now.given, now.numbers], [ca.vertcat(*new, *now.kept), now.log], {"cse": True}
     )
@@ -287,11 +277,7 @@ def _stiff_tick(wiring: Wiring) -> ca.Function:
     constants = ca.vertcat(now.sent, now.load, *now.friction.positive, *now.friction.negative, *now.motor, now.h)
     held = ca.SX.sym("held", constants.shape[0])
     sent, load, *q = ca.vertsplit(held)
-    friction, m = Pair(Lugre(*q[:6]), Lugre(*q[6:12])), Motor(*q[12:16])
-    p, current = law.active(z, v, friction), motor.current_for if wiring.drive == "torque" else motor.current
-    rates = ca.vertcat(
-        v, motor.acceleration(current(sent, v, m), law.torque(z, v, p) - load, m), law.bristle_rate(z, v, p)
-    )
+    rates = ca.vertcat(v, plant_rates(v, z, sent, load, pair_of(q), Motor(*q[12:16]), now.current))
     options = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 1_000_000}
     solver = ca.integrator("stiff", "cvodes", {"x": x, "p": held, "ode": q[16] * rates}, 0.0, 1.0, options)
     controller = ca.Function(
@@ -305,14 +291,10 @@ def _stiff_tick(wiring: Wiring) -> ca.Function:
     return ca.Function("stiff", [memory, u, numbers], [ca.vertcat(new, kept), log])
 
 
-def _drifted(p: Lugre[Any], drift_0: Expression, drift_2: Expression) -> Lugre[Any]:
-    return law.adapted(p, {"alpha_0": drift_0, "alpha_2": drift_2})
-
-
 @lru_cache(maxsize=32)
 def _run(wiring: Wiring, samples: int, cases: int, *, stiff: bool) -> ca.Function:
     tick = _stiff_tick(wiring) if stiff else _tick(wiring)
     memory, u, q = ca.MX.sym("memory", tick.size1_in(0)), ca.MX.sym("u", _INPUTS, samples), ca.MX.sym("q", _NUMBERS)
     ends, logs = tick.mapaccum(samples)(memory, u, ca.repmat(q, 1, samples))
     run = ca.Function("run", [memory, u, q], [ends[:, -1], logs])
-    return run if cases == 1 else run.map(cases) if stiff else run.map(cases, "thread", _THREADS)
+    return run if cases == 1 else run.map(cases) if stiff else run.map(cases, "thread", THREADS)

@@ -23,7 +23,7 @@ import numpy as np
 from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, learn
 from bristle.control.adaptation import start as nothing_learnt
 from bristle.model import functions, law
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Pair, pair_of
 
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""
@@ -155,18 +155,15 @@ def _advanced(compensator: Compensator, state: State, v: Expression, h: Expressi
     z, slopes = state.deflection, learnt.sensitivity
     for first, last, part in ((v0, middle, share * h), (middle, v, (1 - share) * h)):
         p = law.active(z, first + last, state.parameters)
-        if a is None or a.law != "total":
-            own = effective(p, a, learnt.theta) if a else p
-            by_z, rest = law.bristle_step(first, last, part, own)
-        else:
-            own = effective(p, a, learnt.theta)
-            out = functions.step_sensitivity()(first, last, part, *own)
-            by_z, rest, *by_p = out
+        own = effective(p, a, learnt.theta) if a else p
+        if a and a.law == "total":
+            by_z, rest, *by_p = functions.step_sensitivity()(first, last, part, *own)
             enter = functions.step_parameters()
             more = {n: by_p[i] * z + by_p[len(enter) + i] for i, n in enumerate(enter)}
-            slopes = tuple(
-                by_z * s + getattr(p, n) * more.get(n, 0.0) for n, s in zip(a.parameters, slopes, strict=True)
-            )
+            pairs = zip(a.parameters, slopes, strict=True)
+            slopes = tuple(by_z * s + getattr(p, n) * more.get(n, 0.0) for n, s in pairs)
+        else:
+            by_z, rest = law.bristle_step(first, last, part, own)
         z = by_z * z + rest
     return z, learnt._replace(sensitivity=slopes)
 
@@ -179,11 +176,10 @@ def compiled(
 
     With `velocity` the measurement must hold one. A returned function keeps buffers of its own: one thread at a time.
     """
-    shape = start(compensator, Pair(Lugre(*[0.0] * 6), Lugre(*[0.0] * 6)))
-    sizes = [len(part) for part in shape.learnt]
-    memory, q = ca.SX.sym("memory", 3 + sum(sizes)), ca.SX.sym("pair", 12)
+    gains = adapted_count(compensator)
+    memory, q = ca.SX.sym("memory", len(packed(start(compensator, pair_of([0.0] * 12))))), ca.SX.sym("pair", 12)
     inputs = ca.SX.sym("inputs", 6)
-    state = unpacked(ca.vertsplit(memory), Pair(Lugre(*ca.vertsplit(q[:6])), Lugre(*ca.vertsplit(q[6:]))), sizes)
+    state = unpacked(ca.vertsplit(memory), pair_of(ca.vertsplit(q)), gains)
     r, m, h = Reference(*ca.vertsplit(inputs[:3])), ca.vertsplit(inputs[3:5]), inputs[5]
     new, T = step(compensator, state, r, Measurement(m[0], m[1] if velocity else None), h)
     out = [ca.densify(ca.vertcat(*packed(new), T))]
@@ -197,15 +193,21 @@ def compiled(
     kept = function, buffer  # which `run` points into, and does not hold
 
     def call(state: State, reference: Reference, measurement: Measurement, h: float) -> tuple[State, float]:
+        """Step with floats."""
         buffers[0][:] = packed(state)
         buffers[1][:6], buffers[1][6:] = state.parameters
         buffers[2][:] = (*reference, measurement.position, measurement.velocity or 0.0, h)
         run()
         assert kept  # noqa: S101  # keeps them alive as long as this function
         *memory, T = result.tolist()
-        return unpacked(memory, state.parameters, sizes), T
+        return unpacked(memory, state.parameters, gains), T
 
     return call
+
+
+def adapted_count(compensator: Compensator) -> int:
+    """How many parameters it adapts."""
+    return len(compensator.adaptation.parameters) if compensator.adaptation else 0
 
 
 def packed(state: State) -> list[Expression]:
@@ -214,8 +216,8 @@ def packed(state: State) -> list[Expression]:
     return [state.deflection, state.velocity, state.position, *theta, *sensitivity, *covariance]
 
 
-def unpacked(memory: Sequence[Expression], parameters: Pair[Any], sizes: Sequence[int]) -> State:
-    """The inverse of `packed`; `sizes` are the lengths of the three parts of what was learnt."""
+def unpacked(memory: Sequence[Expression], parameters: Pair[Any], adapted: int) -> State:
+    """The inverse of `packed` where so many parameters are adapted."""
     z, v, position, *rest = memory
-    n, m = sizes[0], sizes[0] + sizes[1]
-    return State(parameters, z, v, position, Learnt(tuple(rest[:n]), tuple(rest[n:m]), tuple(rest[m:])))
+    theta, sensitivity, covariance = rest[:adapted], rest[adapted : 2 * adapted], rest[2 * adapted :]
+    return State(parameters, z, v, position, Learnt(tuple(theta), tuple(sensitivity), tuple(covariance)))

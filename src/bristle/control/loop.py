@@ -30,7 +30,8 @@ Current = Callable[[Expression, Expression, Motor[Any]], Expression]
 _INPUTS = 4
 _CHUNK = 100
 """Logged samples of every scenario in one CasADi call: what bounds the memory."""
-_THREADS = 2
+THREADS = 2
+"""That CasADi runs cases on."""
 
 _TINY = 1e-100
 """Keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where both are exact to rounding."""
@@ -103,16 +104,29 @@ def exponential(A: Expression, h: Expression) -> Expression:
     return c * ca.SX.eye(2) + s * (A - m * ca.SX.eye(2))
 
 
+def plant_rates(
+    v: Expression,
+    z: Expression,
+    drive: Expression,
+    load: Expression,
+    pair: Pair[Any],
+    m: Motor[Any],
+    current: Current,
+    at: tuple[Expression, Expression] | None = None,
+) -> Expression:
+    """d(v, z)/dt, (2, 1), from (2), (4) and (6); with `at`, lambda and the sets are those of that (v, z) instead."""
+    v_at, z_at = at or (v, z)
+    p = law.active(z_at, v_at, pair)
+    friction = law.torque(z, v, p, at=v_at)
+    return ca.vertcat(motor.acceleration(current(drive, v, m), friction - load, m), law.bristle_rate(z, v, p, at=v_at))
+
+
 def _frozen(
     at: Expression, drive: Expression, load: Expression, pair: Pair[Any], m: Motor[Any], current: Current
 ) -> tuple[Expression, Expression]:
-    """A, b of d(v, z)/dt = A (v, z) + b with lambda frozen at a (v, z), from (2), (4) and (6)."""
+    """A, b of d(v, z)/dt = A (v, z) + b with lambda frozen at a (v, z)."""
     x = ca.SX.sym("x", 2)
-    (v, z), p = ca.vertsplit(x), law.active(at[1], at[0], pair)
-    friction = law.torque(z, v, p, at=at[0])
-    rates = ca.vertcat(
-        motor.acceleration(current(drive, v, m), friction - load, m), law.bristle_rate(z, v, p, at=at[0])
-    )
+    rates = plant_rates(x[0], x[1], drive, load, pair, m, current, at=(at[0], at[1]))
     return ca.jacobian(rates, x), ca.substitute(rates, x, ca.SX.zeros(2))
 
 
@@ -168,7 +182,7 @@ def _run(loop: Loop, samples: int, scenarios: int) -> ca.Function:
     memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", _INPUTS, n * samples)
     ends, logs = sample.mapaccum(samples)(memory, u)
     run = ca.Function("run", [memory, u], [ends[:, -1], logs])
-    return run.map(scenarios, "thread", _THREADS) if scenarios > 1 else run
+    return run.map(scenarios, "thread", THREADS) if scenarios > 1 else run
 
 
 def simulate(

@@ -18,7 +18,7 @@ from bristle.identification.trajectory import LOGARITHMIC, Tracking, bounds, fro
 from bristle.model import law
 from bristle.model.arrays import Array
 from bristle.model.nodes import Nodes, refined
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, pair_of
 
 STARTS = 1
 _SEED = 0
@@ -123,4 +123,4 @@ def _acting(q: Any, sets: int, z: Any, v: Any) -> Lugre[Any]:
     parts = ca.vertsplit(q)
     if sets == 1:
         return Lugre(*parts)
-    return law.active(z, v, Pair(Lugre(*parts[:6]), Lugre(*parts[6:])))
+    return law.active(z, v, pair_of(parts))

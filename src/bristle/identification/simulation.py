@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from bristle.control.loop import Current, State, plant_step
+from bristle.control.loop import THREADS, Current, State, plant_step
 from bristle.data.motion import stretches
 from bristle.data.record import Record
 from bristle.identification.marquardt import Minimum
@@ -23,7 +23,7 @@ from bristle.identification.nested import Block, descend
 from bristle.identification.trajectory import Motion, Tracking, by_name
 from bristle.model import motor
 from bristle.model.arrays import Array
-from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.model.parameters import Lugre, Motor, pair_of
 
 _FREE = 16
 """Parameters by which the state is differentiated: a pair of sets, and the loads."""
@@ -31,7 +31,6 @@ _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = ("inertia", "offset", "gravity_sin", "gravity_cos")
 _SHORTEST = 16
 """Samples in a window."""
-_THREADS = 2
 _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
 _RING = 1.0
@@ -195,7 +194,7 @@ def _step(current: Current) -> ca.Function:
     state = State(*ca.vertsplit(x))
     middle = state.position + h / 2 * state.velocity
     load = -(offset + by_sin * ca.sin(middle) + by_cos * ca.cos(middle))
-    new = plant_step(state, drive, load, h, Pair(Lugre(*sets[:6]), Lugre(*sets[6:])), Motor(k_t, R, 0.0, J), current)
+    new = plant_step(state, drive, load, h, pair_of(sets), Motor(k_t, R, 0.0, J), current)
     return ca.Function("plant", [x, u, p], [ca.vertcat(*new)], {"cse": True})
 
 
@@ -219,4 +218,4 @@ def _chain(steps: int, every: int, current: Current, windows: int) -> ca.Functio
     )
     ends = both.mapaccum(steps)(start, inputs, ca.repmat(constants, 1, steps))
     one = ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])
-    return one if windows == 1 else one.map(windows, "thread", _THREADS)
+    return one if windows == 1 else one.map(windows, "thread", THREADS)

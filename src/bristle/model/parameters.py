@@ -3,6 +3,7 @@
 Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols. Units are SI strings that pint reads.
 """
 
+from collections.abc import Sequence
 from typing import Generic, Literal, NamedTuple, TypeVar
 
 T = TypeVar("T")
@@ -31,6 +32,11 @@ class Pair(NamedTuple, Generic[T]):
 
     positive: Lugre[T]
     negative: Lugre[T]
+
+
+def pair_of(numbers: Sequence[T]) -> Pair[T]:
+    """The pair whose twelve numbers these are, the positive set first: the inverse of `(*pair.positive, *pair.negative)`."""
+    return Pair(Lugre(*numbers[:6]), Lugre(*numbers[6:12]))
 
 
 class Motor(NamedTuple, Generic[T]):
