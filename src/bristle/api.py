@@ -10,6 +10,7 @@ from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
 from bristle.report import summary
+from bristle.report.tracking import FITS, fits
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,8 +64,7 @@ def _of_fits(joint: Joint) -> Iterator[tuple[str, str]]:
     if joint.presliding is not None:
         stages["presliding"] = joint.presliding.doubts
         stages |= {f"presliding {d}": fit.doubts for d, fit in joint.presliding.fits.items()}
-    for name, moving in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
-        stages |= {name: moving.doubts} if moving is not None else {}
+    stages |= {FITS[kind]: fit.doubts for kind, fit in fits(joint).items()}
     yield from ((name, doubt) for name, doubts in stages.items() for doubt in doubts)
 
 

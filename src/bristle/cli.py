@@ -66,6 +66,7 @@ def report(
     """Identify and write the report: index.html, results.json, figures, tables."""
     from bristle import identify
     from bristle.report.files import check_folder
+    from bristle.report.tracking import FITS, fits
 
     sources = experiments or []
     folder = output or Path("reports") / (sources[0].stem if sources else "edro")
@@ -76,12 +77,10 @@ def report(
     for joint in results.joints:
         for direction, fit in joint.static.items():
             print(f"{joint.name} {direction}: {fit.outcome} {_doubts(len(fit.doubts))}.")
-        for what, moving in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
-            if moving is None:
-                continue
+        for kind, moving in fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             print(
-                f"{joint.name}, {what}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {_doubts(len(moving.doubts))}."
+                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {_doubts(len(moving.doubts))}."
             )
         if joint.doubts:
             print(f"{joint.name}: {_doubts(len(joint.doubts))} about the joint as a whole.")

@@ -29,6 +29,7 @@ class _Rows:
     notes: list[str]
 
     def keep(self, mask: NDArray[np.bool_]) -> None:
+        """Leave only the rows of a mask."""
         self.data = {name: values[mask] for name, values in self.data.items()}
         self.number = self.number[mask]
 

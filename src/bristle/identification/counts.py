@@ -40,7 +40,7 @@ def without_count_bias(
         return found.fit
     rng = np.random.default_rng(_SEED)
     true = [_as_if_true(r, cutoff) for r in records]
-    torque = modelled(replace(pose(true, found.problem.fixed), priors=()), found.values)
+    torque = np.concatenate(modelled(pose(true, found.problem.fixed), found.values))
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
     priors = tuple(
         replace(prior, value=np.array([found.values[name] for name in prior.names])) for prior in found.problem.priors

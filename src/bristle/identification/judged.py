@@ -8,6 +8,7 @@ import numpy as np
 from bristle.data.statistics import inflation
 from bristle.identification.linear import inverse_gram
 from bristle.identification.marquardt import Minimum
+from bristle.identification.nested import projected
 from bristle.identification.trajectory import Tracking, fit, is_start, parameters, polished, scales, slopes_of_scaling
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
@@ -65,6 +66,13 @@ def judge(
         starts=starts + len(others),
         reached=reached,
     )
+
+
+def equations_left(problem: Tracking, judged: Judged) -> Array:
+    """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
+    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+    rows: Array = judged.minimum.residuals[: weight.size] / weight
+    return rows
 
 
 def _factor(name: str, rng: np.random.Generator) -> float:
@@ -140,19 +148,13 @@ def _scatter_of_windows(
     length = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
     seen = length > 1e-9 * length.max()
     own, size = named[seen], length[seen]
-    grams, slopes, first = [], [], 0
-    for k, m in enumerate(problem.motions):
-        rows = slice(first, first + m.size)
-        starts = [problem.names.index(f"{name}[{k}]") for name in problem.begins]
-        basis = np.linalg.qr(minimum.jacobian[rows][:, starts])[0]
-        columns = jacobian[rows][:, seen] / size
-        columns = columns - basis @ (basis.T @ columns)
-        grams.append(columns.T @ columns)
-        slopes.append(columns.T @ rest[rows])
-        first += m.size
-    told = jacobian[first:, seen] / size  # the priors
+    blocks = problem.blocks
+    left = projected(minimum.jacobian, own, blocks) / size
+    grams = [left[rows].T @ left[rows] for rows, _ in blocks]
+    slopes = [left[rows].T @ rest[rows] for rows, _ in blocks]
+    told = left[blocks[-1].rows.stop :]  # the priors
     inner = np.linalg.pinv(sum(grams) + told.T @ told, hermitian=True)
-    one, windows = np.eye(own.size), len(grams)
+    one, windows = np.eye(own.size), len(blocks)
     moves = np.array(
         [inner @ np.linalg.lstsq(one - A @ inner, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
     )

@@ -26,7 +26,7 @@ def lacking(problem: Tracking, judged: Judged, kind: Kind) -> list[str]:
     if problem.quantity != "torque":
         return []
     said, motions = [], problem.motions
-    torque = np.split(modelled(problem, judged.values), np.cumsum([m.time.size for m in motions])[:-1])
+    torque = modelled(problem, judged.values)
     wanted = {"delay": [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]}
     if "inertia" not in problem.names:
         wanted["inertia"] = [np.gradient(m.velocity, m.time) for m in motions]
@@ -56,6 +56,7 @@ class _More(NamedTuple):
 
     @property
     def counts(self) -> bool:
+        """Whether it is worth a sentence."""
         return abs(self.value) > _SURE * self.error and self.share > _SHARE
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.identification.marquardt import Minimum, minimise
 from bristle.model.arrays import Array
@@ -54,15 +55,15 @@ def descend(
             return rows, slopes[:, : shared.size]
         if cost < lowest:
             best, lowest = x, cost
-        return rows, _projected(slopes, shared, blocks)
+        return rows, projected(slopes, shared, blocks)
 
     found = minimise(outer, best[shared], lower[shared], upper[shared], most)
     residuals, jacobian = evaluate(best)
     return Minimum(best, float(residuals @ residuals), residuals, jacobian, found.steps, found.converged)
 
 
-def _projected(jacobian: Array, shared: Array, blocks: Sequence[Block]) -> Array:
-    """The shared unknowns' columns with what each block's own can do taken off."""
+def projected(jacobian: Array, shared: NDArray[np.intp], blocks: Sequence[Block]) -> Array:
+    """The shared unknowns' columns, (n, len(shared)), with what each block's own can do taken off."""
     left = jacobian[:, shared]
     for rows, columns in blocks:
         basis = np.linalg.qr(jacobian[rows][:, columns])[0]

@@ -49,6 +49,11 @@ class Measured:
         """Records of the moving runs that are, or are not, held out."""
         return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
 
+    @property
+    def slow(self) -> tuple[Record, ...]:
+        """Records of the presliding runs that are fitted."""
+        return tuple(run.record for run in self.runs if run.kind == "presliding" and not run.hold_out)
+
 
 def measure(experiment: Experiment | Path | str) -> Measured:
     """Read an experiment's runs and cut the constant-velocity ones into segments.
@@ -79,17 +84,8 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
         raise ValueError(
             f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
         )
-    points = measured.points(hold_out=False)
-    slow = tuple(run.record for run in measured.runs if run.kind == "presliding" and not run.hold_out)
-    static: dict[str, StaticFit] = {}
-    checks: dict[str, Crosscheck] = {}
-    left_out: tuple[str, ...] = ()
-    if points:
-        static, checks = _fit_points(measured, points, timings)
-    elif training and experiment.fit.predict == "torque":
-        static, checks, left_out = fit_moving(experiment, training, held, timings)
-    elif not training and (not slow or any(run.kind in {"ramp", "points"} for run in measured.runs)):
-        raise ValueError(_nothing_to_fit(measured))
+    points, slow = measured.points(hold_out=False), measured.slow
+    static, checks, left_out = _static(measured, points, timings)
     alone, both, agree, presliding = None, None, tuple[Consistency, ...](), None
     if slow and not training:
         presliding = _presliding(experiment, slow, static)
@@ -122,6 +118,22 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
         assumptions=experiment.assumptions,
         settings=_settings(experiment, moving=bool(training)),
     )
+
+
+def _static(
+    measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[str, ...]]:
+    """Static fits and their cross-checks from the points, or else from the moving runs; and doubts about what was left out."""
+    training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
+    if points:
+        return *_fit_points(measured, points, timings), ()
+    if training:
+        by_velocity = measured.experiment.fit.predict == "torque"
+        held = measured.moving(hold_out=True)
+        return fit_moving(measured.experiment, training, held, timings) if by_velocity else ({}, {}, ())
+    if not measured.slow or kinds & {"ramp", "points"}:
+        raise ValueError(_nothing_to_fit(measured))
+    return {}, {}, ()
 
 
 def _nothing_to_fit(measured: Measured) -> str:

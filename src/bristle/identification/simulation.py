@@ -7,9 +7,9 @@ velocity and a deflection of its own, which are unknowns beside the parameters (
 CasADi differentiates it, and the sensitivities are stepped beside the state.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -18,8 +18,6 @@ from scipy import sparse
 from bristle.control.loop import THREADS, Current, State, plant_step
 from bristle.data.motion import stretches
 from bristle.data.record import Record
-from bristle.identification.marquardt import Minimum
-from bristle.identification.nested import Block, descend
 from bristle.identification.trajectory import Motion, Tracking, by_name
 from bristle.model import motor
 from bristle.model.arrays import Array
@@ -31,8 +29,6 @@ _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = ("inertia", "offset", "gravity_sin", "gravity_cos")
 _SHORTEST = 16
 """Samples in a window."""
-_POLISH = 25
-"""Steps, each with some evaluations in which windows settle."""
 _RING = 1.0
 """A step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)."""
 _MOST = 4
@@ -110,25 +106,7 @@ def simulation(
     parts = [(r, part) for r in records for part in stretches(r)]
     pairs = zip(parts, posed.motions, strict=True)
     windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
-    whole = replace(posed, motions=tuple(windows), quantity="position", begins=("y0", "v0", "z0"), equations=plant)
-    return replace(whole, polish=partial(_polish, whole))
-
-
-def _polish(
-    whole: Tracking,
-    evaluate: Callable[[Array], tuple[Array, Array]],
-    start: Array,
-    lower: Array,
-    upper: Array,
-) -> Minimum:
-    """Each window settles its own start; unknowns are in the order of `Tracking.names`, the starts last."""
-    stops = np.cumsum([m.size for m in whole.motions]).tolist()
-    first = start.size - len(whole.begins) * len(stops)
-    blocks = [
-        Block(slice(stop - m.size, stop), [first + len(whole.begins) * k + i for i in range(len(whole.begins))])
-        for k, (stop, m) in enumerate(zip(stops, whole.motions, strict=True))
-    ]
-    return descend(evaluate, start, lower, upper, _POLISH, blocks)
+    return replace(posed, motions=tuple(windows), quantity="position", begins=("y0", "v0", "z0"), equations=plant)
 
 
 def _windows(

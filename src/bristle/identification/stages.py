@@ -62,9 +62,8 @@ def track(
     Raises ValueError where a run lacks a signal, or shows none of the parameters.
     """
     moving, options = directions(experiment, records), experiment.fit
-    kind, driven = experiment.joint.kind, partial(_driven, experiment, moving)
-    by_torque = options.predict == "torque"
-    pose = driven if by_torque else partial(_simulated, experiment, moving)
+    kind, by_torque = experiment.joint.kind, options.predict == "torque"
+    pose = partial(_driven if by_torque else _simulated, experiment, moving)
     resolution = _resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
     def uncounted(found: Tracked) -> TrackingFit:
@@ -74,12 +73,13 @@ def track(
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
-    fixed = _fixed(experiment, driven(records, {}))
-    start = _start(driven(records, {}), static, slow)
-    start = {name: value for name, value in start.items() if name not in fixed}
-    problem = pose(records, fixed)
+    whole = _driven(experiment, moving, records, {})
+    fixed = _fixed(experiment, whole)
+    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
+    problem = whole = replace(whole, fixed=fixed)
     if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
-        start = without_deflections(judge(driven(records, fixed), start, _SURE, SEED).values)
+        problem = pose(records, fixed)
+        start = without_deflections(judge(whole, start, _SURE, SEED).values)
     tests = [(r.file, pose([r], fixed)) for r in held]
     found = fit_tracking(problem, start, kind, tests, starts=(_SURE if static_is_apart else STARTS) if by_torque else 1)
     if second_route and by_torque:

@@ -9,7 +9,7 @@ import numpy as np
 
 from bristle.data.statistics import lag_one
 from bristle.identification.estimate import Estimate, HoldOut, TrackingFit
-from bristle.identification.judged import Judged, judge, with_deflections, without_deflections
+from bristle.identification.judged import Judged, equations_left, judge, with_deflections, without_deflections
 from bristle.identification.lacking import lacking
 from bristle.identification.trajectory import (
     LOGARITHMIC,
@@ -78,7 +78,7 @@ def fit_tracking(
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in judged.names if n in estimates)
-    rows, _ = residuals(problem, judged.values)
+    rows = equations_left(problem, judged)
     doubts = (
         *_doubts(judged, rows, unseen),
         *_physics(problem, judged.values, unseen),
@@ -115,7 +115,7 @@ def _settled(
 ) -> tuple[Tracking, Judged, dict[str, float]]:
     """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
     judged = judge(problem, start, starts, seed, others)
-    problem, changed = _weighted(problem, judged.values)
+    problem, changed = _weighted(problem, judged)
     if changed:
         judged = judge(problem, without_deflections(judged.values), starts, seed)
     bent = _bent(problem, judged.values)
@@ -145,9 +145,9 @@ def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> str:
     )
 
 
-def _weighted(problem: Tracking, values: Mapping[str, float]) -> tuple[Tracking, bool]:
+def _weighted(problem: Tracking, judged: Judged) -> tuple[Tracking, bool]:
     """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
-    rows, _ = residuals(problem, values)
+    rows = equations_left(problem, judged)
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
     scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))

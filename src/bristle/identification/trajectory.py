@@ -17,6 +17,7 @@ from scipy import sparse
 from bristle.data.motion import stretches
 from bristle.data.record import Record
 from bristle.identification.marquardt import Minimum, minimise
+from bristle.identification.nested import Block, descend
 from bristle.identification.regression import SEEN, decimator, extra_columns
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
@@ -25,6 +26,8 @@ from bristle.model.rollout import rollout, rollout_jacobian
 Quantity = Literal["torque", "position"]
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
+_POLISH = 25
+"""Steps, each with some evaluations in which windows settle."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
 _BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
@@ -101,8 +104,6 @@ class Tracking:
     """What each motion begins with, unknown."""
     equations: "Equations" = field(default_factory=lambda: driven)
     """The model."""
-    polish: Callable[[Callable[[Array], tuple[Array, Array]], Array, Array, Array], Minimum] | None = None
-    """What goes on where the descent ran out of steps; takes and gives what `minimise` does."""
 
     @property
     def friction_names(self) -> tuple[str, ...]:
@@ -125,6 +126,16 @@ class Tracking:
         every = (*self.friction_names, *self.extra_names)
         starts = (f"{name}[{k}]" for k in range(len(self.motions)) for name in self.begins)
         return (*(n for n in every if n not in self.fixed), *starts)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Each motion's equations, and which unknowns it begins with."""
+        count = len(self.begins)
+        stops, first = np.cumsum([m.size for m in self.motions]).tolist(), len(self.names) - count * len(self.motions)
+        return tuple(
+            Block(slice(stop - m.size, stop), list(range(first + count * k, first + count * (k + 1))))
+            for k, (stop, m) in enumerate(zip(stops, self.motions, strict=True))
+        )
 
     @property
     def measured(self) -> Array:
@@ -247,17 +258,15 @@ def by_name(problem: Tracking, rows: Array) -> dict[str, Array]:
     return own
 
 
-def modelled(problem: Tracking, values: Mapping[str, float]) -> Array:
-    """The modelled torque of every sample, what is known included, N*m, one motion after the other, (N,)."""
+def modelled(problem: Tracking, values: Mapping[str, float]) -> list[Array]:
+    """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
     known = {**problem.fixed, **values}
     extra = np.array([known[name] for name in problem.extra_names])
     p = parameters(problem, values)
-    return np.concatenate(
-        [
-            rollout(m.velocity, m.step, p, values[f"z0[{k}]"]).torque + m.extra @ extra + (m.measured - m.torque)
-            for k, m in enumerate(problem.motions)
-        ]
-    )
+    return [
+        rollout(m.velocity, m.step, p, values[f"z0[{k}]"]).torque + m.extra @ extra + (m.measured - m.torque)
+        for k, m in enumerate(problem.motions)
+    ]
 
 
 def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
@@ -272,12 +281,12 @@ def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[
 
 
 def polished(problem: Tracking, values: Mapping[str, float], found: Minimum) -> tuple[Mapping[str, float], Minimum]:
-    """A minimum that ran out of steps brought to its end, where the problem has a way to, and that ends lower."""
-    if problem.polish is None or found.converged:
+    """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves; kept where it is lower."""
+    if problem.quantity == "torque" or found.converged:
         return values, found
     scale = scales(problem, values)
     lower, upper = bounds(problem)
-    better = problem.polish(scaled(problem, scale), to_scaled(problem, values, scale), lower, upper)
+    better = descend(scaled(problem, scale), to_scaled(problem, values, scale), lower, upper, _POLISH, problem.blocks)
     return (from_scaled(problem, better.x, scale), better) if better.cost <= found.cost else (values, found)
 
 

@@ -84,13 +84,12 @@ def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
         with tempfile.TemporaryDirectory(dir=folder, prefix=".bristle-") as stage:
             _stage(Path(stage), files, made)
             _move(Path(stage), folder, files, made)
-    except BaseException as error:  # also on an interrupt: no empty folder is left behind
+    except OSError as error:
+        raise _about(folder, error) from error
+    finally:  # also on an interrupt: no empty folder is left behind, and one that holds a report cannot be removed
         for path in new_folders:
             with suppress(OSError):
                 path.rmdir()
-        if isinstance(error, OSError):
-            raise _about(folder, error) from error
-        raise
 
 
 def _refuse_foreign(folder: Path, files: Mapping[str, bytes]) -> set[str]:
