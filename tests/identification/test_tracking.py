@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from bristle.data.motion import estimate_motion
 from bristle.data.record import Record
+from bristle.identification import trajectory
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import TrackingFit
 from bristle.identification.marquardt import minimise
@@ -121,6 +122,35 @@ def test_two_routes_agree() -> None:
         np.diag(np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)) * minimum.cost / minimum.residuals.size
     )
     assert (np.abs(other.x - to_scaled(problem, values, scale)) < 1e-2 * errors)[:-1].all()
+
+
+@pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one set", "pair"])
+def test_many_samples_have_the_minimum_that_few_of_them_lead_to(
+    p: Lugre[float] | Pair[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A fit that begins on every eighth sample ends where one that does not ends, to 1e-2 standard errors; where those show nothing, too."""
+    problem = posed(record(p, noise=3e-4), ("both",) if isinstance(p, Lugre) else ("+", "-"))
+    start = shifted(named(p), 1.5) | {"z0[0]": 0.0}
+    plain, minimum = fit(problem, start)
+    monkeypatch.setattr(trajectory, "_LARGE", 1)
+    thinned, other = fit(problem, start)
+    assert other.steps < minimum.steps
+    assert other.cost == pytest.approx(minimum.cost, rel=1e-9)
+    spread = np.sqrt(
+        np.diag(np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)) * minimum.cost / other.residuals.size
+    )
+    assert (np.abs(other.x - minimum.x) < 1e-2 * spread).all()
+    assert thinned.keys() == plain.keys()
+
+
+def test_samples_that_show_nothing_do_not_end_a_fit_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where every eighth sample is at rest, the fit goes on from its own start, as if it had not looked at those alone."""
+    t, v = motion()
+    problem = posed(record(GRIPPER, noise=3e-4, velocity=np.where(np.arange(t.size) % 8 == 0, 0.0, v)))
+    start = shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0, "inertia": 0.0}
+    plain, _ = fit(problem, start)
+    monkeypatch.setattr(trajectory, "_LARGE", 1)
+    assert fit(problem, start)[0] == plain
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:

@@ -34,7 +34,12 @@ class Minimum(NamedTuple):
 
 
 def minimise(
-    evaluate: Callable[[Array], tuple[Array, Array]], start: Array, lower: Array, upper: Array, most: int = 100
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    start: Array,
+    lower: Array,
+    upper: Array,
+    most: int = 100,
+    settled: float = _SETTLED,
 ) -> Minimum:
     """The nearest minimum of the sum of squared residuals, lower <= x <= upper.
 
@@ -44,6 +49,7 @@ def minimise(
         lower: bounds, (p,), -inf where there is none.
         upper: bounds, (p,), inf where there is none.
         most: steps tried.
+        settled: what lowers the cost by less than this share of the residuals' variance is no step any more.
 
     Raises ValueError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
     """
@@ -61,7 +67,7 @@ def minimise(
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
         free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
         step, expected = _step(gram, slope, scale, free, damping)
-        if expected <= _SETTLED * cost / residuals.size:
+        if expected <= settled * cost / residuals.size:
             converged = True
             break
         trial = np.clip(x + step, lower, upper)

@@ -52,7 +52,9 @@ class Simulated:
     current: Current
     """`motor.current` under a voltage, `motor.current_for` under a torque."""
 
-    def __call__(self, problem: Tracking, known: Mapping[str, float]) -> list[tuple[Array, dict[str, Array]]]:
+    def __call__(
+        self, problem: Tracking, known: Mapping[str, float], _: Sequence[dict[str, Array]]
+    ) -> list[tuple[Array, dict[str, Array]]]:
         """Of each window measured less simulated position, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
         windows = [m for m in problem.motions if isinstance(m, Window)]
         every = _every(windows, known)

@@ -80,10 +80,10 @@ def fit_tracking(
     free = tuple(n for n in judged.names if n in estimates)
     rows = equations_left(problem, judged)
     doubts = (
+        *lacking(problem, judged, kind),
         *_doubts(judged, rows, unseen),
         *_physics(problem, judged.values, unseen),
         *_named(unseen),
-        *lacking(problem, judged, kind),
     )
     found = TrackingFit(
         parameters={n: estimates[n] for n in order if n in estimates},

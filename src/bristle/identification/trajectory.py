@@ -21,11 +21,19 @@ from bristle.identification.nested import Block, descend
 from bristle.identification.regression import SEEN, decimator, extra_columns
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
-from bristle.model.rollout import rollout, rollout_jacobian
+from bristle.model.rollout import rollout, rollout_into
 
 Quantity = Literal["torque", "position"]
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
+_LARGE = 50_000
+"""Samples from which a descent begins on a few of them."""
+_EVERY = 8
+"""Those few are every 8th, ..."""
+_ROUGH = 10.0
+"""... with nodes this many times farther apart, ..."""
+_NEAR = 0.1
+"""... and end within about a third of their own standard errors."""
 _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
 _MOST = 10.0
@@ -54,6 +62,8 @@ class Motion:
     """What its residuals are multiplied by in the fit."""
     measured: Array
     """What is to be explained: the measured torque itself, N*m, (N,)."""
+    rough: float = 1.0
+    """As in `rollout`."""
 
     @property
     def size(self) -> int:
@@ -68,6 +78,11 @@ class Motion:
     def smoothed(self, values: Array) -> Array:
         """Values at the samples, (N,) or (N, k), as the equations see them, (n,) or (n, k)."""
         return values if self.smooth is None else np.asarray(self.smooth @ values)
+
+    def thinned(self, first: int) -> "Motion":
+        """Every 8th sample from that one on, unsmoothed."""
+        names = ("time", "velocity", "torque", "extra", "measured")
+        return replace(self, smooth=None, rough=_ROUGH, **{name: getattr(self, name)[first::_EVERY] for name in names})
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,8 +176,13 @@ class Tracking:
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
 
 
-Equations = Callable[[Tracking, Mapping[str, float]], Iterable[tuple[Array, dict[str, Array]]]]
-"""(problem, all values by name) -> of each motion measured less modelled at its samples, (N,), and the model's derivatives by name, (N,) each."""
+Equations = Callable[
+    [Tracking, Mapping[str, float], Sequence[dict[str, Array]]], Iterable[tuple[Array, dict[str, Array]]]
+]
+"""(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's derivatives by name, (N,) each.
+
+The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is returned.
+"""
 
 
 def tracking(
@@ -227,30 +247,38 @@ def residuals(problem: Tracking, values: Mapping[str, float], chain: Array | Non
     names = problem.names
     row_of = {name: j for j, name in enumerate(names)}
     factor = (-np.ones(len(names)) if chain is None else -chain).tolist()
-    rows = np.empty(sum(m.size for m in problem.motions))
-    slopes = np.zeros((len(names), rows.size))  # a row per parameter: long inner loops
-    start = 0
-    for m, (rest, own) in zip(problem.motions, problem.equations(problem, known), strict=True):
-        here = slice(start, start + m.size)
-        rows[here] = m.smoothed(rest)
+    blocks = [rows for rows, _ in problem.blocks]
+    left = np.empty(blocks[-1].stop)
+    slopes = np.zeros((len(names), left.size))  # a row per parameter: long inner loops
+    memory = [
+        {name: slopes[j, rows] for name, j in row_of.items()} if m.smooth is None else {}
+        for m, rows in zip(problem.motions, blocks, strict=True)
+    ]
+    found = problem.equations(problem, known, memory)
+    for m, here, (rest, own) in zip(problem.motions, blocks, found, strict=True):
+        left[here] = m.smoothed(rest)
         for name in own.keys() & row_of.keys():
             np.multiply(m.smoothed(own[name]), factor[row_of[name]], out=slopes[row_of[name], here])
-        start += m.size
-    return rows, slopes.T
+    return left, slopes.T
 
 
-def driven(problem: Tracking, known: Mapping[str, float]) -> Iterator[tuple[Array, dict[str, Array]]]:
+def driven(
+    problem: Tracking, known: Mapping[str, float], memory: Sequence[dict[str, Array]]
+) -> Iterator[tuple[Array, dict[str, Array]]]:
     """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown's name."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
+    keys = [problem.key(name, tag) for tag, name in product(problem.tags, Lugre._fields)]
     for k, m in enumerate(problem.motions):
-        rolled = rollout_jacobian(m.velocity, m.step, p, known[f"z0[{k}]"])
-        own = by_name(problem, rolled.by_parameters.T)
-        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rolled.by_z0}
+        own_memory = (memory[k].pop(key, None) for key in (*keys, f"z0[{k}]"))  # a shared parameter has it once
+        rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
+        rolled = rollout_into(rows, m.velocity, m.step, p, known[f"z0[{k}]"], m.rough)
+        own = by_name(problem, rows[:-1])
+        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rows[-1]}
         yield m.torque - rolled.torque - m.extra @ extra, own
 
 
-def by_name(problem: Tracking, rows: Array) -> dict[str, Array]:
-    """The derivatives by each LuGre parameter, (6 or 12, N), by name; those of a shared one are added up."""
+def by_name(problem: Tracking, rows: Iterable[Array]) -> dict[str, Array]:
+    """The derivatives by each LuGre parameter, 6 or 12 of (N,), by name; those of a shared one are added up."""
     own: dict[str, Array] = {}
     for (tag, name), row in zip(product(problem.tags, Lugre._fields), rows, strict=True):
         key = problem.key(name, tag)
@@ -264,7 +292,7 @@ def modelled(problem: Tracking, values: Mapping[str, float]) -> list[Array]:
     extra = np.array([known[name] for name in problem.extra_names])
     p = parameters(problem, values)
     return [
-        rollout(m.velocity, m.step, p, values[f"z0[{k}]"]).torque + m.extra @ extra + (m.measured - m.torque)
+        rollout(m.velocity, m.step, p, values[f"z0[{k}]"], m.rough).torque + m.extra @ extra + (m.measured - m.torque)
         for k, m in enumerate(problem.motions)
     ]
 
@@ -274,10 +302,27 @@ def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[
 
     Raises ValueError as `minimise` does.
     """
-    scale = scales(problem, start)
-    lower, upper = bounds(problem)
-    found = minimise(scaled(problem, scale), to_scaled(problem, start, scale), lower, upper, most)
+    scale, box = scales(problem, start), bounds(problem)
+    near = _brought_near(problem, scale, box, start, most)
+    found = minimise(scaled(problem, scale), to_scaled(problem, near, scale), *box, most)
     return from_scaled(problem, found.x, scale), found
+
+
+def _brought_near(
+    problem: Tracking, scale: Array, box: tuple[Array, Array], start: Mapping[str, float], most: int
+) -> Mapping[str, float]:
+    """Where a quick descent over a few of many samples ends, if samples between those like it better than the start; else the start."""
+    if problem.quantity == "position" or sum(m.time.size for m in problem.motions) < _LARGE:
+        return start
+    few, between = (
+        replace(problem, motions=tuple(m.thinned(first) for m in problem.motions)) for first in (0, _EVERY // 2)
+    )
+    try:
+        found = minimise(scaled(few, scale), to_scaled(problem, start, scale), *box, most, _NEAR)
+    except ValueError:
+        return start
+    near, measured = from_scaled(problem, found.x, scale), between.measured
+    return min((near, start), key=lambda values: np.sum((measured - np.concatenate(modelled(between, values))) ** 2))
 
 
 def polished(problem: Tracking, values: Mapping[str, float], found: Minimum) -> tuple[Mapping[str, float], Minimum]:

@@ -153,7 +153,7 @@ def _lugre(suffix: str = "") -> Lugre[Any]:
 
 def _step() -> tuple[dict[str, Any], Lugre[Any], dict[str, Any]]:
     s, p = _symbols("v0", "v1", "h"), _lugre()
-    a, b = law.bristle_step(s["v0"], s["v1"], s["h"], p)
+    a, b = ca.cse([*law.bristle_step(s["v0"], s["v1"], s["h"], p)])  # what is written once is differentiated once
     return s | p._asdict(), p, {"a": a, "b": b}
 
 

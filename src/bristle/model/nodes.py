@@ -44,17 +44,18 @@ class Nodes:
         return heading
 
 
-def refined(samples: Nodes, v_s: float) -> Nodes:
-    """The samples, and between them the zero crossings of v and what fast changes at low speed need."""
+def refined(samples: Nodes, v_s: float, rough: float = 1.0) -> Nodes:
+    """The samples, and between them the zero crossings of v and what fast changes at low speed need; where `rough`, that many times farther apart."""
     v0, v1, _ = samples.steps
     crossing = np.flatnonzero(v0 * v1 < 0)
     change = np.abs(v1 - v0)
-    wide = np.flatnonzero(change > _FINE * v_s)
+    fine = _FINE * rough * v_s
+    wide = np.flatnonzero(change > fine)
     slowest = np.where(v0[wide] * v1[wide] < 0, 0.0, np.minimum(np.abs(v0[wide]), np.abs(v1[wide])))
     wide = wide[slowest < _NEAR * v_s]
     if crossing.size + wide.size == 0:
         return samples
-    count = np.minimum(np.ceil(change[wide] / (_FINE * v_s)), _MOST).astype(np.intp)
+    count = np.minimum(np.ceil(change[wide] / fine), _MOST).astype(np.intp)
     more = count - 1
     number = 1 + np.arange(more.sum()) - np.repeat(np.cumsum(more) - more, more)
     zero = v0[crossing] / (v0[crossing] - v1[crossing])

@@ -47,7 +47,9 @@ class RolloutJacobian(Rollout):
     """dT_f/dz0 at given parameters, N*m/rad, (n,)."""
 
 
-def rollout(velocity: Array, step: float | Array, parameters: _Parameters, z0: float | None = None) -> Rollout:
+def rollout(
+    velocity: Array, step: float | Array, parameters: _Parameters, z0: float | None = None, rough: float = 1.0
+) -> Rollout:
     """Bristle deflection and friction torque (3)-(5) along a velocity that is linear between its samples.
 
     Args:
@@ -55,6 +57,7 @@ def rollout(velocity: Array, step: float | Array, parameters: _Parameters, z0: f
         step: time between samples, s, > 0: scalar or (n - 1,).
         parameters: one set, or a pair of sets: sigma_0 by the sign of z, all others by the sign of v.
         z0: deflection at the first sample, rad; by default the steady one for the first velocity, 0 where that is 0.
+        rough: how many times farther apart than usual nodes may stand between samples; 10 is quick, and good for a start.
 
     Raises:
         ValueError: where velocity is not a finite (n,) array, or step is not positive or of another length.
@@ -63,7 +66,7 @@ def rollout(velocity: Array, step: float | Array, parameters: _Parameters, z0: f
     z_all, torque = np.empty((2, velocity.size))
     advance, friction = vectorised(functions.step()), vectorised(functions.torque())
     z = _start(velocity, parameters)[0] if z0 is None else z0
-    for at, drawn in _chunks(velocity, step, parameters):
+    for at, drawn in _chunks(velocity, step, parameters, rough):
         nodes, signs = _settled(drawn, z, parameters)
         a, b = advance(*nodes.steps, *_acting_over(parameters, signs, nodes))
         inside = scan(a, b, z)
@@ -81,39 +84,60 @@ def rollout_jacobian(
     The sensitivities dz/dp obey the recurrence of z with another right-hand side, which CasADi writes. Arguments and errors are those of
     `rollout`; where z0 is not given, the derivative of the steady start is part of `by_parameters`.
     """
+    velocity = np.asarray(velocity, dtype=np.float64)
+    rows = np.empty((6 * _sets(parameters) + 1, velocity.size))
+    rolled = rollout_into(list(rows), velocity, step, parameters, z0)
+    return RolloutJacobian(
+        z=rolled.z, torque=rolled.torque, by_parameters=_frozen(rows[:-1].T), by_z0=_frozen(rows[-1])
+    )
+
+
+def rollout_into(
+    rows: Sequence[Array],
+    velocity: Array,
+    step: float | Array,
+    parameters: _Parameters,
+    z0: float | None = None,
+    rough: float = 1.0,
+) -> Rollout:
+    """The rollout, and its derivatives written to `rows`: (n,) for each of the 6 or 12 parameters, then for z0.
+
+    A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. All else as in `rollout_jacobian`.
+    """
     velocity, step = _checked(velocity, step)
     names = functions.step_parameters()
     advance, friction = vectorised(functions.step_sensitivity()), vectorised(functions.torque_sensitivity())
     enters = _positions(names, parameters)
-    z_all, torque, by_z0 = np.zeros((3, velocity.size))
-    by_parameters = np.empty((6 * _sets(parameters), velocity.size))
+    z_all, torque = np.empty((2, velocity.size))
+    *by_parameters, by_z0 = rows
     z, carry = _start(velocity, parameters) if z0 is None else (z0, np.zeros(enters.size))
     faded = 1.0
-    for at, drawn in _chunks(velocity, step, parameters):
+    for at, drawn in _chunks(velocity, step, parameters, rough):
         nodes, signs = _settled(drawn, z, parameters)
-        rows = np.empty((2 + 2 * len(names), nodes.v.size - 1))
-        advance(*nodes.steps, *_acting_over(parameters, signs, nodes), out=list(rows))
-        inside = scan(rows[0], rows[1], z)
-        source, offset = rows[2 : 2 + len(names)], rows[2 + len(names) :]
+        slopes = np.empty((2 + 2 * len(names), nodes.v.size - 1))
+        advance(*nodes.steps, *_acting_over(parameters, signs, nodes), out=list(slopes))
+        inside = scan(slopes[0], slopes[1], z)
+        source, offset = slopes[2 : 2 + len(names)], slopes[2 + len(names) :]
         source *= inside[:-1]  # dz+/dp at fixed z is da/dp z + db/dp
         source += offset
         source += _FADED
-        z_by = scan(rows[0], _by_set(source, parameters, signs, nodes.heading, names), carry)
+        z_by = scan(slopes[0], _by_set(source, parameters, signs, nodes.heading, names), carry)
         z_all[at] = inside[nodes.samples]
         T_z = np.empty(at.stop - at.start)
-        acting = _acting(parameters, z_all[at], velocity[at])
-        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *by_parameters[:6, at]])
+        acting, own = _acting(parameters, z_all[at], velocity[at]), [row[at] for row in by_parameters]
+        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *own[:6]])
         if isinstance(parameters, Pair):
-            by_parameters[:, at] = _by_set(by_parameters[:6, at], parameters, z_all[at], velocity[at], Lugre._fields)
+            shared_out = _by_set(np.array(own[:6]), parameters, z_all[at], velocity[at], Lugre._fields)
+            for row, part in zip(own, shared_out, strict=True):
+                row[:] = part
         for column, row in zip(enters, z_by, strict=True):
-            by_parameters[column, at] += T_z * row[nodes.samples]
+            own[column] += T_z * row[nodes.samples]
+        by_z0[at] = 0.0
         if faded > _FADED:
-            left = scan(rows[0], np.zeros(rows.shape[1]), faded)
+            left = scan(slopes[0], np.zeros(slopes.shape[1]), faded)
             by_z0[at], faded = T_z * left[nodes.samples], float(left[-1])
         z, carry = float(inside[-1]), np.where(np.abs(z_by[:, -1]) > _FADED, z_by[:, -1], 0.0)
-    return RolloutJacobian(
-        z=_frozen(z_all), torque=_frozen(torque), by_parameters=_frozen(by_parameters.T), by_z0=_frozen(by_z0)
-    )
+    return Rollout(z=_frozen(z_all), torque=_frozen(torque))
 
 
 def _checked(velocity: Array, step: float | Array) -> tuple[Array, Array]:
@@ -174,13 +198,13 @@ def _start(velocity: Array, parameters: _Parameters) -> tuple[float, Array]:
     return float(z[0]), _by_set(rows, parameters, v, v, names)[:, 0]
 
 
-def _chunks(velocity: Array, step: Array, parameters: _Parameters) -> Iterator[tuple[slice, Nodes]]:
+def _chunks(velocity: Array, step: Array, parameters: _Parameters, rough: float) -> Iterator[tuple[slice, Nodes]]:
     """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the last sample of all)."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, _CHUNK):
         stop = min(start + _CHUNK, velocity.size)
         h = step[start:stop] if step.ndim else float(step)
-        yield slice(start, stop), refined(Nodes(velocity[start : stop + 1], h, slice(0, stop - start)), v_s)
+        yield slice(start, stop), refined(Nodes(velocity[start : stop + 1], h, slice(0, stop - start)), v_s, rough)
 
 
 def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, Array]:
