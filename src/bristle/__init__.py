@@ -10,10 +10,10 @@ Logs go in; a LuGre model with honest uncertainty and a report one can hand over
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bristle.api import Results, identify, inspect
+    from bristle.api import Results, adapt, identify, inspect, write_adaptation
 
 __version__ = "0.1.0"
-__all__ = ["Results", "__version__", "identify", "inspect"]
+__all__ = ["Results", "__version__", "adapt", "identify", "inspect", "write_adaptation"]
 
 
 def __getattr__(name: str) -> object:

@@ -6,6 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bristle import edro
+from bristle.compensation.replay import replays
+from bristle.compensation.study import Study, study
+from bristle.compensation.subject import of_experiment, of_paper, one_way
 from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
@@ -47,15 +50,20 @@ class Results:
         """The fits as plain text."""
         return summary.fit_report(self.joints)
 
-    def write_report(self, folder: Path | str, progress: Progress | None = None) -> Path:
+    def write_report(
+        self, folder: Path | str, progress: Progress | None = None, compensated: Study | None = None
+    ) -> Path:
         """Write the HTML report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
 
+        With what `adapt` returned, its sections follow.
         Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
         """
         from bristle.report.page import write_report
 
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
-        return write_report(self.joints, Path(folder), title=title, seed=0, timings=self.timings, progress=progress)
+        return write_report(
+            self.joints, Path(folder), title=title, seed=0, timings=self.timings, progress=progress, study=compensated
+        )
 
 
 def _of_fits(joint: Joint) -> Iterator[tuple[str, str]]:
@@ -85,6 +93,37 @@ def identify(*experiments: Source, progress: Progress | None = None, second_rout
         joints.append(identify_joint(measure(experiment), spent, second_route=second_route))
         timings |= {f"{experiment.joint.name}: {what}": seconds for what, seconds in spent.items()}
     return Results(joints=tuple(joints), timings=timings)
+
+
+def adapt(
+    experiment: Source | None = None, *, identified: Results | None = None, progress: Progress | None = None
+) -> Study:
+    """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
+
+    With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first. Raises ValueError in one sentence
+    where a file cannot be used, nothing is known of the inertia or of part of the model, or the loop cannot be run as asked.
+    """
+    if experiment is None:
+        subjects = of_paper((identified or identify(progress=progress)).joints)
+        return study(subjects, one_way(subjects[0]), progress=progress)
+    loaded = _load([experiment])[0]
+    if progress:
+        progress(f"identifying {loaded.joint.name}", 0, 1)
+    measured = measure(loaded)
+    joint = identify_joint(measured)
+    subject = of_experiment(loaded, joint)
+    return study([subject], subject, replays(subject, joint, measured), progress)
+
+
+def write_adaptation(compensated: Study, folder: Path | str) -> Path:
+    """Write what `adapt` returned as a page with figures and tables into a folder; returns the path of index.html.
+
+    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    """
+    from bristle.report.page import write_adaptation as write
+
+    joints = compensated.subjects
+    return write(compensated, Path(folder), joints[0].name if len(joints) == 1 else f"{len(joints)} joints")
 
 
 def inspect(experiment: Source) -> Measured:

@@ -64,6 +64,7 @@ def report(
     strict: _Strict = False,
 ) -> None:
     """Identify and write the report: index.html, results.json, figures, tables."""
+    from bristle import adapt as compensate
     from bristle import identify
     from bristle.report.files import check_folder
     from bristle.report.tracking import FITS, fits
@@ -73,7 +74,8 @@ def report(
     check_folder(folder)
     with _progress() as progress:
         results = identify(*sources, progress=progress)
-        page = results.write_report(folder, progress)
+        compensated = None if sources else compensate(identified=results, progress=progress)
+        page = results.write_report(folder, progress, compensated)
     for joint in results.joints:
         for direction, fit in joint.static.items():
             print(f"{joint.name} {direction}: {fit.outcome} {_doubts(len(fit.doubts))}.")
@@ -166,6 +168,44 @@ def validate(experiment: _Experiment, strict: _Strict = False) -> None:
     for what, seconds in results.timings.items():
         print(f"  {what}: {1000 * seconds:.2f} ms")
     _finish(results, strict)
+
+
+@app.command()
+def adapt(
+    experiment: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[EXPERIMENT]",
+            help="The experiment file; none: the embedded Ed-Ro (simulated).",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Where the page lands [default: reports/NAME-adapt]."),
+    ] = None,
+) -> None:
+    """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
+    from bristle import adapt as run
+    from bristle import write_adaptation
+    from bristle.report.files import check_folder
+
+    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}-adapt"
+    check_folder(folder)
+    with _progress() as progress:
+        found = run(experiment, progress=progress)
+        page = write_adaptation(found, folder)
+    for row in found.errors:
+        if not row.inertia:
+            shares = f"{row.identified / row.without:.3f} with compensation, {row.adaptive / row.without:.3f} adaptive"
+            print(
+                f"{row.joint}, {row.frequency:g} Hz: RMS error {row.without:.4g} without compensation; of it {shares}."
+            )
+    for x in found.adapted.factors:
+        print(f"{found.subjects[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}.")
+    for replay in found.replays:
+        print(f"{replay.file}, begun at {replay.begun}: {replay.verdict}")
+    print(f"Page: {page}")
 
 
 @app.command()

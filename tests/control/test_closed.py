@@ -5,43 +5,18 @@ import pytest
 
 from bristle import edro
 from bristle.control.adaptation import Adaptation, Law
-from bristle.control.closed import Case, Course, Trajectory, Wiring, simulate
+from bristle.control.closed import Course, Trajectory, Wiring, simulate
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
 from bristle.model.parameters import Motor, Pair
 
-H = 1e-3
-P = edro.TABLE_1["gripper rotation"].positive
-
-
-def sine(seconds: float, frequency: float, period: float = H, amplitude: float = 1.0) -> Course:
-    """Amplitude sin(2 pi f t), rad."""
-    t, w = period * np.arange(round(seconds / period) + 1), 2 * np.pi * frequency
-    return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
-
-
-def case(name: str, **changes: object) -> Case:
-    """A joint of Table 1 with its true model and the paper's PID."""
-    values = {
-        "plant": edro.TABLE_1[name],
-        "motor": edro.motor(name),
-        "model": edro.TABLE_1[name],
-        "gains": edro.PID_GAINS,
-    }
-    return Case(**(values | changes))  # type: ignore[arg-type]
+from .conftest import H, P, case, sine, wrong_start
 
 
 def table_2(way: Law, gamma: float) -> tuple[float, float, float, float]:
     """Effective factors of alpha_0 and of alpha_2 at 4 s and at 20 s, in the scenario of the notes, section 3."""
-    wrong = P._replace(alpha_0=0.3 * P.alpha_0, alpha_2=0.5 * P.alpha_2)
-    one = Case(
-        plant=Pair(P, P),
-        motor=Motor(1.0, 1.0, 0.0, (P.sigma_1 / 0.2) ** 2 / P.sigma_0),
-        model=Pair(wrong, wrong),
-        gains=edro.PID_GAINS,
-    )
     wiring = Wiring(compensator=Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma))))
-    theta = simulate(wiring, [one], sine(20.0, 0.5), H).theta[0]
+    theta = simulate(wiring, [wrong_start()], sine(20.0, 0.5), H).theta[0]
     return tuple(float(f * theta[k, at]) for k, f in ((0, 0.3), (1, 0.5)) for at in (4000, -1))  # type: ignore[return-value]
 
 
@@ -167,8 +142,54 @@ def test_measures_of_a_known_run() -> None:
     assert run.energy()[0] == pytest.approx(-0.5 + 2.5)
 
 
+def test_a_step_kicks_a_derivative_of_the_error_alone() -> None:
+    """At a step of the reference the derivative of the error asks for K_d / h at once, that of the measurement for K_p alone; both get there."""
+    n, zero = 3000, np.zeros(3001)
+    step = Course(np.concatenate([[0.0], np.ones(n)]), zero, zero)
+    bare = Compensator(name="none")
+    kicked, calm = (
+        simulate(Wiring(compensator=bare, derivative=of), [case("wrist pitch")], step, H)
+        for of in ("error", "measurement")
+    )
+    K_p, K_i, K_d, _ = edro.PID_GAINS
+    assert kicked.torque[0, 1] == pytest.approx(K_p + H * K_i + K_d / H)
+    assert calm.torque[0, 1] == pytest.approx(K_p + H * K_i)
+    assert calm.torque[0].max() == calm.torque[0, 1]
+    assert all(abs(run.error[0, -1]) < 0.02 for run in (kicked, calm))
+
+
+def test_a_joint_that_starts_elsewhere_is_not_kicked() -> None:
+    """At rest at its reference, wherever that is, neither derivative asks for any torque."""
+    zero = np.zeros(50)
+    for of in ("error", "measurement"):
+        wiring = Wiring(derivative=of, compensator=Compensator(name="none"))
+        held = simulate(wiring, [case("wrist pitch")], Course(zero + 0.7, zero, zero), H)
+        assert not held.torque.any()
+
+
+def test_a_limited_torque_does_not_wind_up() -> None:
+    """Held at its limit for most of a large step, the loop overshoots by no more than an unlimited one does by 2 %."""
+    zero = np.zeros(6001)
+    step = Course(np.concatenate([[0.0], np.full(6000, 2.0)]), zero, zero)
+    wiring = Wiring(compensator=Compensator(name="none"), derivative="measurement")
+    run = simulate(wiring, [case("base rotation", torque_limit=limit) for limit in (0.6, np.inf)], step, H)
+    assert np.abs(run.torque[0]).max() == 0.6
+    assert np.mean(np.abs(run.torque[0]) == 0.6) > 0.1
+    assert run.position[0].max() < run.position[1].max() + 0.02 * 2.0
+
+
+def test_the_predicted_friction_is_what_the_compensator_gives() -> None:
+    """Whatever its share and inertia feed-forward, the predicted friction is that of the whole model alone; without a share there is none."""
+    course, joint = sine(2.0, 0.5), case("wrist pitch")
+    whole = simulate(Wiring(), [joint], course, H)
+    np.testing.assert_array_equal(whole.predicted, whole.compensation)
+    half = simulate(Wiring(compensator=Compensator(share=0.5, inertia=0.01)), [joint], course, H)
+    np.testing.assert_allclose(half.predicted, whole.predicted, rtol=1e-9, atol=1e-12)
+    assert np.isnan(simulate(Wiring(compensator=Compensator(share=0.0)), [joint], course, H).predicted).all()
+
+
 def test_what_cannot_run_is_refused() -> None:
-    """A reference with nan, no case, a period of zero, a negative delay and an unknown drive are refused in one sentence each."""
+    """Each in one sentence: a reference or a case with nan, no case, a period of zero, a delay below zero, and wirings that do not exist."""
     course = sine(1.0, 0.5)
     with pytest.raises(ValueError, match="not finite"):
         simulate(Wiring(), [case("wrist pitch")], course._replace(position=np.full(1001, np.nan)), H)
@@ -178,5 +199,13 @@ def test_what_cannot_run_is_refused() -> None:
         simulate(Wiring(), [case("wrist pitch")], course, 0.0)
     with pytest.raises(ValueError, match="delay -1"):
         Wiring(delay=-1)
+    with pytest.raises(ValueError, match="or its case, holds a value that is not finite"):
+        simulate(Wiring(), [case("wrist pitch", gains=Gains(np.nan, 0.0, 0.0, 0.0))], course, H)
     with pytest.raises(ValueError, match="drive: got 'steam'; expected torque or voltage"):
         Wiring(drive="steam")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="controller: got 'lqr'; expected pid or sliding"):
+        Wiring(controller="lqr")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="derivative: got 'torque'; expected error or measurement"):
+        Wiring(derivative="torque")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="derivative: got measurement for sliding mode"):
+        Wiring(controller="sliding", derivative="measurement")

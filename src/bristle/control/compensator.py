@@ -5,10 +5,10 @@
     stribeck          the steady curve (9)
     lugre             LuGre driven by the reference velocity: the paper's feed-forward scheme, section 4
     lugre-feedback    LuGre driven by the measured velocity, or by one that is differentiated from the measured position
-    lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e (Canudas de Wit, 1995), e = y - y_ref
-
     lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e, e = y - y_ref (Canudas de Wit, 1995)
-they compute is CasADi's: with floats they return floats, with symbols expressions; `compiled` makes one `ca.Function` of a step.
+
+Each LuGre one can adapt. Every derivative they use is CasADi's. With floats they return floats, with symbols expressions; `compiled` makes one
+`ca.Function` of a step.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,6 +22,7 @@ import numpy as np
 
 from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, learn
 from bristle.control.adaptation import start as nothing_learnt
+from bristle.control.pid import differentiated
 from bristle.model import functions, law
 from bristle.model.parameters import Pair, pair_of
 
@@ -30,6 +31,7 @@ Expression = Any
 Name = Literal["none", "coulomb", "stribeck", "lugre", "lugre-feedback", "lugre-observer"]
 NAMES: tuple[Name, ...] = get_args(Name)
 _MEASURED = ("lugre-feedback", "lugre-observer")
+Velocity = Literal["reference", "measured"]
 
 
 class Reference(NamedTuple):
@@ -57,6 +59,8 @@ class Compensator:
     """Which compensator, and its settings. Raises ValueError at an unknown name, adaptation of what has no bristle, or a number out of range."""
 
     name: Name = "lugre"
+    velocity: Velocity = "reference"
+    """Which one drives coulomb and stribeck; the names of the others say it."""
     share: float = 1.0
     """Of the predicted friction that is compensated; 1 is all of it."""
     inertia: float = 0.0
@@ -73,6 +77,8 @@ class Compensator:
         """Refuse what cannot work."""
         if self.name not in NAMES:
             raise ValueError(f"compensator: got {self.name!r}; expected one of {', '.join(NAMES)}")
+        if self.velocity not in get_args(Velocity):
+            raise ValueError(f"compensator: velocity: got {self.velocity!r}; expected reference or measured")
         if self.adaptation is not None and not self.name.startswith("lugre"):
             raise ValueError(
                 f"compensator: {self.name} cannot adapt; expected one of {', '.join(n for n in NAMES if n.startswith('lugre'))}"
@@ -113,15 +119,15 @@ def step(
     forward = compensator.inertia * reference.acceleration
     if name == "none":
         return state, forward
+    v = driving(compensator, state, reference, measurement, h)
+    p = law.active(v, v, pair)
+    seen = state._replace(velocity=v, position=measurement.position)
     if name == "coulomb":
-        alpha_0 = ca.if_else(reference.velocity < 0, pair.negative.alpha_0, pair.positive.alpha_0)
-        return state, forward + compensator.share * alpha_0 * ca.tanh(reference.velocity / compensator.softness)
+        return seen, forward + compensator.share * p.alpha_0 * ca.tanh(v / compensator.softness)
     if name == "stribeck":
-        p = law.active(reference.velocity, reference.velocity, pair)
-        return state, forward + compensator.share * law.steady_torque(reference.velocity, p)
+        return seen, forward + compensator.share * law.steady_torque(v, p)
     e = measurement.position - reference.position
-    v = _driving(compensator, state, reference, measurement, h)
-    z, learnt = _advanced(compensator, state, v, h)
+    z, learnt = advanced(compensator.adaptation, state, v, h)
     if name == "lugre-observer":
         z = z - h * compensator.observer_gain * e
     p, a = law.active(z, v, pair), compensator.adaptation
@@ -131,24 +137,23 @@ def step(
     return State(pair, z, v, measurement.position, learnt), forward + compensator.share * T
 
 
-def _driving(
+def driving(
     compensator: Compensator, state: State, reference: Reference, measurement: Measurement, h: Expression
 ) -> Expression:
     """The velocity that drives the model, rad/s."""
-    if compensator.name not in _MEASURED:
+    if compensator.name not in _MEASURED and compensator.velocity == "reference":
         return reference.velocity
     if measurement.velocity is not None:
         return measurement.velocity
-    plain = (measurement.position - state.position) / h
-    return state.velocity + h / (h + compensator.filter_time) * (plain - state.velocity)
+    return differentiated(state.velocity, state.position, measurement.position, h, compensator.filter_time)
 
 
-def _advanced(compensator: Compensator, state: State, v: Expression, h: Expression) -> tuple[Expression, Learnt]:
+def advanced(a: Adaptation | None, state: State, v: Expression, h: Expression) -> tuple[Expression, Learnt]:
     """The model's bristle after h seconds, v linear meanwhile, and dz / d theta beside it for the total law.
 
     Two exact-exponential steps: up to where v passes zero, or else to the middle, and from there.
     """
-    v0, a, learnt = state.velocity, compensator.adaptation, state.learnt
+    v0, learnt = state.velocity, state.learnt
     crosses = v0 * v < 0
     share = ca.if_else(crosses, ca.fabs(v0) / (ca.fabs(v0) + ca.fabs(v) + 1e-300), 0.5)
     middle = ca.if_else(crosses, 0.0, (v0 + v) / 2)
@@ -165,6 +170,11 @@ def _advanced(compensator: Compensator, state: State, v: Expression, h: Expressi
         else:
             by_z, rest = law.bristle_step(first, last, part, own)
         z = by_z * z + rest
+        other = law.active(
+            z, first + last, state.parameters
+        ).sigma_0  # where z has passed zero, the stiffness of its new side
+        turned = 1 + (1 - by_z) * (p.sigma_0 / other - 1)  # what has been forgotten meanwhile has settled to that
+        z, slopes = turned * z, tuple(turned * s for s in slopes)
     return z, learnt._replace(sensitivity=slopes)
 
 

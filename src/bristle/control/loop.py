@@ -154,6 +154,20 @@ def plant_step(
     return State(state.position + travel[0], new[0], new[1])
 
 
+def inductive_step(
+    state: State, i: Expression, V: Expression, load: Expression, h: Expression, pair: Pair[Any], m: Motor[Any]
+) -> tuple[State, Expression]:
+    """The plant and its armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m; needs L > 0.
+
+    The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, its back-EMF part of the frozen system; then the current lags at the pair's mean
+    velocity. Second order, stable for any L / R against h; with L -> 0 it is `plant_step`.
+    """
+    a, phi = motor.lag(h, m)
+    new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
+    mean = (new.position - state.position) / h
+    return new, a * i + (1 - a) * motor.current(V, mean, m)
+
+
 @lru_cache(maxsize=64)
 def _tick(loop: Loop) -> ca.Function:
     """One control period: (memory, (reference, its velocity, feed-forward, disturbance)) -> (memory, (reading, voltage, velocity, deflection))."""

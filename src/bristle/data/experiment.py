@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field, StrictBool, StrictStr, field_valida
 from bristle.data import cleaning as clean
 from bristle.data.document import Model, parse, read_text, validate
 from bristle.data.options import (
+    AdaptOptions,
     FitOptions,
     Inertia,
     Joint,
@@ -32,6 +33,7 @@ from bristle.data.steady import Thresholds
 from bristle.model.parameters import Kind, Lugre, Motor
 
 __all__ = [
+    "AdaptOptions",
     "Cleaning",
     "Experiment",
     "FitOptions",
@@ -63,6 +65,7 @@ class Experiment(Model):
     cleaning: Cleaning = Cleaning()
     segment_limits: SegmentLimits = Field(default=SegmentLimits(), alias="segments")
     fit: FitOptions = FitOptions()
+    adapt: AdaptOptions = AdaptOptions()
     simulated: StrictBool = False
     assumptions: tuple[StrictStr, ...] = ()
     true_sets: dict[Literal["+", "-", "both"], TrueSet] = Field(default_factory=dict, alias="truth")

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, StrictBool, StrictStr, ValidationIn
 from bristle.data import units
 from bristle.data.document import Model, short
 from bristle.data.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
-from bristle.model.parameters import Kind
+from bristle.model.parameters import Kind, Lugre
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
 Regressor = Literal["inertia", "offset", "gravity"]
@@ -129,6 +129,56 @@ class FitOptions(Model):
             raise ValueError(
                 f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"
             )
+        return self
+
+
+class PidGains(Model):
+    """The PID controller (21)."""
+
+    K_p: Annotated[float, quantity("K_p"), Field(ge=0)]
+    K_i: Annotated[float, quantity("K_i"), Field(ge=0)] = 0.0
+    K_d: Annotated[float, quantity("K_d"), Field(ge=0)] = 0.0
+    filter_time: Annotated[float, quantity("time"), Field(ge=0)] = 0.0
+    """Of the derivative, s."""
+
+
+Name = Annotated[StrictStr, Field(min_length=1, max_length=40)]
+Plain = Annotated[float, Field(allow_inf_nan=True)]
+"""A number without a unit, which the adaptation itself judges."""
+
+
+class AdaptOptions(Model):
+    """The compensated loop and its adaptation; what is not given is taken from the joint, and said."""
+
+    amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None
+    """Of the sinusoidal reference, rad."""
+    frequency: Hertz | None = None
+    """Of the reference of the adaptation, Hz; the other experiments have 0.4 of it."""
+    period: Seconds = 1e-3
+    """Of controller, compensator and adaptation, s."""
+    gains: PidGains | None = None
+    law: Name | None = None
+    step: Name | None = None
+    parameters: tuple[Name, ...] | None = None
+    gamma: tuple[Plain, ...] | None = None
+    """Learning rates, one for each of `parameters`, 1/(rad*s) times what makes a rate."""
+    limits: tuple[Plain, Plain] | None = None
+    dead_zone: Plain | None = None
+    """rad."""
+    leakage: Plain | None = None
+    """1/s."""
+    forgetting: Plain | None = None
+    """1/s."""
+    start: dict[Name, Annotated[float, Field(gt=0, le=100)]] = Field(
+        default_factory=lambda: {"alpha_0": 0.3, "alpha_2": 0.5}
+    )
+    """Where the adaptation begins, as shares of the identified parameters; the paper's Table 2."""
+
+    @model_validator(mode="after")
+    def _known_start(self) -> "AdaptOptions":
+        wrong = [name for name in self.start if name not in Lugre._fields]
+        if wrong:
+            raise ValueError(f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}")
         return self
 
 

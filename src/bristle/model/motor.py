@@ -5,6 +5,8 @@ All functions work on floats, NumPy arrays and CasADi symbols. `w` is the joint 
 
 from typing import Any
 
+import casadi as ca
+
 from bristle.model.parameters import Motor
 
 Expression = Any
@@ -24,6 +26,16 @@ def acceleration(i: Expression, T_f: Expression, m: Motor[Any]) -> Expression:
 def current(V: Expression, w: Expression, m: Motor[Any]) -> Expression:
     """Armature current without inductance, A: i = (V - k_t w) / R (6)."""
     return (V - m.k_t * w) / m.R
+
+
+def lag(h: Expression, m: Motor[Any]) -> tuple[Expression, Expression]:
+    """The exact step of (1) over h seconds at constant V and w: (a, phi), a = exp(-x), phi = (1 - a) / x, x = h R / L. Needs L > 0.
+
+    The current goes from i to a i + (1 - a) i_s, and its mean meanwhile is phi i + (1 - phi) i_s, where i_s is `current`. For floats and symbols.
+    """
+    x = h * m.R / m.L
+    forgotten = -ca.expm1(-x)
+    return 1 - forgotten, forgotten / x
 
 
 def current_for(T: Expression, w: Expression, m: Motor[Any]) -> Expression:  # noqa: ARG001  # as `current`

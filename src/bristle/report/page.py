@@ -9,8 +9,20 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
+from bristle.compensation.study import Study
+from bristle.compensation.subject import SEED
 from bristle.identification.estimate import Joint
-from bristle.report import figures, presliding_figures, sections, summary, tables, tracking_figures, wording
+from bristle.report import (
+    compensation_section,
+    compensation_tables,
+    figures,
+    presliding_figures,
+    sections,
+    summary,
+    tables,
+    tracking_figures,
+    wording,
+)
 from bristle.report.files import replace_files, write_bytes, write_text
 from bristle.report.presliding import METHODS
 from bristle.report.style import inline, render, render_as, styled
@@ -41,6 +53,7 @@ def write_report(
     seed: int | None,
     timings: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    study: Study | None = None,
 ) -> Path:
     """Write index.html, results.json, figures/ and tables/ into a folder; returns the path of index.html.
 
@@ -54,6 +67,7 @@ def write_report(
         seed: of whatever random numbers the results rest on; None where there are none.
         timings: seconds spent, by name, for timings.json; None: no such file.
         progress: called with what is being done, how many steps are done, and how many there are.
+        study: of the compensated joints, whose sections then follow; None: none.
 
     Raises:
         ValueError: no joint, two joints of one name, the folder is a file, or files in it that bristle did not make are in the way.
@@ -66,10 +80,11 @@ def write_report(
     drawn = _figures(joints, files, progress)
     frames = tables.all_tables(joints)
     files |= {f"tables/{name}.csv": _csv(frame) for name, frame in frames.items()}
+    compensation = _compensation(study, files) if study else _NONE
     files["results.json"] = _encoded(summary.to_json(joints))
     if timings is not None:
         files["timings.json"] = _encoded(json.dumps({k: round(v, 6) for k, v in timings.items()}, indent=1) + "\n")
-    files["index.html"] = _encoded(_html(joints, title, seed, drawn))
+    files["index.html"] = _encoded(_html("index.html", sections.page(joints, title, seed, drawn) | compensation))
     if progress:
         progress("writing the report", len(_DRAW) * len(joints) + 1, len(_DRAW) * len(joints) + 1)
     replace_files(folder, files)
@@ -115,7 +130,35 @@ def _figures(
     return drawn
 
 
-def _html(joints: Sequence[Joint], title: str, seed: int | None, drawn: Mapping[str, Mapping[str, Markup]]) -> str:
+_NONE: dict[str, Any] = {"compensation": None, "compensation_figures": {}}
+
+
+def write_adaptation(study: Study, folder: Path, title: str) -> Path:
+    """Write the compensated joint alone: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_report` does."""
+    files: dict[str, bytes] = {}
+    shown = _compensation(study, files)
+    context = {"title": title, "simulated": study.subjects[0].simulated, **sections.versions(SEED)}
+    files["index.html"] = _encoded(_html("adapt.html", context | shown))
+    replace_files(folder, files)
+    return folder / "index.html"
+
+
+@styled
+def _compensation(study: Study, files: dict[str, bytes]) -> dict[str, Any]:
+    """Figures and tables of the compensated joint, added to the files, and what its template names."""
+    drawn: dict[str, Markup] = {}
+    for kind, draw in compensation_section.draw(study).items():
+        figure = draw(study)
+        if figure is not None:
+            name = f"compensation-{kind}"
+            files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
+            label = escape(f"{kind} of {wording.printable(study.subjects[0].name)}, compensated")
+            drawn[kind] = Markup(inline(files[f"figures/{name}.svg"], name, label))  # noqa: S704 # matplotlib escaped every text in it
+    files |= {f"tables/{name}.csv": _csv(frame) for name, frame in compensation_tables.all_tables(study).items()}
+    return {"compensation": compensation_section.section(study), "compensation_figures": drawn}
+
+
+def _html(template: str, context: Mapping[str, Any]) -> str:
     environment = Environment(
         loader=PackageLoader("bristle.report"),
         autoescape=True,
@@ -124,7 +167,7 @@ def _html(joints: Sequence[Joint], title: str, seed: int | None, drawn: Mapping[
         lstrip_blocks=True,
     )
     environment.filters |= {"cell": _cell, "heading": _heading, "direction": wording.direction, "symbol": symbol_html}
-    return environment.get_template("index.html").render(sections.page(joints, title, seed, drawn))
+    return environment.get_template(template).render(context)
 
 
 def symbol_html(name: str) -> Markup:
@@ -144,6 +187,8 @@ _HEADINGS = {
     "without_standard_error": "its standard error", "difference_in_se": "difference (standard errors)", "grid": "refined grid",
     "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
     "start": "from row", "stop": "to row", "from_median_percent": "from the median (%)", "recommended": "use it?",
+    "of": "joint", "at_4_s": "at 4 s", "at_20_s": "at 20 s", "gains_of_1": "gains of 1 (%)", "begun": "begun at",
+    "inertia_feed_forward": "inertia feed-forward", "adapted": "adapted (%)",
     "stage_value": "its own stage", "tracking_value": "moving runs", "joint_value": "joint fit",
 }  # fmt: skip  # a table of words
 

@@ -34,16 +34,19 @@ def page(
         "presliding": any(joint.presliding is not None for joint in joints),
         "tracking": any(joint.tracking is not None for joint in joints),
         "all_simulated": all(joint.simulated for joint in joints),
-        "version": __version__,
         "joints": [
             _joint(joint, slug, drawn[joint.name])
             for joint, slug in zip(joints, slugs([j.name for j in joints]), strict=True)
         ],
         "stribeck": drawn[""]["stribeck"],
         "fig_1": {"p": figures.FIG_1, "v_s": figures.FIG_1_V_S},
-        "versions": _versions(),
-        "seed": seed,
+        **versions(seed),
     }
+
+
+def versions(seed: int | None) -> dict[str, Any]:
+    """By what a page was made."""
+    return {"version": __version__, "versions": _versions(), "seed": seed}
 
 
 def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, Any]:

@@ -1,0 +1,119 @@
+"""The compensated joint as one continuous equation, integrated by CVODES: what the sampled loop tends to. The paper used such blocks, with ode45.
+
+The plant under a torque drive, PID (21) with the exact derivative, the compensator's bristle, the gains by their law; nothing is sampled or limited.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from bristle.control import compensator as compensating
+from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, rate
+from bristle.control.closed import Trajectory
+from bristle.control.compensator import Compensator, Measurement, Reference
+from bristle.control.loop import plant_rates
+from bristle.control.wiring import Case
+from bristle.model import law, motor
+from bristle.model.parameters import Pair
+
+Expression = Any
+"""A float or a CasADi symbol: CasADi carries no types."""
+_OPTIONS = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 10_000_000}
+
+
+class Sine(NamedTuple):
+    """The reference amplitude sin(2 pi frequency t)."""
+
+    amplitude: float
+    """rad."""
+    frequency: float
+    """Hz."""
+
+    def at(self, t: Expression) -> Reference:
+        """Position, velocity and acceleration at a symbol of time."""
+        y = self.amplitude * ca.sin(2 * np.pi * self.frequency * t)
+        v = ca.jacobian(y, t)
+        return Reference(y, v, ca.jacobian(v, t))
+
+
+def simulate_continuous(case: Case, compensator: Compensator, sine: Sine, duration: float, period: float) -> Trajectory:
+    """Runs a case from rest.
+
+    Args:
+        case: its torque has no limit, its derivative no filter; there is no encoder.
+        compensator: what it measures of the velocity is the true one.
+        sine: the reference.
+        duration: s.
+        period: between the instants that are logged, s.
+
+    Raises ValueError where the case or the compensator has what is sampled alone, or period and duration are not positive.
+    """
+    _check(case, compensator, duration, period)
+    gains = compensating.adapted_count(compensator)
+    t, x = ca.SX.sym("t"), ca.SX.sym("x", 5 + 2 * gains)
+    y, v, z, integral, *own = ca.vertsplit(x)
+    r = sine.at(t)
+    own_rates, predicted, T_c = _compensated(compensator, case.model, r, Measurement(y, v), own)
+    K_p, K_i, K_d, _ = case.gains
+    T = K_p * (r.position - y) + integral + K_d * (r.velocity - v) + T_c
+    plant = plant_rates(v, z, T, 0.0, case.plant, case.motor, motor.current_for)
+    rates = ca.vertcat(v, plant, K_i * (r.position - y), *own_rates)
+    friction = law.torque(z, v, law.active(z, v, case.plant))
+    log = ca.Function("log", [t, x], [ca.vertcat(r.position, y, v, T, friction, T_c, predicted, *own[1 : 1 + gains])])
+    time = np.asarray(period * np.arange(round(duration / period) + 1))
+    solver = ca.integrator("continuous", "cvodes", {"t": t, "x": x, "ode": rates}, 0.0, time, _OPTIONS)
+    start = [0.0] * 5 + [1.0] * gains + [0.0] * gains
+    position, *rows = log.map(time.size)(time[None], solver(x0=start)["xf"]).full()
+    y, v, T, friction, T_c, predicted = (row[None] for row in rows[:6])
+    return Trajectory(
+        time=time, reference=position, position=y, velocity=v, torque=T, voltage=np.full_like(T, np.nan), friction=friction,
+        compensation=T_c, predicted=predicted, theta=np.array(rows[6:]).reshape(1, gains, time.size),
+    )  # fmt: skip  # a list of values
+
+
+def _check(case: Case, compensator: Compensator, duration: float, period: float) -> None:
+    if case.torque_limit < inf or case.gains.filter_time > 0:
+        raise ValueError(
+            f"continuous: got a torque limit of {case.torque_limit:g} N*m and a filter of {case.gains.filter_time:g} s; expected inf and 0"
+        )
+    if compensator.adaptation and compensator.adaptation.step == "least-squares":
+        raise ValueError("continuous: adaptation: step: got least-squares; expected gradient or normalised")
+    if not 0 < period <= duration < inf:
+        raise ValueError(
+            f"continuous: got a period of {period:g} s and a duration of {duration:g} s; expected 0 < period <= duration, finite"
+        )
+
+
+def _compensated(
+    compensator: Compensator, pair: Pair[float], r: Reference, m: Measurement, own: Sequence[Expression]
+) -> tuple[list[Expression], Expression, Expression]:
+    """Of the compensator: the rates of its bristle, its gains and dz / d theta; the friction that it predicts, N*m; and its torque, N*m."""
+    z, *learnt = own
+    state, forward = compensating.start(compensator, pair), compensator.inertia * r.acceleration
+    if not compensator.name.startswith("lugre"):
+        whole = replace(compensator, share=1.0, inertia=0.0)
+        _, T = compensating.step(whole, state, r, m, inf)
+        return [0.0], T, forward + compensator.share * T
+    a, n = compensator.adaptation, len(learnt) // 2
+    known = Learnt(tuple(learnt[:n]), tuple(learnt[n:]), ())
+    v, e = compensating.driving(compensator, state, r, m, inf), m.position - r.position
+    p = law.active(z, v, pair)
+    now = effective(p, a, known.theta) if a else p
+    T, dz = law.torque(z, v, now), law.bristle_rate(z, v, now)
+    rates = [dz - compensator.observer_gain * e if compensator.name == "lugre-observer" else dz]
+    if a:
+        pulls = rate(a, known, gradient(a, z, v, p, known), e)
+        rates += [_projected(a, theta, pull) for theta, pull in zip(known.theta, pulls, strict=True)]
+        by_z, pairs = ca.jacobian(dz, z), zip(known.theta, known.sensitivity, strict=True)
+        rates += [by_z * s + ca.jacobian(dz, theta) for theta, s in pairs]
+    return rates, T, forward + compensator.share * T
+
+
+def _projected(a: Adaptation, theta: Expression, pull: Expression) -> Expression:
+    """The rate of a gain that stops at its limits."""
+    low, high = a.limits
+    return ca.if_else(theta < high, ca.fmax(pull, 0.0), 0.0) + ca.if_else(theta > low, ca.fmin(pull, 0.0), 0.0)
