@@ -15,10 +15,13 @@ import numpy as np
 import pytest
 
 from bristle import __version__, cli
+from bristle.compensation import ablation, experiments
 from bristle.data import document, reading
 from bristle.data.experiment import load_experiment
+from bristle.edro import TABLE_1
 from bristle.identification.pipeline import measure
 from bristle.model.arrays import Array
+from bristle.model.rollout import rollout
 from bristle.report import files as report_files
 
 from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
@@ -27,6 +30,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 HOSTILE = '<script>alert("1")</script> ../../&x'
 """A joint's name that is HTML and a path."""
 Patch = Callable[[pytest.MonkeyPatch], None]
+GRIPPER = TABLE_1["gripper rotation"].positive
 FOLDER = None
 """Stands for a folder among the files of a bad input."""
 
@@ -42,6 +46,7 @@ NEW = ("new", "data.csv", "-o", "draft.yaml")
 FIT = (REPORT, IDENTIFY, VALIDATE)
 READ = (*FIT, INSPECT)
 ALL = (*READ, NEW)
+ADAPT = ("adapt", "e.yaml", "-o", "out")
 
 
 def ramp(time: Sequence[float], velocity: Sequence[float]) -> dict[str, str]:
@@ -149,6 +154,24 @@ def slow(position: Array, torque: Array) -> dict[str, str]:
     return {"e.yaml": signals.replace("points", "presliding"), "data.csv": "t,q,tau\n" + "".join(rows)}
 
 
+def adapting(options: str) -> dict[str, str]:
+    """The good experiment file with adaptation options."""
+    return {"e.yaml": GOOD["e.yaml"].replace("signals:", f"adapt: {{{options}}}\nsignals:", 1)}
+
+
+def whole_joint(options: str) -> dict[str, str]:
+    """An experiment of one moving run that shows all six parameters and the inertia, with adaptation options."""
+    t = np.arange(0.0, 8.0, 2e-3)
+    lines = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0))
+    v = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
+    tau = rollout(v, 2e-3, GRIPPER).torque + 1.3e-3 * np.gradient(v, t)
+    rows = (f"{x:.6g},{y:.9g},{z:.9g}\n" for x, y, z in zip(t, v, tau, strict=True))
+    signals = experiment().replace(
+        "signals:\n", f"adapt: {{{options}}}\nfit: {{decimation: 2}}\nsignals:\n  time: {{column: t, unit: s}}\n"
+    )
+    return {"e.yaml": signals.replace("points", "tracking"), "data.csv": "t,v,tau\n" + "".join(rows)}
+
+
 AGAIN = "  - {files: data.csv, experiment: points}\n"
 MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
 BAD = [
@@ -232,6 +255,25 @@ BAD = [
     *bad("full disk, second result", [IDENTIFY], "out.json: No space left", {"out.json": OWN}, patch=full_disk(0)),
     *bad("full disk", [INSPECT], "out.png: No space left", patch=full_disk(0)),
     *bad("full disk", [NEW], "draft.yaml: No space left", patch=full_disk(0)),
+    *bad("rate below zero", [ADAPT], "e.yaml: adapt: gamma: got -1", adapting("gamma: [-1, 20]")),
+    *bad("rate that is no number", [ADAPT], "e.yaml: adapt: gamma: got nan", adapting("gamma: [.nan, 20]")),
+    *bad("one rate for two", [ADAPT], "e.yaml: adapt: gamma: got 1 rates", adapting("gamma: [20]")),
+    *bad("rate that is no list", [ADAPT], "e.yaml: adapt.gamma: got 20; expected a list", adapting("gamma: 20")),
+    *bad("limit above the start", [ADAPT], "e.yaml: adapt: limits: got 1.5 to 3", adapting("limits: [1.5, 3]")),
+    *bad("limit below the start", [ADAPT], "e.yaml: adapt: limits: got 0.1 to 0.5", adapting("limits: [0.1, 0.5]")),
+    *bad("unknown law", [ADAPT], "e.yaml: adapt: law: got 'newton'", adapting("law: newton")),
+    *bad("unknown compensator", [ADAPT], "e.yaml: adapt: compensator: got 'dither'", adapting("compensator: dither")),
+    *bad("compensator that cannot adapt", [ADAPT], "e.yaml: adapt: compensator: coulomb cannot adapt", adapting("compensator: coulomb")),
+    *bad("unknown start", [ADAPT], "e.yaml: adapt.start: got 'beta'", adapting("start: {beta: 2}")),
+    *bad("reference that is no number", [ADAPT], "e.yaml: adapt.amplitude", adapting("amplitude: .nan rad")),
+    *bad("reference far too fast", [ADAPT], "e.yaml: adapt: a reference of 1e+06", whole_joint("amplitude: 1e6 rad")),
+    *bad("period too long for the reference", [ADAPT], "e.yaml: adapt.period: got 1 s", adapting("period: 1 s")),
+    *bad(
+        "period longer than the loop bears", [ADAPT], "got a control period of 0.01 s",
+        whole_joint("period: 10 ms, gains: {K_p: 100 N*m/rad, K_d: 10 N*m*s/rad}"),
+    ),
+    *bad("nothing known of the bristle", [ADAPT], "wrist: nothing is known of the friction over velocity"),
+    *bad("output is a file", [(*ADAPT[:3], "data.csv")], "data.csv: is a file", whole_joint("period: 1 ms")),
     *bad("unknown option", [(*c, "--colour") for c in ALL], "--colour"),
     *bad("unknown option", [(*c, "--stric") for c in FIT], "--stric"),
     *bad("unknown option", [("--colour",)], "--colour"),
@@ -361,6 +403,29 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
             assert abs(p["value"] - getattr(TRUTH, name)) < 5 * p["standard_error"]
             shown = re.escape(f"{p['value']:.7g}")
             assert re.search(rf"{name}: +{shown} ", ran.out)
+
+
+def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on whether it helps."""
+    for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0, "GAMMAS": (20.0,), "AMPLITUDES": (1.0,)}.items():
+        monkeypatch.setattr(experiments, name, value)
+    monkeypatch.setattr(ablation, "BITS", (14,))
+    monkeypatch.setattr(ablation, "DELAYS", (0,))
+    for name, text in whole_joint("frequency: 1 Hz").items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    ran = run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out")
+    assert ran.code == 0, ran.err
+    assert "wrist, 1 Hz: RMS error" in ran.out
+    assert "data.csv, begun at identified: It changes nothing here" in ran.out
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    shown = Page(page)
+    assert not shown.elements & {"script", "link", "iframe"}
+    for words in ("Would adaptation help?", "Friction that drifts", "PID: nobody gave one", "Learning rates:"):
+        assert words in shown.text
+    assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
+    first = tree(tmp_path / "out")
+    assert run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out").code == 0
+    assert tree(tmp_path / "out") == first
 
 
 def test_validate_prints_a_verdict(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from bristle import edro
 from bristle.compensation.replay import replays
 from bristle.compensation.study import Study, study
-from bristle.compensation.subject import of_experiment, of_paper, one_way
+from bristle.compensation.subject import asked_parts, of_experiment, of_paper, one_way
 from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
@@ -107,6 +107,7 @@ def adapt(
         subjects = of_paper((identified or identify(progress=progress)).joints)
         return study(subjects, one_way(subjects[0]), progress=progress)
     loaded = _load([experiment])[0]
+    asked_parts(loaded)  # what cannot be is said before minutes are spent
     if progress:
         progress(f"identifying {loaded.joint.name}", 0, 1)
     measured = measure(loaded)

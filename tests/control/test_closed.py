@@ -82,6 +82,15 @@ def test_the_step_of_the_plant_is_of_second_order() -> None:
     assert 1.7 < order < 2.5
 
 
+def test_without_back_emf_the_motor_brakes_as_viscous_friction_does() -> None:
+    """A voltage without back-EMF is a torque drive on a joint whose alpha_2 is k_t**2 / R higher."""
+    course, m = sine(6.0, 0.3), edro.motor("gripper rotation")
+    braked = simulate(Wiring(drive="voltage", back_emf=False), [case("gripper rotation")], course, H)
+    thick = Pair(*(p._replace(alpha_2=p.alpha_2 + m.k_t**2 / m.R) for p in edro.TABLE_1["gripper rotation"]))
+    torque = simulate(Wiring(), [case("gripper rotation", plant=thick)], course, H)
+    np.testing.assert_allclose(braked.position, torque.position, atol=1e-9)
+
+
 def test_a_voltage_is_the_torque_it_was_made_for_but_for_the_back_emf_of_the_error() -> None:
     """A voltage drive differs from a torque drive by k_t**2 / R times the velocity error alone: not at all where that is small."""
     course, J = sine(6.0, 0.3), edro.motor("gripper rotation").J

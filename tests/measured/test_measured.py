@@ -6,10 +6,13 @@ import pytest
 from scipy.io import loadmat
 
 import bristle
+from bristle.compensation.replay import replays
+from bristle.compensation.subject import of_experiment
 from bristle.control.loop import State, plant_step
 from bristle.data.motion import estimate_motion
 from bristle.data.record import Record
 from bristle.identification.estimate import Estimate, Joint, Outcome, StaticFit, TrackingFit
+from bristle.identification.pipeline import measure
 from bristle.model.parameters import Motor, Pair
 
 KINOVA = """
@@ -114,6 +117,7 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
     """
     assert measured_data.is_dir()
     joint = identified(tmp_path, EMPS.replace("DIRECTIONS", "separate"))
+    replayed(tmp_path, joint, most=20.0)
     static = joint.static
     moving_is_no_worse(joint, static["shared"])
     assert joint.tracking is not None
@@ -128,6 +132,26 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
     assert static["shared"].relative_error <= 3.25
     assert static["shared"].hold_out[0].relative_error <= 5.5
     assert static["+"].outcome is static["-"].outcome is Outcome.NO_STRIBECK
+
+
+def replayed(folder: Path, joint: Joint, most: float) -> None:
+    """The adaptation replayed on every moving run as it is: harmless from the identified model, and of use from a wrong one.
+
+    From the identified model no gain goes far, and at most that many percent of the torque stay unexplained; from 0.3 alpha_0 and 0.5 alpha_2
+    less than half is left of what the wrong model leaves.
+    """
+    measured = measure(folder / "experiment.yaml")
+    subject = of_experiment(measured.experiment, joint)
+    assert any("Learning rates" in sentence for sentence in subject.assumptions)
+    found = replays(subject, joint, measured)
+    assert len(found) == 2 * sum(run.kind == "tracking" for run in measured.runs)
+    for right, wrong in zip(found[::2], found[1::2], strict=True):
+        before, after = right.relative_errors()
+        assert after <= before + 0.3
+        assert before < most
+        assert 0.8 < right.theta.min() < right.theta.max() < 1.25
+        assert wrong.relative_errors()[1] < 0.5 * wrong.relative_errors()[0]
+        assert "It helps" in wrong.verdict
 
 
 def closed_loop(file: Path, fit: TrackingFit) -> dict[str, float]:
@@ -164,6 +188,7 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
     """
     assert measured_data.is_dir()
     joint = identified(tmp_path, SERVO)
+    replayed(tmp_path, joint, most=20.0)
     static = joint.static["both"]
     assert static.parameters["inertia"].value == pytest.approx(1.97e-4, abs=0.03e-4)
     assert static.parameters["alpha_0"].value == pytest.approx(0.031, abs=0.002)

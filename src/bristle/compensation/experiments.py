@@ -71,8 +71,8 @@ def _errors(subject: Subject, frequency: float, *, inertia: bool) -> Errors:
     def run(compensator: Compensator, *cases: object) -> Trajectory:
         return simulate(Wiring(compensator=replace(compensator, inertia=J)), cases, course, subject.period)  # type: ignore[arg-type]
 
-    bare, steady = run(BARE, fed), run(subject.feed_forward, true, fed)
-    moved = run(replace(subject.feed_forward, adaptation=subject.adaptation), fed)
+    bare, steady = run(BARE, fed), run(subject.compensator, true, fed)
+    moved = run(replace(subject.compensator, adaptation=subject.adaptation), fed)
     without, (own, found), adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
     return Errors(
         subject.name, frequency, inertia, without[0], own, found, adaptive[0], float(bare.rms_torque(SETTLE)[0]), float(steady.rms_torque(SETTLE)[1])
@@ -82,7 +82,7 @@ def _errors(subject: Subject, frequency: float, *, inertia: bool) -> Errors:
 def followed(subject: Subject) -> dict[str, Trajectory]:
     """Figs 5 to 7: the slow sine without friction compensation and with the identified model's."""
     course = subject.sine(subject.slow, 2 / subject.slow)
-    wirings = {"without": Wiring(compensator=BARE), "with": Wiring(compensator=subject.feed_forward)}
+    wirings = {"without": Wiring(compensator=BARE), "with": Wiring(compensator=subject.compensator)}
     return {name: simulate(w, [subject.case()], course, subject.period) for name, w in wirings.items()}
 
 
@@ -114,7 +114,7 @@ def adapted(subject: Subject) -> Adapted:
     laws: list[Law] = [law for law in LAWS if law != "printed" or {*plan.parameters} <= {"alpha_0", "alpha_2"}]
     ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=_fair(subject, law)) for law in laws}
     runs = {
-        name: simulate(Wiring(compensator=replace(subject.feed_forward, adaptation=a)), [case], course, subject.period)
+        name: simulate(Wiring(compensator=replace(subject.compensator, adaptation=a)), [case], course, subject.period)
         for name, a in ways.items()
     }
     factors = [
@@ -161,7 +161,7 @@ def landings(subject: Subject) -> Map:
 
     def ends(share: float, courses: Sequence[Course]) -> Array:
         a = replace(plan, gamma=tuple(share * g for g in plan.gamma))
-        wiring = Wiring(compensator=replace(subject.feed_forward, adaptation=a))
+        wiring = Wiring(compensator=replace(subject.compensator, adaptation=a))
         course = Course(
             *(np.stack([getattr(c, part) for c in courses]) for part in ("position", "velocity", "acceleration"))
         )
@@ -235,7 +235,7 @@ def _drift(subject: Subject, frequency: float, shares: Sequence[float]) -> list[
     ]
     rows: list[Drift] = []
     for way, a in ways:
-        wiring = Wiring(compensator=replace(subject.feed_forward, adaptation=a), informed=way == "known")
+        wiring = Wiring(compensator=replace(subject.compensator, adaptation=a), informed=way == "known")
         run = simulate(wiring, [case], course, subject.period)
         rms = float(run.rms_error()[0])
         gain = float(np.exp(np.abs(np.log(run.theta)).max())) if a else np.nan
@@ -270,7 +270,7 @@ def controllers(subject: Subject) -> tuple[Controlled, ...]:
     K_d = gains.K_d or gains.K_p / 10
     ways = {
         "PID alone": (Wiring(compensator=BARE), subject.case()),
-        "PID with LuGre feed-forward": (Wiring(compensator=subject.feed_forward), subject.case()),
+        "PID with LuGre feed-forward": (Wiring(compensator=subject.compensator), subject.case()),
     }
     for share in (1.0, 0.1, 0.01):
         law = Sliding(5 * needed, gains.K_p / K_d, share * 5 * needed / K_d, gains.filter_time)
@@ -302,10 +302,10 @@ def sampling(subjects: Sequence[Subject]) -> tuple[Sampled, ...]:
         case = replace(subject.case(), gains=subject.gains._replace(filter_time=0.0))  # the continuous loop has none
         for factor in (2.0, 1.0, 0.5):
             h = factor * subject.period
-            exact = simulate_continuous(case, subject.feed_forward, wave, SETTLE, h)
+            exact = simulate_continuous(case, subject.compensator, wave, SETTLE, h)
             course = sine(subject.amplitude, subject.frequency, SETTLE, h)
             try:
-                held = simulate(Wiring(compensator=subject.feed_forward), [case], course, h)
+                held = simulate(Wiring(compensator=subject.compensator), [case], course, h)
             except ValueError:  # a longer period than the loop bears
                 continue
             rows.append(Sampled(subject.name, h, float(np.abs(held.position - exact.position).max())))
@@ -335,7 +335,7 @@ def band(subject: Subject) -> Band | None:
         return None
     course = subject.sine(subject.slow, 2 / subject.slow)
     cases = [subject.case(), *(subject.case(plant=pair, J=J) for pair, J in subject.draws)]
-    run = simulate(Wiring(compensator=subject.feed_forward), cases, course, subject.period)
+    run = simulate(Wiring(compensator=subject.compensator), cases, course, subject.period)
     late = run.time >= 1 / subject.slow
     e = run.error[:, late]
     lower, upper = np.quantile(e[1:], (0.025, 0.975), axis=0)

@@ -24,6 +24,9 @@ from bristle.model.arrays import Array
 from bristle.model.parameters import Pair, pair_of
 from bristle.model.rollout import rollout
 
+_LITTLE = 0.3
+"""Percentage points of the torque: a smaller difference is none."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
@@ -65,9 +68,10 @@ class Replay:
         low, high = self.adaptation.limits
         if ((self.theta[:, -1] <= 1.01 * low) | (self.theta[:, -1] >= 0.99 * high)).any():
             return f"Leave it off, or lower gamma: a gain ended at its limit ({ends})."
-        if after < 0.98 * before:
+        little = max(_LITTLE, 0.02 * before)
+        if after < before - little:
             return f"It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
-        if after <= 1.02 * before:
+        if after <= before + little:
             return f"It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with it, at shares {ends}."
         return f"Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
 

@@ -1,7 +1,8 @@
 """A joint as it is compensated: its friction, what is known of that, its controller, and which motion it follows."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,12 @@ _DEFLECTION = 1e-3
 """Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of the reference's amplitude ..."""
 _DAMPING_RATIO = 0.1
 """... and sigma_1 is that of (15)."""
+_BEYOND = 30.0
+"""A reference may be so many times as fast as what was measured."""
+_COARSE = 0.02
+"""The control period is at most this share of the reference's."""
+_FREQUENCY = 0.5
+"""Of a reference that nobody gave, Hz."""
 _HALF = 0.5
 """Share of a parameter's error that is mended in a second, where no rates are given."""
 _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
@@ -61,6 +68,8 @@ class Subject:
     """Where the adaptation begins, as shares of the model's parameters."""
     simulated: bool
     assumptions: tuple[str, ...] = ()
+    compensator: Compensator = field(default_factory=Compensator)
+    """The paper's, if no other was asked for: LuGre driven by the reference velocity."""
 
     def case(self, plant: Pair[float] | None = None, model: Pair[float] | None = None, J: float | None = None) -> Case:
         """Numbers of a run; what is not given is the subject's own."""
@@ -78,11 +87,6 @@ class Subject:
     def sine(self, frequency: float, duration: float, amplitude: float | None = None) -> Course:
         """Amplitude sin(2 pi frequency t)."""
         return sine(self.amplitude if amplitude is None else amplitude, frequency, duration, self.period)
-
-    @property
-    def feed_forward(self) -> Compensator:
-        """The paper's: LuGre driven by the reference velocity, nothing else."""
-        return Compensator(name="lugre")
 
 
 def sine(amplitude: float, frequency: float, duration: float, period: float) -> Course:
@@ -128,8 +132,17 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     asked, found = experiment.adapt, identified(joint)
     J = _inertia(experiment, joint)
     assumed: list[str] = []
-    frequency = asked.frequency or 0.5
-    amplitude = asked.amplitude or _reach(joint, frequency, found)
+    frequency = asked.frequency or _FREQUENCY
+    fastest = _fastest(joint, found)
+    amplitude = asked.amplitude or float(f"{0.5 * fastest / (2 * np.pi * frequency):.2g}")
+    beyond = 2 * np.pi * frequency * amplitude / fastest
+    if beyond > _BEYOND:
+        raise ValueError(
+            f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
+            f"expected at most {_BEYOND:g} times: lower adapt.amplitude or adapt.frequency"
+        )
+    if beyond > 1:
+        assumed.append(f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated.")
     gains = _gains(asked, J, joint.kind, assumed)
     if asked.amplitude is None or asked.frequency is None:
         q = unit("position", joint.kind)
@@ -148,10 +161,9 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
             assumed.append(
                 f"{name} ({d}): these data do not show it; {getattr(model[d == '-'], name):.3g} {unit(name, joint.kind)}, {how}."
             )
-    try:
-        adaptation = _adaptation(asked, model, gains.K_p, amplitude * frequency, assumed)
-    except ValueError as error:
-        raise ValueError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
+    compensator, adaptation = asked_parts(experiment)
+    if asked.gamma is None:
+        adaptation = _paced(adaptation, model.positive, gains.K_p, amplitude * frequency, assumed)
     truth = _truth(joint)
     if truth is None:
         assumed.append(
@@ -164,26 +176,41 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
         draws=tuple((_filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in _draws(joint)),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
-        start=asked.start, simulated=joint.simulated, assumptions=tuple(assumed),
+        start=asked.start, simulated=joint.simulated, assumptions=tuple(assumed), compensator=compensator,
     )  # fmt: skip  # a list of values
 
 
-def _adaptation(asked: AdaptOptions, model: Pair[float], K_p: float, pace: float, assumed: list[str]) -> Adaptation:
-    """What is asked for, with rates that mend half of a parameter's error in a second where none are given.
+def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
+    """Compensator and adaptation as `adapt` asks for them; rates that are not given are zero.
+
+    Raises ValueError, with the file's name, where they cannot be so.
+    """
+    asked = experiment.adapt
+    longest = _COARSE / (asked.frequency or _FREQUENCY)
+    if asked.period > longest:
+        raise ValueError(
+            f"{experiment.path}: adapt.period: got {asked.period:g} s; expected at most {longest:g} s, a fiftieth of the reference's period"
+        )
+    names = ("law", "step", "parameters", "gamma", "limits", "dead_zone", "leakage", "forgetting")
+    given: dict[str, Any] = {name: value for name in names if (value := getattr(asked, name)) is not None}
+    if "gamma" not in given:
+        given["gamma"] = (0.0,) * len(given.get("parameters", Adaptation().parameters))
+    try:
+        adaptation = Adaptation(**given)
+        name: Any = asked.compensator
+        return replace(Compensator(name=name, adaptation=adaptation), adaptation=None), adaptation
+    except ValueError as error:
+        raise ValueError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
+
+
+def _paced(plain: Adaptation, p: Lugre[float], K_p: float, pace: float, assumed: list[str]) -> Adaptation:
+    """The adaptation with rates that mend half of a parameter's error in a second.
 
     A parameter that is wrong by a share s makes an error of position of about s p G / K_p, G its derivative, so that its gain moves by
     gamma G s p G' / K_p a second: gamma is chosen at the mean speed of the reference, 4 times amplitude times frequency (`pace`).
     """
-    given = {
-        name: value
-        for name in ("law", "step", "parameters", "gamma", "limits", "dead_zone", "leakage", "forgetting")
-        if (value := getattr(asked, name)) is not None
-    }
-    if "gamma" in given:
-        return Adaptation(**given)
-    names = given.get("parameters", Adaptation().parameters)
-    plain = Adaptation(**given, gamma=(0.0,) * len(names))
-    rates = tuple(_rate(plain, k, model.positive, K_p, 4 * pace) for k in range(len(names)))
+    names = plain.parameters
+    rates = tuple(_rate(plain, k, p, K_p, 4 * pace) for k in range(len(names)))
     listed = ", ".join(f"{rate:.3g}" for rate in rates)
     assumed.append(
         f"Learning rates: {listed} for {', '.join(names)}, which mend about half of an error in a second; give adapt.gamma."
@@ -216,14 +243,12 @@ def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gai
     return gains
 
 
-def _reach(joint: Joint, frequency: float, model: Pair[float]) -> float:
-    """An amplitude whose largest speed is half of the fastest measured one."""
-    speeds = [np.abs(fit.velocity).max() for fit in joint.static.values() if fit.velocity.size]
+def _fastest(joint: Joint, model: Pair[float]) -> float:
+    """The fastest measured speed, rad/s."""
     moving = joint.joint_fit or joint.tracking
-    if moving is not None and moving.velocity.size:
-        speeds.append(np.abs(moving.velocity).max())
-    fastest = max([float(s) for s in speeds], default=10 * max(p.v_s for p in model))
-    return float(f"{0.5 * fastest / (2 * np.pi * frequency):.2g}")
+    known = [fit.velocity for fit in joint.static.values()] + ([moving.velocity] if moving is not None else [])
+    speeds = [float(np.abs(v).max()) for v in known if v.size]
+    return max(speeds, default=10 * max(p.v_s for p in model))
 
 
 def identified(joint: Joint) -> Pair[float]:

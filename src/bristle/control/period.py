@@ -95,7 +95,7 @@ def controlled(wiring: Wiring) -> Period:
         of = -seen if wiring.derivative == "measurement" else None
         T_own, control = pid(control, r.position - seen, h, gains, limit, of)
     T = ca.fmin(ca.fmax(T_own + T_c, -limit), limit)
-    V = motor.voltage(T, r.velocity, m)
+    V = motor.voltage(T, r.velocity if wiring.back_emf else 0.0, m)
     line = [*parts[asked:], T, V]  # what was asked for, the oldest first
     true = law.torque(state.deflection, state.velocity, law.active(state.deflection, state.velocity, friction))
     return Period(

@@ -42,8 +42,9 @@ def refuse_long_period(wiring: Wiring, cases: Sequence[Case], period: float) -> 
     blamed = np.where(bearable > 0, found, 0.0)
     worst = int(blamed.argmax())
     if blamed[worst] > _LEAST:
+        which = f"case {worst // 2}: " if len(cases) > 1 else ""
         raise ValueError(
-            f"case {worst // 2}: got a control period of {period:g} s, in which the loop's fastest mode grows by a factor of "
+            f"{which}got a control period of {period:g} s, in which the loop's fastest mode grows by a factor of "
             f"{exp(blamed[worst]):.4g}; the loop bears about {bearable[worst]:.2g} s: shorten the period, or lower the gains or the delay"
         )
 

@@ -18,7 +18,9 @@ class Wiring:
 
     compensator: Compensator = field(default_factory=Compensator)
     drive: Literal["torque", "voltage"] = "torque"
-    """What the drive takes: the torque itself, or the voltage that the motor model makes of it, back-EMF at the reference velocity."""
+    """What the drive takes: the torque itself, or the voltage that the motor model makes of it."""
+    back_emf: bool = True
+    """Whether that voltage has the back-EMF at the reference velocity; else the joint is braked by it."""
     delay: int = 0
     """Control periods from the command to the drive."""
     encoder: bool = False

@@ -135,6 +135,8 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{key}: {said}" if key and not said.startswith(f"{key}.") else said
     if error["type"] == "too_short":
         return f"{key}: got {short(error['input'])}; expected at least one entry"
+    if error["type"] == "tuple_type":
+        return f"{key}: got {short(error['input'])}; expected a list, as [{error['input'] if isinstance(error['input'], int | float) else '...'}]"
     message = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
     return f"{key}: got {short(error['input'])}; expected {message}"
 

@@ -157,6 +157,8 @@ class AdaptOptions(Model):
     period: Seconds = 1e-3
     """Of controller, compensator and adaptation, s."""
     gains: PidGains | None = None
+    compensator: Name = "lugre"
+    """Of the LuGre ones, which alone can adapt: lugre (by reference velocity), lugre-feedback, lugre-observer."""
     law: Name | None = None
     step: Name | None = None
     parameters: tuple[Name, ...] | None = None

@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from bristle.compensation.ablation import BITS, DELAYS, SHARES, WAYS
 from bristle.compensation.study import Study
 from bristle.control.closed import Trajectory
 from bristle.model.arrays import Array
@@ -37,10 +36,10 @@ def _line(ax: Axes, run: Trajectory, values: Array, colour: str, line: object, l
     ax.plot(run.time[k], values[k], linestyle=line, color=colour, linewidth=1.3, label=label)
 
 
-def _panels(study: Study, count: int, height: float = 2.2) -> tuple[Figure, Sequence[Axes]]:
+def _panels(study: Study, count: int, height: float = 2.2, *, simulated: bool = True) -> tuple[Figure, Sequence[Axes]]:
     figure = new_figure(0.5 + height * count)
     axes: Sequence[Axes] = list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
-    title(axes[0], study.subjects[0].name, study.subjects[0].simulated)
+    title(axes[0], study.subjects[0].name, simulated)
     return figure, axes
 
 
@@ -72,7 +71,7 @@ def errors_figure(study: Study) -> Figure:
     frequencies = list(dict.fromkeys(row.frequency for row in rows))
     figure = new_figure(0.4 + 3.0 * len(frequencies))
     axes = figure.subplots(len(frequencies), squeeze=False)[:, 0]
-    title(axes[0], names[0] if len(names) == 1 else f"{len(names)} joints", study.subjects[0].simulated)
+    title(axes[0], names[0] if len(names) == 1 else f"{len(names)} joints", True)
     looks = (("without", _GREY, ""), ("identified", _BLUE, "//"), ("adaptive", _GREEN, ".."))
     labels = {"without": "without", "identified": "LuGre feed-forward", "adaptive": "the same, adaptive"}
     for ax, f in zip(axes, frequencies, strict=True):
@@ -155,7 +154,7 @@ def landings_figure(study: Study) -> Figure:
     figure = new_figure(0.8 + 2.7 * len(parameters), width=6.6)
     axes = figure.subplots(len(parameters), 2, squeeze=False)
     figure.subplots_adjust(hspace=0.55, wspace=0.35)
-    title(axes[0, 0], study.subjects[0].name, study.subjects[0].simulated)
+    title(axes[0, 0], study.subjects[0].name, True)
     columns = (
         (m.gammas, "Learning rate", m.by_gamma),
         (m.amplitudes, f"Amplitude ({pretty(unit('position', kind))})", m.by_amplitude),
@@ -203,7 +202,7 @@ def gradients_figure(study: Study) -> Figure:
     name = subject.adaptation.parameters[0]
     figure = new_figure(3.2)
     ax = figure.subplots()
-    title(ax, study.subjects[0].name, study.subjects[0].simulated)
+    title(ax, study.subjects[0].name, False)
     for law, g in found.items():
         colour, line = LAWS[law]
         ax.plot(v, g, linestyle=line, color=colour, label=law)
@@ -225,16 +224,19 @@ def gradients_figure(study: Study) -> Figure:
 @styled
 def ablation_figure(study: Study) -> Figure:
     """RMS error over that without compensation: each compensator by share, encoder (rows of panels) and delay (columns), marked."""
-    rows = list(WAYS)[1:]
+    tried = [x for x in study.ablation if x.compensator != "none"]
+    rows = list(dict.fromkeys(x.compensator for x in tried))
+    bits_of, delays = (list(dict.fromkeys(k)) for k in ((x.bits for x in tried), (x.delay for x in tried)))
+    shares = list(dict.fromkeys(x.share for x in tried))
     found = {(x.compensator, x.bits, x.delay, x.share): x for x in study.ablation}
-    figure = new_figure(1.0 + 2.15 * len(BITS), width=7.4)
-    axes = figure.subplots(len(BITS), len(DELAYS), sharex=True, sharey=True)
-    figure.subplots_adjust(left=2.05 / 7.4, hspace=0.22, wspace=0.06, bottom=0.5 / (1.0 + 2.15 * len(BITS)))
-    title(axes[0, 0], study.subjects[0].name, study.subjects[0].simulated)
-    for i, bits in enumerate(BITS):
-        for j, delay in enumerate(DELAYS):
+    figure = new_figure(1.0 + 2.15 * len(bits_of), width=7.4)
+    axes = figure.subplots(len(bits_of), len(delays), sharex=True, sharey=True, squeeze=False)
+    figure.subplots_adjust(left=2.05 / 7.4, hspace=0.22, wspace=0.06, bottom=0.5 / (1.0 + 2.15 * len(bits_of)))
+    title(axes[0, 0], study.subjects[0].name, True)
+    for i, bits in enumerate(bits_of):
+        for j, delay in enumerate(delays):
             ax = axes[i, j]
-            table = [[found[row, bits, delay, share] for share in SHARES] for row in rows]
+            table = [[found[row, bits, delay, share] for share in shares] for row in rows]
             ratio = np.array([[x.ratio for x in line] for line in table])
             ax.imshow(
                 np.log10(np.clip(ratio, 0.03, 3.0)),
@@ -244,7 +246,7 @@ def ablation_figure(study: Study) -> Figure:
                 vmax=np.log10(3.0),
             )
             ax.grid(visible=False)
-            ax.set_xticks(np.arange(len(SHARES)), [f"{100 * s:g}" for s in SHARES], fontsize=8.5)
+            ax.set_xticks(np.arange(len(shares)), [f"{100 * s:g}" for s in shares], fontsize=8.5)
             ax.set_yticks(np.arange(len(rows)), rows, fontsize=8.5)
             for (row, column), value in np.ndenumerate(ratio):
                 x = table[row][column]
@@ -260,7 +262,7 @@ def ablation_figure(study: Study) -> Figure:
                 textcoords="offset points",
                 fontsize=8,
             )
-    axes[-1, 1].set_xlabel("Share of the identified friction that is compensated (%)")
+    axes[-1, len(delays) // 2].set_xlabel("Share of the identified friction that is compensated (%)")
     return figure
 
 
@@ -272,7 +274,7 @@ def band_figure(study: Study) -> Figure | None:
         return None
     figure = new_figure(3.0)
     ax = figure.subplots()
-    title(ax, study.subjects[0].name, study.subjects[0].simulated)
+    title(ax, study.subjects[0].name, True)
     k = thinned(band.time.size, MOST)
     ax.fill_between(
         band.time[k],
@@ -305,7 +307,7 @@ def replay_figure(at: int) -> Callable[[Study], Figure | None]:
         if at >= len(study.replays):
             return None
         replay, kind = study.replays[at], study.subjects[0].kind
-        figure, (above, below) = _panels(study, 2, 2.5)
+        figure, (above, below) = _panels(study, 2, 2.5, simulated=study.subjects[0].simulated)
         k = thinned(replay.time.size, 2 * MOST)
         for values, colour, line, width, label in (
             (replay.measured, _GREY, "-", 2.4, "measured"),

@@ -1,0 +1,447 @@
+"""How fast the adaptive compensation runs, beside what a user would write instead, in one run.
+
+    python benchmarks/control.py             all three parts, some four minutes; the row in C needs a C compiler
+
+(a) One `step` of the adaptive LuGre compensator in Python, as a loop in real time calls it: each call is timed, the clock's own time in it, along
+the positions of a closed loop. The NumPy class is what a user would write first; the class in plain Python takes bristle's own two steps.
+
+(b) One adaptive closed loop, 20 s at 1 kHz, by `closed.simulate` and with SciPy's solvers between the samples, the same controller and compensator
+in plain Python at each. The error is the largest distance of the positions from CVODES at tight tolerances over all 20 s. Each solver has the loosest
+tolerance of a scan whose error over the first 2 s is not above bristle's. Radau takes a single step from sample to sample at the loosest already,
+and errs less than bristle does; so bristle is also run with as many steps of the plant in a period as make its error no larger than Radau's.
+The atol is rtol of 1 rad, 1 rad/s and alpha_0 / sigma_0. The C is CasADi's own code for bristle's control period, looped over the samples at -O3.
+All of this is one thread.
+
+(c) 1000 cases in one call of `simulate`, which takes two threads; beside single calls, of one thread.
+
+Building and compiling are not counted, but printed. What is fast is the least of several calls; what takes seconds runs once.
+"""
+
+import ctypes
+import math
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable
+from functools import partial
+from itertools import count
+from pathlib import Path
+from statistics import fmean
+from time import perf_counter, perf_counter_ns
+from typing import Any, NamedTuple, Protocol
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from bristle import edro
+from bristle.control import compensator as compensating
+from bristle.control.adaptation import Adaptation
+from bristle.control.closed import Case, Course, Trajectory, Wiring, simulate
+from bristle.control.compensator import Compensator, Measurement, Reference
+from bristle.control.period import at_rest, numbers_of, tick
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre, Pair
+from timing import least, once
+
+H, SECONDS, SCANNED = 1e-3, 20.0, 2.0
+ADAPTIVE = Compensator(adaptation=Adaptation())
+JOINT = "gripper rotation"
+CALLS, SLOW_CALLS = 100_000, 2_000
+"""Of a step: compiled or written by hand, and uncompiled."""
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+SOLVERS = ("Radau", "BDF", "LSODA")
+BATCH, BATCH_SECONDS, ALONE = 1000, 5.0, 20
+"""Cases in one call, their length, s, and how many of them are run alone."""
+
+Step = Callable[[float, float, float], float]
+"""(reference, its velocity, measured position) -> torque."""
+
+
+class Stepped(Protocol):
+    """A compensator that a user wrote."""
+
+    def step(self, y_ref: float, v: float, y: float) -> float:
+        """The torque at a sample, N*m."""
+
+
+def sine(amplitude: float, frequency: float, seconds: float) -> Course:
+    """Amplitude sin(2 pi f t), rad."""
+    t, w = H * np.arange(round(seconds / H)), 2 * np.pi * frequency
+    return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
+
+
+def joint(name: str = JOINT, sigma_0: float | None = None) -> Case:
+    """A joint of Table 1, its J and the paper's PID, whose compensator starts at 0.3 alpha_0 and 0.5 alpha_2, as in Table 2."""
+    plant = Pair(*(p if sigma_0 is None else p._replace(sigma_0=sigma_0) for p in edro.TABLE_1[name]))
+    model = Pair(*(p._replace(alpha_0=0.3 * p.alpha_0, alpha_2=0.5 * p.alpha_2) for p in plant))
+    return Case(plant=plant, motor=edro.motor(name), model=model, gains=edro.PID_GAINS)
+
+
+class InNumpy:
+    """The adaptive compensator as a user would write it with NumPy: the exponential of a frozen rate, the gains an array."""
+
+    def __init__(self, model: Pair[float]) -> None:
+        self.model = model
+        self.gamma = np.array([20.0, 20.0])
+        self.theta = np.ones(2)
+        self.z = 0.0
+
+    def step(self, y_ref: float, v: float, y: float) -> float:
+        """The torque at a sample, N*m."""
+        a0, a1, a2, v_s, s0, s1 = self.model.positive if v >= 0 else self.model.negative
+        g = self.theta[0] * a0 + a1 * np.exp(-((v / v_s) ** 2))
+        z_ss = g * np.sign(v) / s0
+        self.z = z_ss + (self.z - z_ss) * np.exp(-H * s0 * np.abs(v) / g)
+        dz = v - s0 * np.abs(v) / g * self.z
+        T = s0 * self.z + s1 * dz + self.theta[1] * a2 * v
+        G = np.array([s0 * s1 * np.abs(v) * self.z / g**2, v])
+        self.theta = np.clip(self.theta - H * self.gamma * G * (y - y_ref), 0.05, 5.0)
+        return float(T)
+
+
+class InPython:
+    """The same in plain Python, with bristle's own two steps, so that it gives what bristle gives."""
+
+    def __init__(self, model: Pair[float]) -> None:
+        self.model = model
+        self.gains = (1.0, 1.0)
+        self.z = self.v = 0.0
+
+    def advance(self, z: float, v0: float, v1: float, h: float) -> float:
+        """The exact-exponential step of z while v goes from v0 to v1."""
+        a0, a1, _, v_s, s0, _ = self.model[v0 + v1 < 0]
+        s0, a0 = self.model[z < 0].sigma_0, self.gains[0] * a0
+        g0, g1 = a0 + a1 * math.exp(-((v0 / v_s) ** 2)), a0 + a1 * math.exp(-((v1 / v_s) ** 2))
+        gm = a0 + a1 * math.exp(-(((v0 + v1) / (2 * v_s)) ** 2))
+        x = h * s0 / 6 * (abs(v0) / g0 + 2 * (abs(v0) + abs(v1)) / gm + abs(v1) / g1) + 1e-100
+        forgotten = -math.expm1(-x)
+        a, phi = 1 - forgotten, forgotten / x
+        z = a * z + math.copysign(1 / s0, v0 + v1) * ((1 - phi) * g1 + (phi - a) * g0)
+        return z * (1 + forgotten * (s0 / self.model[z < 0].sigma_0 - 1))
+
+    def step(self, y_ref: float, v: float, y: float) -> float:
+        """The torque at a sample, N*m."""
+        v0, share = self.v, 0.5
+        middle = (v0 + v) / 2
+        if v0 * v < 0:
+            share, middle = abs(v0) / (abs(v0) + abs(v)), 0.0
+        z = self.advance(self.advance(self.z, v0, middle, share * H), middle, v, (1 - share) * H)
+        a0, a1, a2, v_s, _, s1 = self.model[v < 0]
+        s0, (theta_1, theta_2) = self.model[z < 0].sigma_0, self.gains
+        g = theta_1 * a0 + a1 * math.exp(-((v / v_s) ** 2))
+        T = s0 * z + s1 * (v - s0 * abs(v) / g * z) + theta_2 * a2 * v
+        pull = 20.0 * H * (y - y_ref)
+        theta_1 = min(max(theta_1 - pull * s0 * s1 * abs(v) * z / g**2, 0.05), 5.0)
+        self.gains = theta_1, min(max(theta_2 - pull * v, 0.05), 5.0)
+        self.z, self.v = z, v
+        return T
+
+
+def stepper(step: Callable[..., Any], model: Pair[float]) -> Step:
+    """A step of bristle's as a loop in real time takes it, with its state kept and its arguments made at each sample."""
+    state = compensating.start(ADAPTIVE, model)
+
+    def call(y_ref: float, v: float, y: float) -> float:
+        nonlocal state
+        state, T = step(state, Reference(y_ref, v, 0.0), Measurement(y, v), H)
+        return float(T)
+
+    return call
+
+
+def timed(begin: Callable[[], Step], run: list[tuple[float, float, float]], calls: int) -> tuple[Array, Array]:
+    """The time of each call, us, over turns of a run from its beginning; and the torques of the last turn."""
+    times: list[int] = []
+    torques: list[float] = []
+    while len(times) < calls:
+        step, torques = begin(), []
+        for sample in run[: calls - len(times)]:
+            start = perf_counter_ns()
+            T = step(*sample)
+            times.append(perf_counter_ns() - start)
+            torques.append(T)
+    return np.array(times) / 1e3, np.array(torques)
+
+
+def one_step() -> None:
+    """Print part (a)."""
+    case, course = joint(), sine(1.0, 0.5, SECONDS)
+    positions = simulate(Wiring(compensator=ADAPTIVE), [case], course, H).position[0]
+    run = list(zip(course.position.tolist(), course.velocity.tolist(), positions.tolist(), strict=True))
+    build = once(lambda: compensating.compiled(ADAPTIVE))
+    begins: dict[str, tuple[Callable[[], Step], int]] = {
+        "bristle, compiled": (lambda: stepper(compensating.compiled(ADAPTIVE), case.model), CALLS),
+        "bristle, not compiled": (lambda: stepper(partial(compensating.step, ADAPTIVE), case.model), SLOW_CALLS),
+        "plain Python, math": (lambda: InPython(case.model).step, CALLS),
+        "NumPy, as a user would": (lambda: InNumpy(case.model).step, CALLS),
+    }
+    print(f"(a) a step of the adaptive compensator, {CALLS} calls ({SLOW_CALLS} where not compiled);")
+    print(f"    {JOINT}, 1 rad at 0.5 Hz; built in {build:.3f} s; one thread\n")
+    print(f"{'microseconds':24} {'median':>9} {'99 %':>9} {'largest':>9} {'x bristle':>10} {'torque off':>11}")
+    ours, expected = 0.0, np.zeros(0)
+    for name, (begin, calls) in begins.items():
+        times, torques = timed(begin, run, calls)
+        median, most, largest = np.median(times), np.quantile(times, 0.99), times.max()
+        if not ours:
+            ours, expected = float(median), torques
+        n = min(torques.size, expected.size)
+        off = np.abs(torques[:n] - expected[:n]).max() / np.abs(expected).max()
+        print(f"{name:24} {median:9.2f} {most:9.2f} {largest:9.0f} {median / ours:10.2f} {off:11.1e}", flush=True)
+    verdict("under 100 us at the median", ours < 100, f"{ours:.1f} us")
+
+
+def verdict(asked: str, holds: object, found: str) -> None:
+    """Print whether what was asked for holds."""
+    print(f"asked: {asked}: {'holds' if holds else 'DOES NOT HOLD'}, {found}", flush=True)
+
+
+def between(case: Case) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """The plant's rates of (y, v, z) under a torque that is held, and their Jacobian, as a user would write them: floats, no arrays."""
+    (positive, negative), J = case.plant, case.motor.J
+
+    def rates(_: float, x: Array, T: float) -> tuple[float, float, float]:
+        _, v, z = x.tolist()
+        a0, a1, a2, v_s, _, s1 = positive if v >= 0 else negative
+        s0 = positive.sigma_0 if z >= 0 else negative.sigma_0
+        dz = v - s0 * abs(v) / (a0 + a1 * math.exp(-((v / v_s) ** 2))) * z
+        return v, (T - s0 * z - s1 * dz - a2 * v) / J, dz
+
+    def jacobian(_: float, x: Array, __: float) -> list[list[float]]:
+        _, v, z = x.tolist()
+        a0, a1, a2, v_s, _, s1 = positive if v >= 0 else negative
+        s0 = positive.sigma_0 if z >= 0 else negative.sigma_0
+        peak = a1 * math.exp(-((v / v_s) ** 2))
+        g, decay = a0 + peak, s0 * abs(v) / (a0 + peak)
+        by_v = 1 - z * s0 * (math.copysign(1.0, v) + 2 * abs(v) * v / v_s**2 * peak / g) / g
+        return [[0.0, 1.0, 0.0], [0.0, -(s1 * by_v + a2) / J, -(s0 - s1 * decay) / J], [0.0, by_v, -decay]]
+
+    return rates, jacobian
+
+
+def sampled(case: Case, course: Course, method: Any, rtol: float, *, jac: bool = False) -> Array:
+    """The positions of the sampled loop, PID and compensator in plain Python at each sample and SciPy's solver from one to the next, (n,)."""
+    rates, jacobian = between(case)
+    options: dict[str, Any] = {"method": method, "rtol": rtol}
+    options["atol"] = rtol * np.array([1.0, 1.0, case.plant.positive.alpha_0 / case.plant.positive.sigma_0])
+    options |= {"jac": jacobian} if jac else {}
+    compensator, (K_p, K_i, K_d, _) = InPython(case.model), case.gains
+    x, integral, last, positions = np.zeros(3), 0.0, 0.0, []
+    for y_ref, v_ref in zip(course.position.tolist(), course.velocity.tolist(), strict=True):
+        y = float(x[0])
+        positions.append(y)
+        e = y_ref - y
+        integral += H * K_i * e
+        T = K_p * e + integral + K_d * (e - last) / H + compensator.step(y_ref, v_ref, y)
+        last = e
+        x = solve_ivp(rates, (0.0, H), x, args=(T,), **options).y[:, -1]
+    return np.array(positions)
+
+
+def off(positions: Array, tight: Array) -> float:
+    """The largest distance from the reference, as far as the positions go, rad."""
+    return float(np.abs(positions - tight[: positions.size]).max())
+
+
+C_LOOP = """
+#define CASADI_SYMBOL_EXPORT static
+#include "generated.c"
+void roll(const double *u, const double *q, long n, double *memory, double *log) {
+  casadi_real w[WORK], next[WIDTH];
+  const double *in[3] = {memory, 0, q};
+  double *out[2] = {next, 0};
+  for (long k = 0; k < n; ++k) {
+    in[1] = u + INPUTS * k; out[1] = log + ROWS * k;
+    tick(in, out, 0, w, 0);
+    for (int i = 0; i < WIDTH; ++i) memory[i] = next[i];
+  }
+}
+"""
+
+
+def compiled(wiring: Wiring, folder: Path) -> Callable[[Case, Course], Array] | None:
+    """The positions of the loop by the C that CasADi writes for bristle's control period; None where there is no compiler."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        return None
+    step = tick(wiring)
+    generator = ca.CodeGenerator("generated.c", {"with_header": False})
+    generator.add(step)
+    generator.generate(f"{folder}/")
+    rows = step.numel_out(1)
+    sizes = {"WORK": step.sz_w(), "WIDTH": step.numel_in(0), "INPUTS": step.numel_in(1), "ROWS": rows}
+    code = C_LOOP
+    for name, size in sizes.items():
+        code = code.replace(name, str(size))
+    (folder / "roll.c").write_text(code)
+    library = (
+        folder / f"roll_{wiring.substeps}.so"
+    )  # a library of the same name would be taken for the one that is loaded
+    subprocess.run([compiler, "-O3", "-shared", "-fPIC", "-o", library, folder / "roll.c", "-lm"], check=True)  # noqa: S603 - our own C
+    roll = ctypes.CDLL(str(library)).roll
+    pointer = np.ctypeslib.ndpointer(np.float64, flags="C")
+    roll.argtypes = [pointer, pointer, ctypes.c_long, pointer, pointer]
+
+    def call(case: Case, course: Course) -> Array:
+        n = course.position.size
+        u = np.ascontiguousarray(np.stack(np.broadcast_arrays(*course)).T)
+        memory, log = np.array(at_rest(wiring, float(course.position[0]))), np.empty((n, rows))
+        roll(u, np.array(numbers_of(case, H)), n, memory, log)
+        positions: Array = log[:, 0]
+        return positions
+
+    return call
+
+
+class Row(NamedTuple):
+    """A line of part (b)."""
+
+    seconds: float
+    error: float
+    """rad."""
+
+
+def shown(name: str, row: Row, radau: float) -> None:
+    """Print it."""
+    faster, real = radau / row.seconds, SECONDS / row.seconds
+    print(f"{name:32} {row.seconds:9.4f} {real:12.1f} {faster:12.1f} {row.error:12.1e}", flush=True)
+
+
+def tolerances(case: Case, course: Course, tight: Array, ours: float) -> dict[str, float]:
+    """Print the scan, and give the loosest tolerance of each solver whose error is not above bristle's, or else the tightest."""
+    n = round(SCANNED / H)
+    short = Course(course.position[:n], course.velocity[:n], course.acceleration[:n])
+    distance = off(sampled(case, short, "Radau", 1e-10), tight)
+    print(f"    the reference, CVODES, is within {distance:.1e} rad of Radau at rtol 1e-10 over {SCANNED:g} s\n")
+    print(f"{f'rad off in {SCANNED:g} s, by rtol':24}" + "".join(f"{rtol:9.0e}" for rtol in TOLERANCES))
+    print(f"{'bristle':24}{ours:9.1e}")
+    chosen = {}
+    for solver in SOLVERS:
+        errors = [off(sampled(case, short, solver, rtol), tight) for rtol in TOLERANCES]
+        good = [rtol for rtol, error in zip(TOLERANCES, errors, strict=True) if error <= ours]
+        chosen[solver] = max(good, default=min(TOLERANCES))
+        print(f"{solver:24}" + "".join(f"{error:9.1e}" for error in errors), flush=True)
+    return chosen
+
+
+def through_scipy(case: Case, course: Course, tight: Array, chosen: dict[str, float]) -> dict[str, Row]:
+    """All 20 s of each solver, once."""
+    rows = {}
+    ways = [("Radau", False), ("Radau", True), ("BDF", False), ("LSODA", False)]
+    for solver, jac in ways:
+        start = perf_counter()
+        positions = sampled(case, course, solver, chosen[solver], jac=jac)
+        name = f"{solver}{', its Jacobian given' if jac else ''}, {chosen[solver]:.0e}"
+        rows[name] = Row(perf_counter() - start, off(positions, tight))
+    return rows
+
+
+def positions_of(wiring: Wiring, case: Case, course: Course) -> Array:
+    """By bristle, (n,)."""
+    found: Array = simulate(wiring, [case], course, H).position[0]
+    return found
+
+
+def as_accurate(case: Case, course: Course, tight: Array, error: float) -> Wiring:
+    """bristle with the fewest steps of the plant in a period, of powers of two, whose error is not above this, rad."""
+    wirings = (Wiring(compensator=ADAPTIVE, substeps=2**k) for k in count(1))
+    return next(w for w in wirings if w.substeps > 64 or off(positions_of(w, case, course), tight) <= error)
+
+
+def by_bristle(case: Case, course: Course, tight: Array, wirings: Iterable[Wiring]) -> dict[str, Row]:
+    """bristle's own runs and those in C, in turns."""
+    calls: dict[str, Callable[[], Array]] = {}
+    built = []
+    with tempfile.TemporaryDirectory() as folder:
+        for wiring in wirings:
+            name = f"{wiring.substeps} plant step{'s' if wiring.substeps > 1 else ''} a period"
+            calls[f"bristle, {name}"] = partial(positions_of, wiring, case, course)
+            start = perf_counter()
+            in_c = compiled(wiring, Path(folder))
+            built.append(perf_counter() - start)
+            if in_c is not None:
+                calls[f"its C, {name}"] = partial(in_c, case, course)
+        times = least(calls, 15)
+    print("    C: no compiler\n" if len(calls) == len(built) else f"    C: compiled in {fmean(built):.2f} s each\n")
+    return {name: Row(times[name], off(call(), tight)) for name, call in calls.items()}
+
+
+def closed_loop(sigma_0: float | None) -> None:
+    """Print part (b) for one stiffness; None: Table 1's."""
+    case, course, plain = joint(sigma_0=sigma_0), sine(1.0, 0.5, SECONDS), Wiring(compensator=ADAPTIVE)
+    stiffness = "Table 1's " + " and ".join(f"{p.sigma_0:g}" for p in case.plant) if sigma_0 is None else f"{sigma_0:g}"
+    print(f"\n(b) {JOINT}, sigma_0 {stiffness}: {SECONDS:g} s at 1 kHz, one thread")
+    first = once(partial(positions_of, plain, case, course))
+    print(f"    bristle's first run, with building or without if built before: {first:.3f} s")
+    tight = simulate(plain, [case], course, H, stiff=True).position[0]
+    ours = positions_of(plain, case, course)
+    chosen = tolerances(case, course, tight, off(ours[: round(SCANNED / H)], tight))
+    slow = through_scipy(case, course, tight, chosen)
+    radaus = [row for name, row in slow.items() if name.startswith("Radau")]
+    fine = as_accurate(case, course, tight, max(row.error for row in radaus))
+    fast = by_bristle(case, course, tight, [plain, fine])
+    radau = min(row.seconds for row in radaus)
+    print(f"{f'{SECONDS:g} s':32} {'seconds':>9} {'x real time':>12} {'x Radau':>12} {'rad off':>12}")
+    for name, row in (fast | slow).items():
+        shown(name, row, radau)
+    judge(fast, radau)
+
+
+def judge(fast: dict[str, Row], radau: float) -> None:
+    """Print whether the ratios that were asked for hold."""
+    real = SECONDS / next(iter(fast.values())).seconds
+    verdict("100 times faster than real time", real >= 100, f"{real:.0f}")
+    for asked, begins in ((10, "bristle"), (100, "its C")):
+        ratios = [radau / row.seconds for name, row in fast.items() if name.startswith(begins)]
+        if ratios:
+            found = " and ".join(f"{ratio:.0f}" for ratio in ratios)
+            verdict(f"{begins} {asked} times faster than the faster Radau", min(ratios) >= asked, found)
+
+
+def scenarios(rng: np.random.Generator) -> tuple[list[Case], Course]:
+    """The joints of Table 1 in turn, each with a sine of its own: 0.1 to 1 rad, 0.1 to 1 Hz."""
+    names = list(edro.TABLE_1)
+    cases = [joint(names[k % len(names)]) for k in range(BATCH)]
+    sines = [sine(*rng.uniform(0.1, 1.0, 2).tolist(), BATCH_SECONDS) for _ in cases]
+    return cases, Course(*(np.stack([getattr(s, part) for s in sines]) for part in Course._fields[:3]))
+
+
+def batch() -> None:
+    """Print part (c)."""
+    cases, course = scenarios(np.random.default_rng(0))
+    wiring = Wiring(compensator=ADAPTIVE)
+
+    def run(which: slice, samples: int) -> Trajectory:
+        part = Course(
+            course.position[which, :samples], course.velocity[which, :samples], course.acceleration[which, :samples]
+        )
+        return simulate(wiring, cases[which], part, H)
+
+    every, n = slice(BATCH), course.position.shape[-1]
+    first, second = (once(partial(run, every, 1000)) for _ in range(2))  # the length that `simulate` builds
+    whole = run(every, n)
+    some = range(0, BATCH, BATCH // ALONE + 1)  # all four joints
+    apart = max(off(run(slice(k, k + 1), n).position[0], whole.position[k]) for k in some)
+    seconds = min(once(partial(run, every, n)) for _ in range(2))
+    alone = fmean(once(partial(run, slice(k, k + 1), n)) for k in some)
+    print(
+        f"\n(c) {BATCH} cases of {BATCH_SECONDS:g} s at 1 kHz in one call, two threads; built in {first - second:.2f} s"
+    )
+    print(f"one call                         {seconds:9.2f} s {1e3 * seconds / BATCH:9.2f} ms a case")
+    print(f"{BATCH} calls, from {len(some)} of them      {alone * BATCH:9.2f} s {1e3 * alone:9.2f} ms a case")
+    real = BATCH * BATCH_SECONDS / seconds
+    print(
+        f"{alone * BATCH / seconds:.2f} times faster than alone, {real:.0f} times than real time; {apart:.1e} rad apart"
+    )
+
+
+def main() -> None:
+    """Print all parts."""
+    one_step()
+    for sigma_0 in (None, 1e4):
+        closed_loop(sigma_0)
+    batch()
+
+
+if __name__ == "__main__":
+    main()
