@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from bristle import __version__, cli
-from bristle.compensation import ablation, experiments
+from bristle.compensation import ablation, beyond, experiments
 from bristle.data import document, reading
 from bristle.data.experiment import load_experiment
 from bristle.edro import TABLE_1
@@ -407,8 +407,10 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
 
 def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on whether it helps."""
-    for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0, "GAMMAS": (20.0,), "AMPLITUDES": (1.0,)}.items():
+    for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
         monkeypatch.setattr(experiments, name, value)
+    for name in ("GAMMAS", "AMPLITUDES"):
+        monkeypatch.setattr(beyond, name, (1.0,))
     monkeypatch.setattr(ablation, "BITS", (14,))
     monkeypatch.setattr(ablation, "DELAYS", (0,))
     for name, text in whole_joint("frequency: 1 Hz").items():

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bristle import edro
+from bristle.compensation.asked import asked_parts, of_experiment
 from bristle.compensation.replay import replays
 from bristle.compensation.study import Study, study
-from bristle.compensation.subject import asked_parts, of_experiment, of_paper, one_way
+from bristle.compensation.subject import of_paper, one_way
 from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure

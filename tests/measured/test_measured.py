@@ -6,8 +6,8 @@ import pytest
 from scipy.io import loadmat
 
 import bristle
+from bristle.compensation.asked import of_experiment
 from bristle.compensation.replay import replays
-from bristle.compensation.subject import of_experiment
 from bristle.control.loop import State, plant_step
 from bristle.data.motion import estimate_motion
 from bristle.data.record import Record

@@ -4,9 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bristle.compensation import ablation as trying
-from bristle.compensation import experiments as trials
+from bristle.compensation import beyond
+from bristle.compensation import experiments as paper
 from bristle.compensation.ablation import Tried
-from bristle.compensation.experiments import Adapted, Band, Controlled, Drift, Errors, Map, Sampled
+from bristle.compensation.beyond import Band, Controlled, Drift, Map, Sampled
+from bristle.compensation.experiments import Adapted, Errors
 from bristle.compensation.replay import Replay
 from bristle.compensation.subject import Subject
 from bristle.control.closed import Trajectory
@@ -52,22 +54,22 @@ def study(
         done += 1
 
     say("compensating: errors")
-    errors, followed = trials.errors(subjects), trials.followed(first)
+    errors, followed = paper.errors(subjects), paper.followed(first)
     say("compensating: adaptation")
-    adapted = trials.adapted(adapting)
+    adapted = paper.adapted(adapting)
     say("compensating: rates, amplitudes, frequencies")
-    landings = trials.landings(adapting)
+    landings = beyond.landings(adapting)
     say("compensating: drift")
-    drifts = trials.drifts(subjects)
+    drifts = beyond.drifts(subjects)
     say("compensating: ablation")
     tried = trying.ablation(first)
     say("compensating: controllers, sampling")
-    controllers, sampling = trials.controllers(first), trials.sampling(subjects)
+    controllers, sampling = beyond.controllers(first), beyond.sampling(subjects)
     say("compensating: uncertainty")
-    band = trials.band(first)
+    band = beyond.band(first)
     return Study(
         subjects=tuple(subjects), adapting=adapting, errors=errors, followed=followed, adapted=adapted, landings=landings,
-        gradients=trials.gradients(adapting.plant.positive, adapting.adaptation.parameters[0]), drifts=drifts, ablation=tried, band=band,
+        gradients=beyond.gradients(adapting.plant.positive, adapting.adaptation.parameters[0]), drifts=drifts, ablation=tried, band=band,
         controllers=controllers, sampling=sampling,
         replays=tuple(replays),
     )  # fmt: skip  # a list of values

@@ -9,8 +9,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
+from bristle.compensation.model import SEED
 from bristle.compensation.study import Study
-from bristle.compensation.subject import SEED
 from bristle.identification.estimate import Joint
 from bristle.report import (
     compensation_section,

@@ -1,0 +1,166 @@
+"""A user's joint as its experiment file asks for it to be compensated; what is not given is derived, and said among the assumptions."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bristle.compensation.model import (
+    DAMPING_RATIO,
+    DEFLECTION,
+    draws_of,
+    filled,
+    identified,
+    inertia_of,
+    truth_of,
+    unseen_of,
+)
+from bristle.compensation.subject import Subject
+from bristle.control.adaptation import Adaptation, Learnt, gradient
+from bristle.control.compensator import Compensator
+from bristle.control.pid import Gains
+from bristle.data.experiment import AdaptOptions, Experiment
+from bristle.identification.estimate import Joint
+from bristle.model import functions
+from bristle.model.arrays import evaluate
+from bristle.model.parameters import Kind, Lugre, Pair, unit
+
+_BANDWIDTH = 30.0
+"""Of a controller that nobody gave, rad/s: K_p = J w**2, K_d = 2 J w, K_i = 0.2 J w**3 ..."""
+_SLOWEST = 0.02
+"""... but w no more than this over the control period."""
+_BEYOND = 30.0
+"""A reference may be so many times as fast as what was measured."""
+_COARSE = 0.02
+"""The control period is at most this share of the reference's."""
+_FREQUENCY = 0.5
+"""Of a reference that nobody gave, Hz."""
+_HALF = 0.5
+"""Share of a parameter's error that is mended in a second, where no rates are given."""
+
+
+def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
+    """A user's joint with its own `adapt` options, or with what bristle takes where there are none.
+
+    Raises ValueError where no inertia is known, the runs do not give a whole model, or the adaptation cannot be as it is asked.
+    """
+    asked, found = experiment.adapt, identified(joint)
+    J = inertia_of(experiment, joint)
+    assumed: list[str] = []
+    frequency = asked.frequency or _FREQUENCY
+    fastest = _fastest(joint, found)
+    amplitude = asked.amplitude or float(f"{0.5 * fastest / (2 * np.pi * frequency):.2g}")
+    beyond = 2 * np.pi * frequency * amplitude / fastest
+    if beyond > _BEYOND:
+        raise ValueError(
+            f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
+            f"expected at most {_BEYOND:g} times: lower adapt.amplitude or adapt.frequency"
+        )
+    if beyond > 1:
+        assumed.append(f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated.")
+    gains = _gains(asked, J, joint.kind, assumed)
+    if asked.amplitude is None or asked.frequency is None:
+        q = unit("position", joint.kind)
+        assumed.append(
+            f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; give adapt.amplitude and adapt.frequency."
+        )
+    unseen = unseen_of(joint)
+    model = filled(found, unseen, amplitude, J)
+    for d, names in unseen.items():
+        for name in names:
+            how = (
+                f"{DEFLECTION:g} of the amplitude in deflection"
+                if name == "sigma_0"
+                else f"(15) with a damping ratio of {DAMPING_RATIO:g}"
+            )
+            assumed.append(
+                f"{name} ({d}): these data do not show it; {getattr(model[d == '-'], name):.3g} {unit(name, joint.kind)}, {how}."
+            )
+    compensator, adaptation = asked_parts(experiment)
+    if asked.gamma is None:
+        adaptation = _paced(adaptation, model.positive, gains.K_p, amplitude * frequency, assumed)
+    truth = truth_of(joint)
+    if truth is None:
+        assumed.append(
+            "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations."
+        )
+    assumed.append(
+        f"The drive gives the {'torque' if joint.kind == 'revolute' else 'force'} that it is asked for, every {asked.period:g} s, without limit."
+    )
+    return Subject(
+        name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
+        draws=tuple((filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in draws_of(joint)),
+        gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
+        start=asked.start, simulated=joint.simulated, assumptions=tuple(assumed), compensator=compensator,
+    )  # fmt: skip  # a list of values
+
+
+def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
+    """Compensator and adaptation as `adapt` asks for them; rates that are not given are zero.
+
+    Raises ValueError, with the file's name, where they cannot be so.
+    """
+    asked = experiment.adapt
+    longest = _COARSE / (asked.frequency or _FREQUENCY)
+    if asked.period > longest:
+        raise ValueError(
+            f"{experiment.path}: adapt.period: got {asked.period:g} s; expected at most {longest:g} s, a fiftieth of the reference's period"
+        )
+    names = ("law", "step", "parameters", "gamma", "limits", "dead_zone", "leakage", "forgetting")
+    given: dict[str, Any] = {name: value for name in names if (value := getattr(asked, name)) is not None}
+    if "gamma" not in given:
+        given["gamma"] = (0.0,) * len(given.get("parameters", Adaptation().parameters))
+    try:
+        adaptation = Adaptation(**given)
+        name: Any = asked.compensator
+        return replace(Compensator(name=name, adaptation=adaptation), adaptation=None), adaptation
+    except ValueError as error:
+        raise ValueError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
+
+
+def _paced(plain: Adaptation, p: Lugre[float], K_p: float, pace: float, assumed: list[str]) -> Adaptation:
+    """The adaptation with rates that mend half of a parameter's error in a second.
+
+    A parameter that is wrong by a share s makes an error of position of about s p G / K_p, G its derivative, so that its gain moves by
+    gamma G s p G' / K_p a second: gamma is chosen at the mean speed of the reference, 4 times amplitude times frequency (`pace`).
+    """
+    names = plain.parameters
+    rates = tuple(_rate(plain, k, p, K_p, 4 * pace) for k in range(len(names)))
+    listed = ", ".join(f"{rate:.3g}" for rate in rates)
+    assumed.append(
+        f"Learning rates: {listed} for {', '.join(names)}, which mend about half of an error in a second; give adapt.gamma."
+    )
+    return replace(plain, gamma=rates)
+
+
+def _rate(a: Adaptation, k: int, p: Lugre[float], K_p: float, v: float) -> float:
+    """The rate of one parameter at speed v; 0 where the law has no gradient there."""
+    z, *by = (float(x[0]) for x in evaluate(functions.steady_deflection(), np.array([v]), *p))
+    slopes = tuple(by[Lugre._fields.index(name)] * getattr(p, name) for name in a.parameters)
+    G = float(gradient(a, z, v, p, Learnt((1.0,) * len(slopes), slopes, ()))[k])
+    T, T_z, *by_p = (float(x[0]) for x in evaluate(functions.torque_sensitivity(), np.array([z]), np.array([v]), *p))
+    name = a.parameters[k]
+    own = Lugre._fields.index(name)
+    whole = getattr(p, name) * abs(by_p[own] + T_z * by[own])
+    worth = abs(G) * max(whole, 1e-6 * abs(T))
+    return _HALF * K_p / worth if worth > 0 else 0.0
+
+
+def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gains[float]:
+    if asked.gains is not None:
+        return Gains(asked.gains.K_p, asked.gains.K_i, asked.gains.K_d, asked.gains.filter_time)
+    w = min(_BANDWIDTH, _SLOWEST / asked.period)
+    gains = Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0)
+    q = unit("sigma_0", kind)
+    assumed.append(
+        f"PID: nobody gave one; K_p {gains.K_p:.3g} {q}, K_i and K_d to match, for {w:g} rad/s at this inertia; give adapt.gains."
+    )
+    return gains
+
+
+def _fastest(joint: Joint, model: Pair[float]) -> float:
+    """The fastest measured speed, rad/s."""
+    moving = joint.joint_fit or joint.tracking
+    known = [fit.velocity for fit in joint.static.values()] + ([moving.velocity] if moving is not None else [])
+    speeds = [float(np.abs(v).max()) for v in known if v.size]
+    return max(speeds, default=10 * max(p.v_s for p in model))

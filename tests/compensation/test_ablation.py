@@ -1,0 +1,71 @@
+"""Every compensator behind encoders and delays: right compensation is best, over-compensation and limit cycles are marked."""
+
+import numpy as np
+import pytest
+
+from bristle.compensation import ablation as trying
+from bristle.compensation.ablation import SHARES, WAYS, Tried, ablation
+
+from .conftest import subject
+
+LUGRE = "LuGre, reference velocity"
+
+
+@pytest.fixture(scope="module")
+def rows() -> tuple[Tried, ...]:
+    """The gripper with its true model, behind 20 bits, without delay and with one of five periods."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trying, "BITS", (20,))
+        patch.setattr(trying, "DELAYS", (0, 5))
+        return ablation(subject())
+
+
+def of(rows: tuple[Tried, ...], compensator: str, delay: int = 0) -> dict[float, Tried]:
+    """Rows of one compensator and delay, by share."""
+    return {r.share: r for r in rows if r.compensator == compensator and r.delay == delay}
+
+
+def test_every_way_is_tried_once_under_each_circumstance(rows: tuple[Tried, ...]) -> None:
+    """One row for every compensator, encoder, delay and share, and one without compensation, which has no share."""
+    expected = [(way, 20, d, s) for way in WAYS for d in (0, 5) for s in (SHARES if way != "none" else (0.0,))]
+    assert [(r.compensator, r.bits, r.delay, r.share) for r in rows] == expected
+    assert all(np.isfinite([r.rms, r.ratio, r.chatter]).all() for r in rows)
+
+
+def test_without_compensation_the_ratio_is_one(rows: tuple[Tried, ...]) -> None:
+    """`none` without delay is what all others are relative to, and leads nowhere."""
+    assert of(rows, "none")[0.0].ratio == 1.0
+    bare = of(rows, "none")[0.0].rms
+    for row in rows:
+        assert row.ratio == pytest.approx(row.rms / bare)
+    assert not any(r.over_compensated for r in rows if r.compensator == "none")
+
+
+def test_all_of_the_friction_is_the_best_share(rows: tuple[Tried, ...]) -> None:
+    """LuGre by reference velocity: with all of the true friction the error is less than half of that with any other share."""
+    found = of(rows, LUGRE)
+    assert all(found[1.0].rms < 0.5 * row.rms for share, row in found.items() if share != 1.0)
+    assert found[1.0].ratio < 0.1
+
+
+@pytest.mark.parametrize("way", [way for way in WAYS if way.startswith(("LuGre", "Stribeck"))])
+def test_more_than_all_of_the_friction_is_marked(rows: tuple[Tried, ...], way: str) -> None:
+    """With the whole curve at 150 % the joint leads its reference and is marked over-compensated; at 50 % it lags and is not."""
+    found = of(rows, way)
+    assert found[1.5].over_compensated
+    assert not found[0.5].over_compensated
+    assert not found[0.75].over_compensated
+
+
+def test_a_sign_fed_back_swings_a_held_joint(rows: tuple[Tried, ...]) -> None:
+    """Coulomb friction by the measured velocity makes the held joint swing on at every share; nothing by the reference velocity does."""
+    for way in WAYS:
+        found = of(rows, way)
+        if way.endswith("reference velocity") or way == "none":
+            assert not any(r.limit_cycle for r in found.values())
+    assert all(r.limit_cycle for r in of(rows, "Coulomb, measured velocity").values())
+
+
+def test_a_delay_costs_what_measures(rows: tuple[Tried, ...]) -> None:
+    """Five periods late, feed-forward still leaves less than a fifth of the error."""
+    assert of(rows, LUGRE, 5)[1.0].ratio < 0.2

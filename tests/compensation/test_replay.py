@@ -1,0 +1,129 @@
+"""Adaptation off line on a simulated moving run: it learns what is wrong, leaves what is right, and goes on across gaps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bristle.compensation.replay import Replay, replays
+from bristle.compensation.subject import Subject
+from bristle.control.adaptation import Adaptation
+from bristle.identification.pipeline import measure
+from bristle.model.arrays import Array
+from bristle.model.parameters import Pair
+from bristle.model.rollout import rollout
+
+from .conftest import GRIPPER, J, experiment, joint, share_of, subject
+
+STEP, SECONDS = 2e-3, 10.0
+LINES = ((1.0, 0.3), (0.24, 1.3), (0.16, 3.1), (0.08, 7.0))
+"""Amplitude, rad/s, and frequency, Hz, of the velocity."""
+INERTIA = f"inertia: {J!r} kg*m**2\n"
+GAP = (3.0, 5.0)
+
+
+def motion(inertia: float = J, pair: Pair[float] = GRIPPER) -> tuple[Array, Array, Array]:
+    """Time, velocity and torque of a joint of such friction and inertia."""
+    t = np.arange(0, SECONDS, STEP)
+    v = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(LINES)], axis=0)
+    return t, v, rollout(v, STEP, pair, 0.0).torque + inertia * np.gradient(v, t)
+
+
+def replayed(
+    folder: Path, friction: float, one: Subject | None = None, more: str = INERTIA, *, gap: bool = False
+) -> tuple[Replay, Replay]:
+    """A run of the gripper with so many times its Coulomb and viscous friction, replayed with the gripper's model, right and from a wrong start."""
+    t, v, torque = motion(pair=Pair(*(share_of(p, friction) for p in GRIPPER)))
+    rows = zip(t, v, torque, strict=True)
+    kept = (row for row in rows if not (gap and GAP[0] <= row[0] < GAP[1]))
+    (folder / "run.csv").write_text("t,v,tau\n" + "".join(f"{a:.6g},{b:.12g},{c:.12g}\n" for a, b, c in kept), "utf-8")
+    first, second = replays(one or subject(), joint(), measure(experiment(folder, "", more)))
+    return first, second
+
+
+def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
+    """Time, velocity, torques and gains are of the run's samples; friction is the torque without that of inertia, given or identified."""
+    t, v, torque = motion()
+    for more in (INERTIA, ""):
+        for run, begun in zip(
+            replayed(tmp_path, 1.0, None, more), ("identified", "0.3 alpha_0, 0.5 alpha_2"), strict=True
+        ):
+            assert (run.file, run.begun) == ("run.csv", begun)
+            np.testing.assert_allclose(run.time, t, atol=1e-9)
+            np.testing.assert_allclose(run.velocity, v, rtol=1e-9)
+            assert run.measured.shape == run.fixed.shape == run.adapted.shape == t.shape
+            assert run.theta.shape == (2, t.size)
+            friction = rollout(v, STEP, GRIPPER, 0.0).torque
+            assert np.abs(run.measured - friction)[50:-50].max() < 0.01 * np.abs(torque).max()
+
+
+def test_a_model_that_is_right_stays(tmp_path: Path) -> None:
+    """On a run of the model's own joint the gains stay at 1 to a hundredth, and the verdict is that adaptation changes nothing."""
+    run, _ = replayed(tmp_path, 1.0)
+    np.testing.assert_allclose(run.theta, 1.0, atol=0.01)
+    before, after = run.relative_errors()
+    assert max(before, after) < 1.0
+    assert run.verdict.startswith("It changes nothing here: ")
+
+
+def test_a_model_that_is_wrong_is_mended(tmp_path: Path) -> None:
+    """Where Coulomb and viscous friction are 1.5 times the model's, both shares go most of the way, the error halves, and the verdict says so."""
+    run, wrong = replayed(tmp_path, 1.5)
+    assert (np.abs(run.theta[:, -1] - 1.5) < 0.2).all()
+    assert (np.diff(run.theta[:, ::1000], axis=1) > 0).all()
+    before, after = run.relative_errors()
+    assert before == pytest.approx(100 / 3, abs=1.0)
+    assert after < 0.5 * before
+    assert run.verdict.startswith("It helps here: ")
+    assert run.shares in run.verdict
+    np.testing.assert_allclose(wrong.theta[:, 0], [0.3, 0.5], rtol=0.01)
+    assert (wrong.theta[:, -1] > wrong.theta[:, 0]).all()
+    assert wrong.relative_errors()[1] < wrong.relative_errors()[0]
+
+
+def test_relative_errors_are_those_of_the_second_half(tmp_path: Path) -> None:
+    """100 norm(measured - predicted) / norm(measured) from the middle of the run on, with gains of 1 and adapted."""
+    run, _ = replayed(tmp_path, 1.5)
+    late = slice(run.time.size // 2, None)
+    for found, predicted in zip(run.relative_errors(), (run.fixed, run.adapted), strict=True):
+        left = np.linalg.norm((run.measured - predicted)[late]) / np.linalg.norm(run.measured[late])
+        assert found == pytest.approx(100 * float(left))
+
+
+def test_gains_go_on_across_a_gap(tmp_path: Path) -> None:
+    """A run with a gap is replayed stretch by stretch: as without one up to the gap, then from the gains that it had before it."""
+    whole, _ = replayed(tmp_path, 1.5)
+    run, _ = replayed(tmp_path, 1.5, gap=True)
+    before = np.flatnonzero(run.time < GAP[0])
+    assert run.theta.shape == (2, run.time.size)
+    assert run.time.size == whole.time.size - round((GAP[1] - GAP[0]) / STEP)
+    assert run.time[before.size] - run.time[before[-1]] > GAP[1] - GAP[0]
+    np.testing.assert_allclose(run.theta[:, : before.size - 50], whole.theta[:, : before.size - 50], atol=1e-3)
+    np.testing.assert_allclose(run.theta[:, before.size], run.theta[:, before[-1]], rtol=0.02)
+    assert (run.theta[:, before.size] > 1.05).all()
+    assert (run.theta[:, -1] > run.theta[:, before.size]).all()
+    assert run.relative_errors()[1] < 0.5 * run.relative_errors()[0]
+
+
+def test_rates_are_those_of_the_loop(tmp_path: Path) -> None:
+    """The torque error teaches as an error of position over K_p: twice the gain with twice the rates is the same replay."""
+    one = subject()
+    stiff = subject(gains=one.gains._replace(K_p=2 * one.gains.K_p), adaptation=Adaptation(gamma=(40.0, 40.0)))
+    first, second = (replayed(tmp_path, 1.5, own)[0] for own in (one, stiff))
+    np.testing.assert_allclose(first.theta, second.theta, rtol=1e-9)
+
+
+def test_a_gain_at_its_limit_is_not_trusted(tmp_path: Path) -> None:
+    """Where a gain ends at its upper limit the verdict is to leave the adaptation off, or to lower its rate."""
+    one = subject(adaptation=Adaptation(limits=(0.5, 1.2)))
+    run, _ = replayed(tmp_path, 1.5, one)
+    assert run.theta.max() == pytest.approx(1.2)
+    assert run.verdict.startswith("Leave it off, or lower gamma: a gain ended at its limit")
+
+
+def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
+    """Where the rate is so high that every sample overshoots, a model that was right explains less, and the verdict is to leave it off."""
+    run, _ = replayed(tmp_path, 1.0, subject(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
+    before, after = run.relative_errors()
+    assert after > before + 10
+    assert run.verdict.startswith("Leave it off: ")

@@ -1,0 +1,264 @@
+"""From joint and experiment file to what is compensated: what is asked for is taken, what is not is derived and said, what cannot be is refused."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bristle import edro
+from bristle.compensation import model
+from bristle.compensation.asked import asked_parts, of_experiment
+from bristle.compensation.subject import of_paper, one_way
+from bristle.control.adaptation import Adaptation
+from bristle.control.closed import Wiring, simulate
+from bristle.control.pid import Gains
+from bristle.data.experiment import load_experiment
+from bristle.model.parameters import Motor, Pair
+
+from .conftest import FASTEST, GRIPPER, J, experiment, joint, subject, tracked, unseen, values_of
+
+ASKED = {
+    "amplitude": "20 deg", "frequency": "2 Hz", "period": "2 ms",
+    "gains": "{K_p: 2 N*m/rad, K_i: 1 N*m/(rad*s), K_d: 0.1 N*m*s/rad, filter_time: 3 ms}", "compensator": "lugre-feedback", "law": "total",
+    "step": "least-squares", "parameters": "[alpha_2, alpha_0]", "gamma": "[3, 4]", "limits": "[0.1, 3]", "dead_zone": "0.001", "leakage": "0.02",
+    "forgetting": "0.5", "start": "{alpha_0: 0.7}",
+}  # fmt: skip  # a table
+"""Every option of `adapt`, none as it is by default."""
+
+
+def options(given: Mapping[str, str]) -> str:
+    """Options as they stand under `adapt`."""
+    return ", ".join(f"{name}: {value}" for name, value in given.items())
+
+
+def test_the_paper_s_joints_are_those_of_table_1() -> None:
+    """Four subjects in the order of Table 1: its sets as plant, what was identified as model, the PID of (21), J by (15), and Table 2's start."""
+    wrong = {name: Pair(*(p._replace(alpha_0=1.1 * p.alpha_0) for p in pair)) for name, pair in edro.TABLE_1.items()}
+    found = of_paper([joint(tracked(values_of(pair)), name) for name, pair in wrong.items()])
+    assert [one.name for one in found] == list(edro.TABLE_1)
+    for one in found:
+        assert one.plant == edro.TABLE_1[one.name]
+        np.testing.assert_allclose(one.model, wrong[one.name])
+        assert one.gains == Gains(3.0, 1.2, 0.2, 0.0)
+        assert pytest.approx(np.mean([(p.sigma_1 / 0.2) ** 2 / p.sigma_0 for p in one.plant])) == one.J
+        assert one.adaptation == Adaptation(law="partial", parameters=("alpha_0", "alpha_2"), gamma=(20.0, 20.0))
+        assert one.start == {"alpha_0": 0.3, "alpha_2": 0.5}
+        assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
+        assert len(one.draws) == model.DRAWS
+        assert one.assumptions
+
+
+def test_one_way_has_the_positive_friction_in_both_directions() -> None:
+    """Table 2's joint: plant and model have the (+) set both ways, J that of this set alone, and no uncertainty."""
+    one = one_way(subject(model=Pair(GRIPPER.negative, GRIPPER.negative)))
+    assert one.plant == one.model == Pair(GRIPPER.positive, GRIPPER.positive)
+    assert pytest.approx((0.0184 / 0.2) ** 2 / 6.1843) == one.J
+    assert one.draws == ()
+
+
+def test_a_wrong_start_differs_in_what_it_names_alone() -> None:
+    """`begun` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given."""
+    one = subject(start={"alpha_0": 0.3, "v_s": 2.0})
+    for before, after in zip(GRIPPER, one.begun(GRIPPER), strict=True):
+        assert after == before._replace(alpha_0=0.3 * before.alpha_0, v_s=2.0 * before.v_s)
+    other = Pair(GRIPPER.negative, GRIPPER.positive)
+    assert one.case().motor == Motor(1.0, 1.0, 0.0, one.J)
+    assert (one.case(plant=other).plant, one.case(model=other).model) == (other, other)
+    assert one.case(J=2.0).motor.J == 2.0
+
+
+def test_a_sine_is_its_own_derivative() -> None:
+    """Velocity and acceleration of the reference are the derivatives of its position; amplitude, frequency and duration are those asked for."""
+    course = subject(period=1e-4).sine(0.7, 2.0, 0.3)
+    h, inner = 1e-4, slice(1, -1)
+    assert course.position.size == 20_001
+    assert np.abs(course.position).max() == pytest.approx(0.3, rel=1e-6)
+    np.testing.assert_allclose(np.gradient(course.position, h)[inner], course.velocity[inner], atol=1e-6)
+    np.testing.assert_allclose(np.gradient(course.velocity, h)[inner], course.acceleration[inner], atol=1e-5)
+    assert course.position[0] == 0.0
+    assert course.velocity[0] == pytest.approx(2 * np.pi * 0.7 * 0.3)
+
+
+def test_what_is_asked_for_is_taken(tmp_path: Path) -> None:
+    """Every option of `adapt` reaches the subject in SI, and nothing that was given is called an assumption."""
+    one = of_experiment(experiment(tmp_path, options(ASKED)), joint())
+    assert one.amplitude == pytest.approx(np.deg2rad(20))
+    assert (one.frequency, one.slow, one.period) == (2.0, 0.8, 2e-3)
+    assert one.gains == pytest.approx(Gains(2.0, 1.0, 0.1, 3e-3))
+    assert one.compensator.name == "lugre-feedback"
+    assert one.compensator.adaptation is None
+    assert one.adaptation == Adaptation(
+        law="total", step="least-squares", parameters=("alpha_2", "alpha_0"), gamma=(3.0, 4.0), limits=(0.1, 3.0), dead_zone=0.001, leakage=0.02,
+        forgetting=0.5,
+    )  # fmt: skip  # a list of values
+    assert one.start == {"alpha_0": 0.7}
+    assert pytest.approx(J) == one.J
+    np.testing.assert_allclose(one.model, GRIPPER)
+    assert not [s for s in one.assumptions if s.startswith(("PID", "Reference", "Learning rates"))]
+
+
+@pytest.mark.parametrize(
+    ("absent", "said"),
+    [
+        ("gains", "PID: nobody gave one"),
+        ("gamma", "Learning rates: "),
+        ("amplitude", "Reference: "),
+        ("frequency", "Reference: "),
+    ],
+)
+def test_what_is_absent_is_derived_and_said(tmp_path: Path, absent: str, said: str) -> None:
+    """Without one option its value is derived, is positive and finite, and one sentence names it and the key that would set it."""
+    given = {name: value for name, value in ASKED.items() if name != absent}
+    one = of_experiment(experiment(tmp_path, options(given)), joint())
+    named = [s for s in one.assumptions if s.startswith(said)]
+    assert len(named) == 1
+    assert f"adapt.{absent}" in named[0]
+    value = one.adaptation.gamma if absent == "gamma" else getattr(one, absent)
+    numbers = value[:3] if isinstance(value, Gains) else np.atleast_1d(value)
+    assert all(0 < x < np.inf for x in numbers)
+    assert f"{float(numbers[0]):.3g}" in named[0]
+
+
+@pytest.mark.parametrize(("period", "bandwidth"), [("0.1 ms", 30.0), ("2 ms", 10.0)])
+def test_derived_gains_are_those_of_a_bandwidth(tmp_path: Path, period: str, bandwidth: float) -> None:
+    """Without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w at most 30 rad/s; the reference has half of the fastest measured speed."""
+    one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
+    w = bandwidth
+    assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
+    assert one.frequency == 0.5
+    assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
+
+
+@pytest.mark.parametrize("parameter", ["alpha_0", "alpha_2"])
+@pytest.mark.parametrize("law", ["partial", "partial-theta"])
+def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, parameter: str, law: str) -> None:
+    """In the loop that a joint gets without any option, a parameter that is a tenth too small is mended by a quarter to three quarters in 1 s."""
+    one = of_experiment(
+        experiment(tmp_path, f"law: {law}, parameters: [{parameter}], start: {{{parameter}: 0.9}}"), joint()
+    )
+    wiring = Wiring(compensator=replace(one.compensator, adaptation=one.adaptation))
+    run = simulate(wiring, [one.case(model=one.begun(one.model))], one.sine(one.frequency, 1.0), one.period)
+    assert 0.25 < (0.9 * run.theta[0, 0, -1] - 0.9) / 0.1 < 0.75
+
+
+def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path) -> None:
+    """An unseen sigma_0 is alpha_0 over a thousandth of the amplitude, an unseen sigma_1 that of (15), in the model and in every draw."""
+    fit = unseen(tracked(values_of(GRIPPER)), {"sigma_0+": 1.0, "sigma_1+": 9.0, "sigma_1-": 9.0})
+    one = of_experiment(experiment(tmp_path, "amplitude: 0.4 rad"), joint(fit))
+    positive, negative = one.model
+    assert positive.sigma_0 == pytest.approx(GRIPPER.positive.alpha_0 / 0.4e-3)
+    assert positive.sigma_1 == pytest.approx(0.2 * np.sqrt(J * positive.sigma_0))
+    assert negative.sigma_0 == pytest.approx(GRIPPER.negative.sigma_0)
+    assert negative.sigma_1 == pytest.approx(0.2 * np.sqrt(J * negative.sigma_0))
+    for name in ("sigma_0 (+)", "sigma_1 (+)", "sigma_1 (-)"):
+        assert len([s for s in one.assumptions if s.startswith(f"{name}: these data do not show it; ")]) == 1
+    assert not [s for s in one.assumptions if s.startswith("sigma_0 (-)")]
+    for (p, n), inertia in one.draws:
+        assert p.sigma_0 == pytest.approx(p.alpha_0 / 0.4e-3)
+        assert n.sigma_1 == pytest.approx(0.2 * np.sqrt(inertia * n.sigma_0))
+
+
+def test_a_simulated_joint_is_driven_as_it_truly_is(tmp_path: Path) -> None:
+    """With a truth that is whole the plant is the truth; without one, or with part of one, it is the identified model, and that is said."""
+    true = Pair(GRIPPER.negative, GRIPPER.negative)
+    part = {"both": GRIPPER.negative._replace(sigma_1=float("nan"))}
+    for truth, plant in (
+        ({"both": GRIPPER.negative}, true),
+        (dict(zip("+-", true, strict=True)), true),
+        (part, GRIPPER),
+        ({}, GRIPPER),
+    ):
+        one = of_experiment(experiment(tmp_path), joint(truth=truth))
+        np.testing.assert_allclose(one.plant, plant)
+        assert any(s.startswith("The plant is the identified model") for s in one.assumptions) == (plant is GRIPPER)
+
+
+def test_the_inertia_is_that_of_the_fit_then_the_file_s_then_the_motor_s(tmp_path: Path) -> None:
+    """What moving runs showed of the inertia comes first, then `inertia`, then `motor.inertia`."""
+    motor = "motor: {torque_constant: 0.35 N*m/A, inertia: 0.003 kg*m**2}\n"
+    known, nothing = joint(), joint(tracked(values_of(GRIPPER, None)))
+    assert pytest.approx(J) == of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), known).J
+    assert of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), nothing).J == 0.002
+    assert of_experiment(experiment(tmp_path, "", motor), nothing).J == 0.003
+
+
+def test_without_inertia_there_is_no_loop(tmp_path: Path) -> None:
+    """Where nobody knows the inertia the refusal names the joint and how to give one."""
+    with pytest.raises(
+        ValueError, match=r"^wrist: no inertia is known, .*give it as inertia, or a tracking run that shows it$"
+    ):
+        of_experiment(experiment(tmp_path), joint(tracked(values_of(GRIPPER, None))))
+
+
+def test_without_a_whole_model_there_is_no_compensator(tmp_path: Path) -> None:
+    """A joint of which nothing was identified is refused with what is missing and which runs show it."""
+    with pytest.raises(
+        ValueError, match=r"^wrist: nothing is known of the friction over velocity in direction \+; .* tracking run"
+    ):
+        of_experiment(experiment(tmp_path), replace(joint(), tracking=None))
+
+
+REFUSED = {
+    "negative rate": ({"gamma": "[-1, 4]"}, r"adapt: gamma: got -1; expected zero or more"),
+    "rate that is no number": ({"gamma": "[3, .nan]"}, r"adapt: gamma: got nan"),
+    "infinite rate": ({"gamma": "[3, .inf]"}, r"adapt: gamma: got inf"),
+    "too many rates": ({"gamma": "[3, 4, 5]"}, r"adapt: gamma: got 3 rates for 2 parameters"),
+    "limits above the start": ({"limits": "[1.5, 3]"}, r"adapt: limits: got 1\.5 to 3; expected 0 < lower <= 1 <= upper"),
+    "limits below the start": ({"limits": "[0.1, 0.5]"}, r"adapt: limits: got 0\.1 to 0\.5"),
+    "limits that are no numbers": ({"limits": "[.nan, .nan]"}, r"adapt: limits: got nan to nan"),
+    "unknown law": ({"law": "exact"}, r"adapt: law: got 'exact'; expected one of printed, partial, partial-theta, total"),
+    "printed for v_s": ({"law": "printed", "parameters": "[alpha_0, v_s]"}, r"adapt: law: printed is typeset for alpha_0 and alpha_2 alone"),
+    "unknown step": ({"step": "newton"}, r"adapt: step: got 'newton'; expected one of gradient, normalised, least-squares"),
+    "unknown parameter": ({"parameters": "[alpha_0, mass]"}, r"adapt: parameters: got alpha_0, mass"),
+    "parameter twice": ({"parameters": "[v_s, v_s]"}, r"adapt: parameters: got v_s, v_s"),
+    "start of what does not exist": ({"start": "{mass: 0.5}"}, r"adapt\.start: got 'mass'; expected some of alpha_0"),
+    "start at nothing": ({"start": "{alpha_0: 0}"}, r"adapt\.start\.alpha_0: got 0"),
+    "negative dead zone": ({"dead_zone": "-1"}, r"adapt: dead_zone: got -1"),
+    "unknown compensator": ({"compensator": "dahl"}, r"adapt: compensator: got 'dahl'; expected one of"),
+    "compensator that cannot adapt": ({"compensator": "coulomb"}, r"adapt: compensator: coulomb cannot adapt"),
+    "period too long": ({"period": "20 ms"}, r"adapt\.period: got 0\.02 s; expected at most 0\.01 s"),
+    "frequency of zero": ({"frequency": "0 Hz"}, r"adapt\.frequency: got "),
+    "reference too fast": ({"amplitude": "50 rad"}, r"adapt: a reference of 50 at 2 Hz is 314 times as fast as anything measured"),
+}  # fmt: skip  # a table
+
+
+@pytest.mark.parametrize(("spoilt", "said"), REFUSED.values(), ids=REFUSED.keys())
+def test_what_cannot_be_is_refused_in_a_sentence_that_names_the_file(
+    tmp_path: Path, spoilt: Mapping[str, str], said: str
+) -> None:
+    """One bad option among good ones: a single sentence with the file's name, the key, what was got and what was expected."""
+    with pytest.raises(ValueError, match=said) as refused:
+        of_experiment(experiment(tmp_path, options({**ASKED, **spoilt})), joint())
+    assert str(refused.value).startswith(f"{tmp_path / 'e.yaml'}: ")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_reference_faster_than_the_data_is_an_extrapolation(tmp_path: Path) -> None:
+    """Up to thirty times what was measured is allowed, and said."""
+    one = of_experiment(experiment(tmp_path, "amplitude: 2 rad, frequency: 1 Hz"), joint())
+    factor = 2 * np.pi * 2 / FASTEST
+    assert [
+        s for s in one.assumptions if f"{factor:.2g} times as fast as anything measured: the model is extrapolated" in s
+    ]
+
+
+def test_what_is_asked_is_checked_before_anything_is_identified(tmp_path: Path) -> None:
+    """`asked_parts` needs the file alone, and gives its compensator and its adaptation; rates that are not given are zero."""
+    compensator, adaptation = asked_parts(experiment(tmp_path, "law: total, parameters: [sigma_0, v_s, alpha_1]"))
+    assert compensator.name == "lugre"
+    assert adaptation.gamma == (0.0, 0.0, 0.0)
+    with pytest.raises(ValueError, match=r"e\.yaml: adapt: law: got 'exact'"):
+        asked_parts(experiment(tmp_path, "law: exact"))
+    assert load_experiment(tmp_path / "e.yaml").adapt.law == "exact"
+
+
+def test_the_refusal_of_a_slow_controller_says_the_longest_period(tmp_path: Path) -> None:
+    """The period that the refusal names is itself accepted."""
+    with pytest.raises(ValueError, match="expected at most") as refused:
+        asked_parts(experiment(tmp_path, "frequency: 3 Hz, period: 50 ms"))
+    said = re.search(r"at most (\S+) s", str(refused.value))
+    assert said is not None
+    asked_parts(experiment(tmp_path, f"frequency: 3 Hz, period: {0.999 * float(said[1])} s"))
