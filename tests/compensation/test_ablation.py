@@ -1,10 +1,14 @@
 """Every compensator behind encoders and delays: right compensation is best, over-compensation and limit cycles are marked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bristle.compensation import ablation as trying
 from bristle.compensation.ablation import SHARES, WAYS, Tried, ablation
+from bristle.control.closed import Wiring, simulate
+from bristle.control.compensator import Compensator
 
 from .conftest import subject
 
@@ -69,3 +73,12 @@ def test_a_sign_fed_back_swings_a_held_joint(rows: tuple[Tried, ...]) -> None:
 def test_a_delay_costs_what_measures(rows: tuple[Tried, ...]) -> None:
     """Five periods late, feed-forward still leaves less than a fifth of the error."""
     assert of(rows, LUGRE, 5)[1.0].ratio < 0.2
+
+
+def test_a_share_of_the_model_is_that_share_of_its_torque(rows: tuple[Tried, ...]) -> None:
+    """Half of the model's parameters, v_s aside, compensate as the whole model does by half of its torque."""
+    one = subject()
+    course, moving = trying._course(one)
+    case = replace(one.case(), resolution=trying._count(one, 20))
+    run = simulate(Wiring(compensator=Compensator(share=0.5), encoder=True), [case], course, one.period)
+    assert of(rows, LUGRE)[0.5].rms == pytest.approx(np.sqrt(np.mean(run.error[0, moving] ** 2)), rel=1e-9)

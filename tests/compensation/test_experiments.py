@@ -102,18 +102,18 @@ def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> Non
     """At the plan's own rate, amplitude and frequency both maps hold what the adaptation ends at; shapes are those of their axes."""
     monkeypatch.setattr(beyond, "GAMMAS", (20.0, 50.0, 5.0))
     monkeypatch.setattr(beyond, "FREQUENCIES", (2.0, 1.0))
-    monkeypatch.setattr(beyond, "AMPLITUDES", (1.0, 0.5))
+    monkeypatch.setattr(beyond, "AMPLITUDES", (1.0, 0.5, 2.0))
     one = one_way(subject(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
     found = landings(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
     assert found.by_gamma.shape == (2, 3, 2)
-    assert found.by_amplitude.shape == (2, 2, 2)
+    assert found.by_amplitude.shape == (2, 3, 2)
     np.testing.assert_allclose(found.by_gamma[:, 0, 1], ends, rtol=1e-12)
     np.testing.assert_allclose(found.by_amplitude[:, 0, 1], ends, rtol=1e-12)
     np.testing.assert_allclose(found.by_amplitude[:, 0, 0], found.by_gamma[:, 0, 0], rtol=1e-12)
     np.testing.assert_allclose(found.gammas, [20.0, 50.0, 5.0])
     np.testing.assert_allclose(found.frequencies, [1.2, 0.6])
-    np.testing.assert_allclose(found.amplitudes, [0.8, 0.4])
+    np.testing.assert_allclose(found.amplitudes, [0.8, 0.4, 1.6])
 
 
 @pytest.mark.parametrize("p", [P, edro.TABLE_1["base rotation"].negative])

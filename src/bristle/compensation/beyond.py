@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.compensation import experiments as paper
-from bristle.compensation.subject import Subject, sine
+from bristle.compensation.subject import Subject, sine, stacked
 from bristle.control import adaptation
 from bristle.control.adaptation import LAWS, Adaptation, Learnt
 from bristle.control.closed import Course, Wiring, simulate
@@ -53,10 +53,7 @@ def landings(subject: Subject) -> Map:
     def ends(share: float, courses: Sequence[Course]) -> Array:
         a = replace(plan, gamma=tuple(share * g for g in plan.gamma))
         wiring = Wiring(compensator=replace(subject.compensator, adaptation=a))
-        course = Course(
-            *(np.stack([getattr(c, part) for c in courses]) for part in ("position", "velocity", "acceleration"))
-        )
-        run = simulate(wiring, [case] * len(courses), course, subject.period)
+        run = simulate(wiring, [case] * len(courses), stacked(courses), subject.period)
         final: Array = begun[:, None] * run.theta[:, :, -1].T
         return final
 
@@ -108,31 +105,30 @@ _UNLIMITED = (1e-12, 1e12)
 
 def drifts(subjects: Sequence[Subject], shares: Sequence[float] = (0.25, 1.0)) -> tuple[Drift, ...]:
     """Every joint at the plan's frequency and at its slow one: known, fixed, adapted at shares of the plan's rates, unprojected, normalised."""
-    return tuple(
-        row for subject in subjects for f in (subject.slow, subject.frequency) for row in _drift(subject, f, shares)
-    )
+    return tuple(row for subject in subjects for row in _drift(subject, shares))
 
 
-def _drift(subject: Subject, frequency: float, shares: Sequence[float]) -> list[Drift]:
-    course = subject.sine(frequency, paper.LONG)
-    rising: Array = np.linspace(1.0, 1.0 + RISE, course.position.size, dtype=np.float64)
+def _drift(subject: Subject, shares: Sequence[float]) -> list[Drift]:
+    frequencies = (subject.slow, subject.frequency)
+    course = stacked([subject.sine(f, paper.LONG) for f in frequencies])
+    rising: Array = np.linspace(1.0, 1.0 + RISE, course.position.shape[-1], dtype=np.float64)
     course = course._replace(drift_0=rising, drift_2=rising)
-    plan, case = subject.adaptation, subject.case(model=subject.plant)
+    plan, cases = subject.adaptation, [subject.case(model=subject.plant)] * len(frequencies)
     ways: list[tuple[str, Adaptation | None]] = [("known", None), ("fixed", None)]
     ways += [(plan.law, replace(plan, gamma=tuple(share * g for g in plan.gamma))) for share in shares]
     ways += [
         (f"{plan.law}, without limits", replace(plan, limits=_UNLIMITED)),
         (f"{plan.law}, normalised", replace(plan, step="normalised")),
     ]
-    rows: list[Drift] = []
+    rows: dict[float, list[Drift]] = {f: [] for f in frequencies}
     for way, a in ways:
         wiring = Wiring(compensator=replace(subject.compensator, adaptation=a), informed=way == "known")
-        run = simulate(wiring, [case], course, subject.period)
-        rms = float(run.rms_error()[0])
-        gain = float(np.exp(np.abs(np.log(run.theta)).max())) if a else np.nan
-        known = rows[0].rms if rows else rms
-        rows.append(Drift(subject.name, frequency, way, a.gamma[0] if a else np.nan, rms, rms / known, gain))
-    return rows
+        run = simulate(wiring, cases, course, subject.period)
+        for f, rms, theta in zip(frequencies, run.rms_error().tolist(), run.theta, strict=True):
+            gain = float(np.exp(np.abs(np.log(theta)).max())) if a else np.nan
+            known = rows[f][0].rms if rows[f] else rms
+            rows[f].append(Drift(subject.name, f, way, a.gamma[0] if a else np.nan, rms, rms / known, gain))
+    return [row for f in frequencies for row in rows[f]]
 
 
 class Controlled(NamedTuple):

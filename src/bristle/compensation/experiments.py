@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from bristle.compensation.subject import Subject
+from bristle.compensation.subject import Subject, stacked
 from bristle.control.adaptation import LAWS, Adaptation, Law
-from bristle.control.closed import Trajectory, Wiring, simulate
+from bristle.control.closed import Case, Trajectory, Wiring, simulate
 from bristle.control.compensator import Compensator
 
 LONG, SETTLE, SHORT = 30.0, 10.0, 20.0
@@ -41,27 +41,27 @@ class Errors(NamedTuple):
 
 def errors(subjects: Sequence[Subject]) -> tuple[Errors, ...]:
     """Fig. 8 at both frequencies of each joint, without and with inertia feed-forward."""
-    return tuple(
-        _errors(subject, frequency, inertia=inertia)
-        for subject in subjects
-        for frequency in (subject.slow, subject.frequency)
-        for inertia in (False, True)
-    )
+    rows = [[*_errors(subject, inertia=False), *_errors(subject, inertia=True)] for subject in subjects]
+    return tuple(row for own in rows for row in sorted(own, key=lambda row: (row.frequency, row.inertia)))
 
 
-def _errors(subject: Subject, frequency: float, *, inertia: bool) -> Errors:
-    course, J = subject.sine(frequency, LONG), subject.J if inertia else 0.0
-    fed, true = subject.case(), subject.case(model=subject.plant)
+def _errors(subject: Subject, *, inertia: bool) -> list[Errors]:
+    frequencies = (subject.slow, subject.frequency)
+    courses = [subject.sine(f, LONG) for f in frequencies]
+    own, found = subject.case(model=subject.plant), subject.case()
 
-    def run(compensator: Compensator, *cases: object) -> Trajectory:
-        return simulate(Wiring(compensator=replace(compensator, inertia=J)), cases, course, subject.period)  # type: ignore[arg-type]
+    def run(compensator: Compensator, cases: Sequence[Case]) -> Trajectory:
+        whole = replace(compensator, inertia=subject.J if inertia else 0.0)
+        return simulate(Wiring(compensator=whole), cases, stacked(courses * (len(cases) // 2)), subject.period)
 
-    bare, steady = run(BARE, fed), run(subject.compensator, true, fed)
-    moved = run(replace(subject.compensator, adaptation=subject.adaptation), fed)
-    without, (own, found), adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
-    return Errors(
-        subject.name, frequency, inertia, without[0], own, found, adaptive[0], float(bare.rms_torque(SETTLE)[0]), float(steady.rms_torque(SETTLE)[1])
-    )  # fmt: skip  # a list of values
+    bare, steady = run(BARE, [found] * 2), run(subject.compensator, [own, own, found, found])
+    moved = run(replace(subject.compensator, adaptation=subject.adaptation), [found] * 2)
+    without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
+    asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))
+    return [
+        Errors(subject.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])
+        for k, f in enumerate(frequencies)
+    ]
 
 
 def followed(subject: Subject) -> dict[str, Trajectory]:

@@ -72,6 +72,11 @@ def sine(amplitude: float, frequency: float, duration: float, period: float) -> 
     return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
 
 
+def stacked(courses: Sequence[Course]) -> Course:
+    """Courses of one length, one for each case: position, velocity and acceleration, (cases, n)."""
+    return Course(*(np.stack([getattr(c, part) for c in courses]) for part in ("position", "velocity", "acceleration")))
+
+
 def of_paper(joints: Sequence[Joint]) -> tuple[Subject, ...]:
     """The four joints of Table 1 under the paper's PID, each with what was identified of it from the embedded data."""
     found = []
