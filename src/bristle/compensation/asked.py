@@ -35,6 +35,10 @@ _COARSE = 0.02
 """The control period is at most this share of the reference's."""
 _FREQUENCY = 0.5
 """Of a reference that nobody gave, Hz."""
+_PHASES = 64
+"""Of a quarter of a sine, over which rates are found."""
+_NOTHING = 1e-6
+"""Of the torque: a parameter that makes no more of it in steady sliding is not seen there."""
 _HALF = 0.5
 """Share of a parameter's error that is mended in a second, where no rates are given."""
 
@@ -78,7 +82,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
             )
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
-        adaptation = _paced(adaptation, model.positive, gains.K_p, amplitude * frequency, assumed)
+        adaptation = _paced(adaptation, model.positive, gains.K_p, 2 * np.pi * frequency * amplitude, assumed)
     truth = truth_of(joint)
     if truth is None:
         assumed.append(
@@ -89,7 +93,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     )
     return Subject(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
-        draws=tuple((filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in draws_of(joint)),
+        draws=tuple((filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in draws_of(joint, J)),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
         start=asked.start, simulated=joint.simulated, assumptions=tuple(assumed), compensator=compensator,
     )  # fmt: skip  # a list of values
@@ -118,32 +122,36 @@ def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
         raise ValueError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
 
 
-def _paced(plain: Adaptation, p: Lugre[float], K_p: float, pace: float, assumed: list[str]) -> Adaptation:
-    """The adaptation with rates that mend half of a parameter's error in a second.
+def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[str]) -> Adaptation:
+    """The adaptation with rates that mend half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
 
-    A parameter that is wrong by a share s makes an error of position of about s p G / K_p, G its derivative, so that its gain moves by
-    gamma G s p G' / K_p a second: gamma is chosen at the mean speed of the reference, 4 times amplitude times frequency (`pace`).
+    A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
+    gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
     """
     names = plain.parameters
-    rates = tuple(_rate(plain, k, p, K_p, 4 * pace) for k in range(len(names)))
-    listed = ", ".join(f"{rate:.3g}" for rate in rates)
-    assumed.append(
-        f"Learning rates: {listed} for {', '.join(names)}, which mend about half of an error in a second; give adapt.gamma."
+    v = fastest * np.sin(np.pi * (np.arange(_PHASES) + 0.5) / (2 * _PHASES))
+    z, *by = evaluate(functions.steady_deflection(), v, *p)
+    T, T_z, *by_p = evaluate(functions.torque_sensitivity(), z, v, *p)
+    own = [Lugre._fields.index(name) for name in names]
+    slopes = np.array([by[k] * getattr(p, name) for k, name in zip(own, names, strict=True)])
+    G = np.array(
+        [
+            [float(x) for x in gradient(plain, zk, vk, p, Learnt((1.0,) * len(names), tuple(s), ()))]
+            for zk, vk, s in zip(z.tolist(), v.tolist(), slopes.T.tolist(), strict=True)
+        ]
     )
-    return replace(plain, gamma=rates)
-
-
-def _rate(a: Adaptation, k: int, p: Lugre[float], K_p: float, v: float) -> float:
-    """The rate of one parameter at speed v; 0 where the law has no gradient there."""
-    z, *by = (float(x[0]) for x in evaluate(functions.steady_deflection(), np.array([v]), *p))
-    slopes = tuple(by[Lugre._fields.index(name)] * getattr(p, name) for name in a.parameters)
-    G = float(gradient(a, z, v, p, Learnt((1.0,) * len(slopes), slopes, ()))[k])
-    T, T_z, *by_p = (float(x[0]) for x in evaluate(functions.torque_sensitivity(), np.array([z]), np.array([v]), *p))
-    name = a.parameters[k]
-    own = Lugre._fields.index(name)
-    whole = getattr(p, name) * abs(by_p[own] + T_z * by[own])
-    worth = abs(G) * max(whole, 1e-6 * abs(T))
-    return _HALF * K_p / worth if worth > 0 else 0.0
+    rates = []
+    for k, (at, name) in enumerate(zip(own, names, strict=True)):
+        whole = getattr(p, name) * np.abs(by_p[at] + T_z * by[at])
+        worth = float(np.mean(np.abs(G[:, k]) * whole))
+        seen = worth > _NOTHING * float(np.mean(np.abs(G[:, k])) * np.mean(np.abs(T)))
+        rates.append(_HALF * K_p / worth if seen else 0.0)
+    listed = ", ".join(f"{rate:.3g}" for rate in rates)
+    still = "" if all(rates) else "; zero where steady sliding shows nothing of a parameter"
+    assumed.append(
+        f"Learning rates: {listed} for {', '.join(names)}, which mend about half of an error in a second{still}; give adapt.gamma."
+    )
+    return replace(plain, gamma=tuple(rates))
 
 
 def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gains[float]:

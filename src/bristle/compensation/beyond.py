@@ -44,7 +44,7 @@ class Map(NamedTuple):
 def landings(subject: Subject) -> Map:
     """How the adapted values move with rate, amplitude and frequency, after the length of a run of the adaptation."""
     plan = subject.adaptation
-    top = float(np.max(plan.gamma))
+    top = float(np.max(plan.gamma)) or 1.0
     gammas = top * np.array(GAMMAS) / 20.0
     f, A = subject.frequency * np.array(FREQUENCIES), subject.amplitude * np.array(AMPLITUDES)
     case = subject.case(model=subject.begun(subject.model))
@@ -63,7 +63,7 @@ def landings(subject: Subject) -> Map:
 
 
 def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[str, Array]]:
-    """Speeds, rad/s, (points,), and what each law's G is in steady sliding at them, relative to the total derivative's largest.
+    """Speeds, rad/s, (points,), and each law's G in steady sliding at them, relative to the largest total one or, where there is none, to the largest.
 
     The `partial-theta` one is left out: it is the partial one times the parameter.
     """
@@ -80,7 +80,8 @@ def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array
             for zk, vk, sk in zip(z.tolist(), v.tolist(), slope.tolist(), strict=True)
         ]
         found[law] = np.abs(np.array(own))
-    top = float(found["total"].max())
+    largest = max(float(g.max()) for g in found.values())
+    top = total if (total := float(found["total"].max())) > 1e-9 * largest else largest
     return v, {law: g / top for law, g in found.items()}
 
 

@@ -112,9 +112,7 @@ def adapted(subject: Subject) -> Adapted:
 
 
 def _fair(subject: Subject, law: Law) -> tuple[float, ...]:
-    """Rates of a law: those of the plan, but over the parameter where the law's gradient has it once more, so that all could move alike."""
-    plan = subject.adaptation
-    if law != "partial-theta":
-        return plan.gamma
-    begun = subject.begun(subject.model).positive
-    return tuple(gamma / getattr(begun, name) for gamma, name in zip(plan.gamma, plan.parameters, strict=True))
+    """Rates of a law: the plan's, but times or over the parameter where only one of both laws has it once more in its gradient."""
+    plan, begun = subject.adaptation, subject.begun(subject.model).positive
+    power = (plan.law == "partial-theta") - (law == "partial-theta")
+    return tuple(float(g * getattr(begun, name) ** power) for g, name in zip(plan.gamma, plan.parameters, strict=True))

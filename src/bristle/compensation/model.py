@@ -51,10 +51,10 @@ def _identified(joint: Joint, direction: str) -> Lugre[float]:
 
 
 def unseen_of(joint: Joint) -> dict[str, list[str]]:
-    """Of each direction what the moving runs do not show of the bristle, and was not given either."""
-    fit = joint.joint_fit or joint.tracking
+    """Of each direction what the runs do not show of the bristle, and was not given either."""
+    fit, slow = joint.joint_fit or joint.tracking, joint.presliding.fits if joint.presliding else {}
     if fit is None:
-        return {}
+        return {d: ["sigma_1"] for d, own in slow.items() if own.sigma_1.value is None}
     found = {}
     for d in "+-":
         known = {name: fit.parameters.get(name + d, fit.parameters.get(name)) for name in ("sigma_0", "sigma_1")}
@@ -98,8 +98,8 @@ def inertia_of(experiment: Experiment, joint: Joint) -> float:
     )
 
 
-def draws_of(joint: Joint) -> tuple[tuple[Pair[float], float], ...]:
-    """Joints from the covariance of the fit of moving runs; none where there is no such fit."""
+def draws_of(joint: Joint, inertia: float) -> tuple[tuple[Pair[float], float], ...]:
+    """Joints from the covariance of the fit of moving runs, with this inertia where that was not fitted; none without such a fit."""
     fit = joint.joint_fit or joint.tracking
     if fit is None or not fit.names:
         return ()
@@ -120,9 +120,7 @@ def draws_of(joint: Joint) -> tuple[tuple[Pair[float], float], ...]:
     for row in drawn.tolist():
         one = _with(fit, dict(zip(names, row, strict=True)))
         pair = Pair(*(_set(one, d) for d in "+-"))
-        J = one.get("inertia")
-        if J:
-            found.append((pair, float(J)))
+        found.append((pair, one.get("inertia") or inertia))
     return tuple(found)
 
 

@@ -24,6 +24,8 @@ from bristle.model.arrays import Array
 from bristle.model.parameters import Pair, pair_of
 from bristle.model.rollout import rollout
 
+_MOVED = 0.01
+"""A gain that differs from 1, or from a limit, by no more than this share is there."""
 _LITTLE = 0.3
 """Percentage points of the torque: a smaller difference is none."""
 
@@ -47,6 +49,8 @@ class Replay:
     """Predicted with the gains of each instant, N*m, (n,)."""
     theta: Array
     """Shares of the identified parameters, (parameters, n)."""
+    start: Array
+    """Those at which it began, (parameters,)."""
     adaptation: Adaptation
 
     def relative_errors(self) -> tuple[float, float]:
@@ -66,7 +70,8 @@ class Replay:
         before, after = self.relative_errors()
         ends = self.shares
         low, high = self.adaptation.limits
-        if ((self.theta[:, -1] <= 1.01 * low) | (self.theta[:, -1] >= 0.99 * high)).any():
+        gains = self.theta[:, -1] / self.start
+        if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
             return f"Leave it off, or lower gamma: a gain ended at its limit ({ends})."
         little = max(_LITTLE, 0.02 * before)
         if after < before - little:
@@ -89,7 +94,7 @@ def replays(subject: Subject, joint: Joint, measured: Measured) -> tuple[Replay,
         )
         problem = tracking([record], ("both",), regressors(experiment), 1, fixed)
         known = _known(joint)
-        extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
+        extra = np.array([known.get(name, subject.J if name == "inertia" else 0.0) for name in problem.extra_names])
         for begun in ("identified", ", ".join(f"{share:g} {name}" for name, share in subject.start.items())):
             model = subject.model if begun == "identified" else subject.begun(subject.model)
             found.append(_replay(subject, record.file, problem.motions, extra, begun, model))
@@ -113,7 +118,7 @@ def _replay(
     for m in motions:
         friction = m.torque - m.extra @ extra
         memory[:2] = 0.0, m.velocity[0]
-        inputs = np.vstack([m.velocity, friction, np.append(m.step[:1], m.step)])
+        inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step)])
         ends, log = _run(a, m.velocity.size)(memory, inputs, numbers)
         memory = np.asarray(ends).ravel()
         fixed = rollout(m.velocity, m.step, model, 0.0).torque
@@ -122,7 +127,7 @@ def _replay(
     time, velocity, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
     return Replay(
         file=file, begun=begun, time=time, velocity=velocity, measured=friction, fixed=fixed, adapted=log[0],
-        theta=shares[:, None] * log[1:], adaptation=a,
+        theta=shares[:, None] * log[1:], start=shares, adaptation=a,
     )  # fmt: skip  # a list of values
 
 

@@ -84,7 +84,8 @@ def of_paper(joints: Sequence[Joint]) -> tuple[Subject, ...]:
         pair = edro.TABLE_1[joint.name]
         found.append(
             Subject(
-                name=joint.name, kind="revolute", plant=pair, model=identified(joint), J=edro.inertia(pair), draws=draws_of(joint),
+                name=joint.name, kind="revolute", plant=pair, model=identified(joint), J=edro.inertia(pair),
+                draws=draws_of(joint, edro.inertia(pair)),
                 gains=edro.PID_GAINS, amplitude=1.0, frequency=0.5, slow=0.2, period=1e-3, adaptation=Adaptation(),
                 start={"alpha_0": 0.3, "alpha_2": 0.5}, simulated=True, assumptions=PAPER_ASSUMPTIONS,
             )

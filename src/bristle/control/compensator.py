@@ -170,11 +170,15 @@ def advanced(a: Adaptation | None, state: State, v: Expression, h: Expression) -
         else:
             by_z, rest = law.bristle_step(first, last, part, own)
         z = by_z * z + rest
-        other = law.active(
-            z, first + last, state.parameters
-        ).sigma_0  # where z has passed zero, the stiffness of its new side
-        turned = 1 + (1 - by_z) * (p.sigma_0 / other - 1)  # what has been forgotten meanwhile has settled to that
-        z, slopes = turned * z, tuple(turned * s for s in slopes)
+        # where z has passed zero, the new side has another stiffness: dz/dt = |v| (1 - z / z_ss) from there, over the same way, with that one
+        other = law.active(z, first + last, state.parameters).sigma_0
+        harder, reach = other / p.sigma_0, rest / (1 - by_z + 1e-300)  # reach: z_ss on the old side
+        kept = ca.fmin(
+            ca.fmax(1 - z / (reach + 1e-300), 1e-300), 1.0
+        )  # of z_ss, where z has risen from zero with the old stiffness
+        crossed = other != p.sigma_0
+        slopes = tuple(ca.if_else(crossed, ca.fmin(kept ** (harder - 1), 1.0) * s, s) for s in slopes)
+        z = ca.if_else(crossed, -reach / harder * ca.expm1(harder * ca.log(kept)), z)
     return z, learnt._replace(sensitivity=slopes)
 
 

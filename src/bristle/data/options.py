@@ -135,7 +135,7 @@ class FitOptions(Model):
 class PidGains(Model):
     """The PID controller (21)."""
 
-    K_p: Annotated[float, quantity("K_p"), Field(ge=0)]
+    K_p: Annotated[float, quantity("K_p"), Field(gt=0)]
     K_i: Annotated[float, quantity("K_i"), Field(ge=0)] = 0.0
     K_d: Annotated[float, quantity("K_d"), Field(ge=0)] = 0.0
     filter_time: Annotated[float, quantity("time"), Field(ge=0)] = 0.0
@@ -171,7 +171,7 @@ class AdaptOptions(Model):
     """1/s."""
     forgetting: Plain | None = None
     """1/s."""
-    start: dict[Name, Annotated[float, Field(gt=0, le=100)]] = Field(
+    start: Annotated[dict[Name, Annotated[float, Field(gt=0, le=100)]], Field(min_length=1)] = Field(
         default_factory=lambda: {"alpha_0": 0.3, "alpha_2": 0.5}
     )
     """Where the adaptation begins, as shares of the identified parameters; the paper's Table 2."""

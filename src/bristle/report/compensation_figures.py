@@ -216,7 +216,7 @@ def gradients_figure(study: Study) -> Figure:
     ax.axvline(v_s, color="#666666", linewidth=0.8)
     ax.annotate("vₛ", (v_s, 0.03), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=9)
     ax.set_xlabel(axis("velocity", subject.kind))
-    ax.set_ylabel(f"G of {symbol(name)}, over the total one")
+    ax.set_ylabel(f"Relative G of {symbol(name)}")
     ax.legend(loc="lower right")
     return figure
 
