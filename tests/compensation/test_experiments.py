@@ -214,3 +214,27 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
 def test_without_draws_there_is_no_band() -> None:
     """A joint whose covariance is unknown has no band."""
     assert band(subject()) is None
+
+
+def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With rates of zero nothing moves, over the whole map."""
+    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
+        monkeypatch.setattr(beyond, name, (1.0,))
+    found = landings(subject(adaptation=Adaptation(gamma=(0.0, 0.0))))
+    np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
+
+
+def test_the_plans_own_law_has_the_plans_own_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the law of the plan, its row of Table 2 ends where the map at the same rate does."""
+    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
+        monkeypatch.setattr(beyond, name, (20.0,) if name == "GAMMAS" else (1.0,))
+    for law in ("partial", "partial-theta", "total"):
+        one = one_way(subject(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
+        ends = [x.final for x in adapted(one).factors if x.law == law]
+        np.testing.assert_allclose(landings(one).by_gamma.ravel(), ends, rtol=1e-9)
+
+
+def test_a_gradient_that_is_rounding_alone_divides_nothing() -> None:
+    """The steady torque does not depend on sigma_0: the laws are then relative to the largest of them."""
+    _, found = gradients(GRIPPER.positive, "sigma_0")
+    assert max(float(g.max()) for g in found.values()) == 1.0

@@ -1,5 +1,6 @@
 """Adaptation off line on a simulated moving run: it learns what is wrong, leaves what is right, and goes on across gaps."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -127,3 +128,31 @@ def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
     before, after = run.relative_errors()
     assert after > before + 10
     assert run.verdict.startswith("Leave it off: ")
+
+
+def test_a_gain_is_judged_by_how_far_it_went(tmp_path: Path) -> None:
+    """Limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two."""
+    still = subject(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
+    assert "limit" not in replayed(tmp_path, 1.0, still)[1].verdict
+    driven = subject(
+        start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
+    )
+    assert "a gain ended at its limit" in replayed(tmp_path, 1.0, driven)[1].verdict
+
+
+def test_without_adaptation_a_replay_is_the_rollout(tmp_path: Path) -> None:
+    """With rates of zero the torque that adapts is the one with gains of 1, but for where z passes zero within a sample."""
+    run = replayed(tmp_path, 1.0, subject(adaptation=Adaptation(gamma=(0.0, 0.0))))[0]
+    np.testing.assert_allclose(run.adapted, run.fixed, atol=1e-4 * np.abs(run.fixed).max())
+
+
+def test_without_a_fit_of_moving_runs_the_known_inertia_is_taken_off(tmp_path: Path) -> None:
+    """Where nothing but the inertia is known beside friction, a right model still explains the run."""
+    t, v, torque = motion()
+    rows = zip(t, v, torque, strict=True)
+    (tmp_path / "run.csv").write_text(
+        "t,v,tau\n" + "".join(f"{a:.6g},{b:.12g},{c:.12g}\n" for a, b, c in rows), "utf-8"
+    )
+    measured = measure(experiment(tmp_path, "", ""))
+    first = replays(subject(), replace(joint(), tracking=None), measured)[0]
+    assert first.relative_errors()[0] < 0.1

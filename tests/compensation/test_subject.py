@@ -12,7 +12,7 @@ from bristle import edro
 from bristle.compensation import model
 from bristle.compensation.asked import asked_parts, of_experiment
 from bristle.compensation.subject import of_paper, one_way
-from bristle.control.adaptation import Adaptation
+from bristle.control.adaptation import LAWS, Adaptation
 from bristle.control.closed import Wiring, simulate
 from bristle.control.pid import Gains
 from bristle.data.experiment import load_experiment
@@ -262,3 +262,33 @@ def test_the_refusal_of_a_slow_controller_says_the_longest_period(tmp_path: Path
     said = re.search(r"at most (\S+) s", str(refused.value))
     assert said is not None
     asked_parts(experiment(tmp_path, f"frequency: 3 Hz, period: {0.999 * float(said[1])} s"))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("parameters", ["alpha_0, alpha_2", "v_s", "alpha_1, sigma_1", "sigma_0"])
+@pytest.mark.parametrize("amplitude", ["20 deg", "2 rad"])
+def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, parameters: str, amplitude: str) -> None:
+    """A rate that nobody gave is finite, also where a gradient vanishes over most of a sine; zero, and said, where sliding shows nothing."""
+    if law == "printed" and parameters != "alpha_0, alpha_2":
+        return
+    given = {"law": law, "parameters": f"[{parameters}]", "amplitude": amplitude, "frequency": "1 Hz"}
+    one = of_experiment(experiment(tmp_path, options(given)), joint())
+    assert np.isfinite(one.adaptation.gamma).all()
+    assert max(one.adaptation.gamma) < 1e9
+    assert any("zero where steady sliding" in s for s in one.assumptions) == (0.0 in one.adaptation.gamma)
+    assert (parameters in {"sigma_0", "alpha_1, sigma_1"}) >= (0.0 in one.adaptation.gamma)
+
+
+def test_a_fixed_inertia_is_that_of_every_draw(tmp_path: Path) -> None:
+    """Where the inertia was given and not fitted, friction alone is drawn."""
+    fixed = tracked(values_of(GRIPPER, None))
+    one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
+    assert len(one.draws) == model.DRAWS
+    assert {inertia for _, inertia in one.draws} == {J}
+
+
+@pytest.mark.parametrize("bad", ["gains: {K_p: 0 N*m/rad}", "start: {}"])
+def test_a_loop_without_stiffness_or_start_is_refused(tmp_path: Path, bad: str) -> None:
+    """K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read."""
+    with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
+        experiment(tmp_path, bad)

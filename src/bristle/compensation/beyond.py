@@ -63,7 +63,7 @@ def landings(subject: Subject) -> Map:
 
 
 def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[str, Array]]:
-    """Speeds, rad/s, (points,), and each law's G in steady sliding at them, relative to the largest total one or, where there is none, to the largest.
+    """Speeds, rad/s, (points,), and each law's G in steady sliding at them, relative to the largest total one, or to the largest where that is zero.
 
     The `partial-theta` one is left out: it is the partial one times the parameter.
     """
