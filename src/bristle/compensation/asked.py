@@ -37,8 +37,8 @@ _FREQUENCY = 0.5
 """Of a reference that nobody gave, Hz."""
 _PHASES = 64
 """Of a quarter of a sine, over which rates are found."""
-_NOTHING = 1e-6
-"""Of the torque: a parameter that makes no more of it in steady sliding is not seen there."""
+_NOTHING = 1e-3
+"""Of the torque: a parameter that makes no more of it in steady sliding, where its law has a gradient, is not seen there."""
 _HALF = 0.5
 """Share of a parameter's error that is mended in a second, where no rates are given."""
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +18,7 @@ from bristle.control.loop import THREADS
 from bristle.control.period import INPUTS, NUMBERS, at_rest, numbers_of, stiff_tick, tick
 from bristle.control.stability import refuse_long_period
 from bristle.control.wiring import Case, Course, Wiring
-from bristle.model.arrays import Array
+from bristle.model.arrays import Array, call_into
 
 __all__ = ["Case", "Course", "Trajectory", "Wiring", "simulate"]
 
@@ -105,8 +104,8 @@ def simulate(
         raise ValueError(
             f"got {len(cases)} cases, {n} samples and a period of {period:g} s; expected at least one, two, and a positive period"
         )
-    given = np.stack([np.broadcast_to(np.asarray(x, dtype=float), (len(cases), n)) for x in course])
-    numbers = np.array([numbers_of(case, period) for case in cases]).T
+    given = np.stack([np.broadcast_to(np.asarray(x, dtype=float), (len(cases), n)) for x in course], axis=-1)
+    numbers = np.array([numbers_of(case, period) for case in cases])
     if not (np.isfinite(given).all() and np.isfinite(numbers).all()):
         raise ValueError(
             "the reference, load, drift or noise of a run, or its case, holds a value that is not finite; expected numbers throughout"
@@ -117,14 +116,15 @@ def simulate(
             f"wiring: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
         )
     refuse_long_period(wiring, cases, period)
-    memory: Any = np.array([at_rest(wiring, float(y)) for y in given[0, :, 0]]).T
-    rows = 6 + compensating.adapted_count(wiring.compensator)
-    logs = np.empty((rows, len(cases), n))
+    memory = np.array([at_rest(wiring, float(y)) for y in given[:, 0, 0]])
+    logs = np.empty((6 + compensating.adapted_count(wiring.compensator), len(cases), n))
     for first in range(0, n, _CHUNK):
         last = min(first + _CHUNK, n)
-        inputs = given[:, :, first:last].reshape(INPUTS, -1)
-        memory, log = _run(wiring, last - first, len(cases), stiff=stiff)(memory, inputs, numbers)
-        logs[:, :, first:last] = log.full().reshape(rows, len(cases), last - first)
+        before, memory = memory, np.empty_like(memory)
+        log = np.empty((len(cases), last - first, len(logs)))
+        inputs = np.ascontiguousarray(given[:, first:last])
+        call_into(_run(wiring, last - first, len(cases), stiff=stiff), (before, inputs, numbers), (memory, log))
+        logs[:, :, first:last] = np.moveaxis(log, -1, 0)
     y, v, T, V, friction, own = logs[:6]
     share, forward = wiring.compensator.share, wiring.compensator.inertia * course.acceleration
     return Trajectory(

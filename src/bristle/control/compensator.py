@@ -7,8 +7,8 @@
     lugre-feedback    LuGre driven by the measured velocity, or by one that is differentiated from the measured position
     lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e, e = y - y_ref (Canudas de Wit, 1995)
 
-Each LuGre one can adapt. Every derivative they use is CasADi's. With floats they return floats, with symbols expressions; `compiled` makes one
-`ca.Function` of a step.
+Each LuGre one can adapt. Every derivative they use is CasADi's. With symbols they return expressions, with floats CasADi's numbers, slowly;
+`compiled` makes one function of a step, for a loop in real time.
 """
 
 from collections.abc import Callable, Sequence

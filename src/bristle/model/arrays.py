@@ -239,6 +239,21 @@ def evaluate(function: ca.Function, *inputs: float | Array) -> tuple[Array, ...]
     return tuple(vectorised(function)(*inputs))
 
 
+def call_into(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
+    """Call any CasADi function on memory that is there, not copied: C-contiguous arrays that hold its matrices column after column.
+
+    Raises RuntimeError where the function fails, as an integrator may.
+    """
+    buffer, run = function.buffer()
+    for k, values in enumerate(inputs):
+        buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # its stubs know the C++ call alone
+    for k, values in enumerate(outputs):
+        buffer.set_res(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # as above
+    run()
+    if buffer.ret():
+        raise RuntimeError(f"{function.name()}: CasADi could not evaluate it")
+
+
 def scan(a: Array, b: Array, z0: float | Array) -> Array:
     """All z of z[k + 1] = a[k] z[k] + b[k], by LAPACK's solver for the bidiagonal system that they satisfy.
 
