@@ -15,21 +15,25 @@ import typer.main
 from bristle import cli
 from bristle.bench import steady_points
 from bristle.data.experiment import load_experiment
+from bristle.edro import TABLE_1
+from bristle.model.arrays import evaluate
+from bristle.model.functions import steady_torque
 from bristle.model.motor import voltage
 from bristle.model.parameters import Motor
 
 from .conftest import TRUTH, run
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[1] / "docs"
 MOTOR = Motor(0.35, 2.1, 0.0, 0.0)
 """What README's experiment file says of the motor: N*m/A and ohm."""
 SPEEDS = np.geomspace(0.02, 0.8, 12)
 """Of the logs, rad/s."""
 
 
-def blocks(language: str) -> list[str]:
-    """README's code blocks in a language."""
-    found = re.findall(rf"^( *)```{language}\n(.*?)^\1```$", README, re.MULTILINE | re.DOTALL)
+def blocks(language: str, text: str = README) -> list[str]:
+    """The code blocks in a language, README's if no other text's."""
+    found = re.findall(rf"^( *)```{language}\n(.*?)^\1```$", text, re.MULTILINE | re.DOTALL)
     return [textwrap.dedent(text) for _, text in found]
 
 
@@ -74,6 +78,16 @@ def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -
     assert (desk / folder / "index.html").is_file()
     assert results.to_json() == (desk / folder / "results.json").read_text(encoding="utf-8")
     assert list(json.loads(results.to_json())["joints"]) == ["wrist"]
+
+
+def test_the_loop_in_the_docs_compensates() -> None:
+    """The real-time loop of docs/compensation.md runs as it stands: at 0.1 rad/s without error its torque is the gripper's steady friction (9)."""
+    (code,) = blocks("python", (DOCS / "compensation.md").read_text(encoding="utf-8"))
+    names: dict[str, Any] = {}
+    exec(compile(code, "compensation.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
+    p = TABLE_1["gripper rotation"].positive
+    (steady,) = evaluate(steady_torque(), 0.1, *p[:4])
+    assert names["torque"] == pytest.approx(float(steady), rel=1e-3)
 
 
 def test_experiment_file_loads_and_reads(desk: Path) -> None:
