@@ -6,8 +6,10 @@ and encoders share it.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from math import inf
 
 import casadi as ca
@@ -116,15 +118,13 @@ def simulate(
             f"wiring: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
         )
     refuse_long_period(wiring, cases, period)
-    memory = np.array([at_rest(wiring, float(y)) for y in given[:, 0, 0]])
-    logs = np.empty((6 + compensating.adapted_count(wiring.compensator), len(cases), n))
-    for first in range(0, n, _CHUNK):
-        last = min(first + _CHUNK, n)
-        before, memory = memory, np.empty_like(memory)
-        log = np.empty((len(cases), last - first, len(logs)))
-        inputs = np.ascontiguousarray(given[:, first:last])
-        call_into(_run(wiring, last - first, len(cases), stiff=stiff), (before, inputs, numbers), (memory, log))
-        logs[:, :, first:last] = np.moveaxis(log, -1, 0)
+    parts = np.array_split(np.arange(len(cases)), 1 if stiff else min(THREADS, len(cases)))
+    lengths = {min(_CHUNK, n - first) for first in range(0, n, _CHUNK)}
+    for samples, own in product(lengths, parts):  # built here: CasADi makes functions in one thread alone
+        _run(wiring, samples, len(own), stiff=stiff)
+    with ThreadPoolExecutor(len(parts)) as pool:  # CasADi leaves Python to the others while it runs
+        ran = pool.map(lambda own: _logged(wiring, given[own], numbers[own], stiff=stiff), parts)
+        logs = np.concatenate(list(ran), axis=1)
     y, v, T, V, friction, own = logs[:6]
     share, forward = wiring.compensator.share, wiring.compensator.inertia * course.acceleration
     return Trajectory(
@@ -135,10 +135,25 @@ def simulate(
     )  # fmt: skip  # a list of values
 
 
+def _logged(wiring: Wiring, given: Array, numbers: Array, *, stiff: bool) -> Array:
+    """What each case logs, (rows, cases, n)."""
+    cases, n, _ = given.shape
+    memory = np.array([at_rest(wiring, float(y)) for y in given[:, 0, 0]])
+    logs = np.empty((6 + compensating.adapted_count(wiring.compensator), cases, n))
+    for first in range(0, n, _CHUNK):
+        last = min(first + _CHUNK, n)
+        before, memory = memory, np.empty_like(memory)
+        log = np.empty((cases, last - first, len(logs)))
+        inputs = np.ascontiguousarray(given[:, first:last])
+        call_into(_run(wiring, last - first, cases, stiff=stiff), (before, inputs, numbers), (memory, log))
+        logs[:, :, first:last] = np.moveaxis(log, -1, 0)
+    return logs
+
+
 @lru_cache(maxsize=32)
 def _run(wiring: Wiring, samples: int, cases: int, *, stiff: bool) -> ca.Function:
     step = stiff_tick(wiring) if stiff else tick(wiring)
     memory, u, q = ca.MX.sym("memory", step.size1_in(0)), ca.MX.sym("u", INPUTS, samples), ca.MX.sym("q", NUMBERS)
     ends, logs = step.mapaccum(samples)(memory, u, ca.repmat(q, 1, samples))
     run = ca.Function("run", [memory, u, q], [ends[:, -1], logs])
-    return run if cases == 1 else run.map(cases) if stiff else run.map(cases, "thread", THREADS)
+    return run if cases == 1 else run.map(cases)
