@@ -418,7 +418,7 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
     ran = run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out")
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
-    assert "data.csv, begun at identified: It changes nothing here" in ran.out
+    assert "data.csv, begun at identified, partial: It changes nothing here" in ran.out
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     shown = Page(page)
     assert not shown.elements & {"script", "link", "iframe"}

@@ -204,7 +204,7 @@ def adapt(
     for x in found.adapted.factors:
         print(f"{found.subjects[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}.")
     for replay in found.replays:
-        print(f"{replay.file}, begun at {replay.begun}: {replay.verdict}")
+        print(f"{replay.file}, begun at {replay.begun}, {replay.adaptation.law}: {replay.verdict}")
     print(f"Page: {page}")
 
 

@@ -119,7 +119,7 @@ def test_a_gain_at_its_limit_is_not_trusted(tmp_path: Path) -> None:
     one = subject(adaptation=Adaptation(limits=(0.5, 1.2)))
     run, _ = replayed(tmp_path, 1.5, one)
     assert run.theta.max() == pytest.approx(1.2)
-    assert run.verdict.startswith("Leave it off, or lower gamma: a gain ended at its limit")
+    assert run.verdict.startswith("A gain ended at its limit")
 
 
 def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_a_gain_is_judged_by_how_far_it_went(tmp_path: Path) -> None:
     driven = subject(
         start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
     )
-    assert "a gain ended at its limit" in replayed(tmp_path, 1.0, driven)[1].verdict
+    assert "A gain ended at its limit" in replayed(tmp_path, 1.0, driven)[1].verdict
 
 
 def test_without_adaptation_a_replay_is_the_rollout(tmp_path: Path) -> None:

@@ -148,7 +148,7 @@ def test_measures_of_a_known_run() -> None:
     assert run.peak_error(1.0)[0] == 2.0
     assert run.rms_torque()[0] == pytest.approx(np.sqrt(19 / 3))
     assert run.chatter()[0] == pytest.approx(4.0)
-    assert run.energy()[0] == pytest.approx(-0.5 + 2.5)
+    assert run.energy()[0] == pytest.approx(3.0 * -1.0 + -1.0 * 3.0)
 
 
 def test_a_step_kicks_a_derivative_of_the_error_alone() -> None:

@@ -144,8 +144,8 @@ def replayed(folder: Path, joint: Joint, most: float) -> None:
     subject = of_experiment(measured.experiment, joint)
     assert any("Learning rates" in sentence for sentence in subject.assumptions)
     found = replays(subject, joint, measured)
-    assert len(found) == 2 * sum(run.kind == "tracking" for run in measured.runs)
-    for right, wrong in zip(found[::2], found[1::2], strict=True):
+    assert len(found) == 3 * sum(run.kind == "tracking" for run in measured.runs)
+    for right, wrong in zip(found[::3], found[1::3], strict=True):
         before, after = right.relative_errors()
         assert after <= before + 0.3
         assert before < most

@@ -28,6 +28,10 @@ _FILTER = 5.0
 """Time constant of the differentiated velocity, in control periods."""
 _SWINGS, _COUNTS = 4, 3.0
 """A joint that is held cycles where it swings through its mean at least so often, over more than so many counts and ..."""
+_LEAD = 0.1
+"""A joint leads where its mean error along the motion is more negative than this share of the RMS error without compensation."""
+_LOST = 10.0
+"""A loop diverges where its error is so many amplitudes."""
 _SWAY = 0.02
 """... a larger share than this of one bristle deflection."""
 WAYS: dict[str, Compensator] = {
@@ -59,7 +63,9 @@ class Tried(NamedTuple):
     limit_cycle: bool
     """The held joint swings on."""
     over_compensated: bool
-    """The joint leads its reference: more than its friction is compensated."""
+    """The joint leads its reference, by more than a tenth of the error without compensation: more than its friction is compensated."""
+    diverges: bool
+    """The loop has no bound."""
 
 
 def ablation(subject: Subject) -> tuple[Tried, ...]:
@@ -73,28 +79,17 @@ def ablation(subject: Subject) -> tuple[Tried, ...]:
     rows: list[Tried] = []
     bare: dict[int, float] = {}
     for way, compensator in WAYS.items():
-        own = Compensator(name=compensator.name, velocity=compensator.velocity, filter_time=_FILTER * subject.period)
+        own = replace(compensator, filter_time=_FILTER * subject.period, observer_gain=subject.observer_gain)
         chosen = [k for k, (_, share) in enumerate(circumstances) if way != "none" or share == 1.0]
         for delay in DELAYS:
             wiring = Wiring(compensator=own, encoder=True, delay=delay)
             run = simulate(wiring, [cases[k] for k in chosen], course, subject.period)
-            found = _judged(subject, run, moving, [circumstances[k][0] for k in chosen])
-            for k, (rms, chatter, cycles, leads) in zip(chosen, found, strict=True):
+            found = _judged(subject, run, moving, [circumstances[k][0] for k in chosen], bare)
+            for k, (rms, chatter, cycles, leads, diverges) in zip(chosen, found, strict=True):
                 bits, share = circumstances[k]
                 bare.setdefault(bits, rms)
-                rows.append(
-                    Tried(
-                        way,
-                        bits,
-                        delay,
-                        share if way != "none" else 0.0,
-                        rms,
-                        rms / bare[bits],
-                        chatter,
-                        cycles,
-                        leads and way != "none",
-                    )
-                )
+                share = share if way != "none" else 0.0  # nothing is compensated
+                rows.append(Tried(way, bits, delay, share, rms, rms / bare[bits], chatter, cycles, leads, diverges))
     return tuple(rows)
 
 
@@ -122,19 +117,22 @@ def _course(subject: Subject) -> tuple[Course, NDArray[np.bool_]]:
 
 
 def _judged(
-    subject: Subject, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int]
-) -> list[tuple[float, float, bool, bool]]:
-    """Of each case: RMS error in motion, chatter at rest, whether it cycles there, and whether it leads its reference."""
-    course, fast = moving, run.time >= run.time[-1] - _WATCHED
+    subject: Subject, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int], bare: dict[int, float]
+) -> list[tuple[float, float, bool, bool, bool]]:
+    """Of each case: RMS error in motion, chatter at rest, whether it cycles there, leads its reference, and diverges; `bare` RMS errors by bits."""
+    late = run.time >= run.time[-1] - _WATCHED
     heading = np.sign(np.gradient(run.reference))
-    rms = np.sqrt(np.mean(run.error[:, course] ** 2, axis=1))
-    lead = np.mean(run.error[:, course] * heading[course], axis=1)
-    held = run.position[:, fast]
-    about = held - held.mean(axis=1, keepdims=True)
+    with np.errstate(over="ignore", invalid="ignore"):
+        rms = np.sqrt(np.mean(run.error[:, moving] ** 2, axis=1))
+        lead = np.mean(run.error[:, moving] * heading[moving], axis=1)
+        held = run.position[:, late]
+        about = held - held.mean(axis=1, keepdims=True)
+        wide = np.ptp(held, axis=1)
+        chatter = run.chatter(float(run.time[-1]) - _WATCHED)
     swings = np.count_nonzero(np.diff(np.signbit(about), axis=1), axis=1)
     deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in subject.plant)
-    wide = [max(_COUNTS * _count(subject, b), _SWAY * deflection) for b in bits]
-    cycles = (swings >= _SWINGS) & (np.ptp(held, axis=1) > np.array(wide))
-    over = lead < [-_count(subject, b) for b in bits]
-    chatter = run.chatter(float(run.time[-1]) - _WATCHED)
-    return list(zip(rms.tolist(), chatter.tolist(), cycles.tolist(), over.tolist(), strict=True))
+    least = [max(_COUNTS * _count(subject, b), _SWAY * deflection) for b in bits]
+    diverges = ~(rms < _LOST * subject.amplitude)
+    cycles = (swings >= _SWINGS) & (wide > np.array(least)) & ~diverges
+    over = (lead < [-max(_count(subject, b), _LEAD * bare.get(b, np.inf)) for b in bits]) & ~diverges
+    return list(zip(*(x.tolist() for x in (rms, chatter, cycles, over, diverges)), strict=True))

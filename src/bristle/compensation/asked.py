@@ -1,5 +1,6 @@
 """A user's joint as its experiment file asks for it to be compensated; what is not given is derived, and said among the assumptions."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -83,6 +84,12 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
         adaptation = _paced(adaptation, model.positive, gains.K_p, 2 * np.pi * frequency * amplitude, assumed)
+    tracing = (
+        None
+        if adaptation.law == "total"
+        else _paced(replace(adaptation, law="total"), model.positive, gains.K_p, 2 * np.pi * frequency * amplitude, [])
+    )
+    compensator = replace(compensator, observer_gain=gains.K_p / max(p.sigma_0 for p in model))
     truth = truth_of(joint)
     if truth is None:
         assumed.append(
@@ -95,8 +102,15 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
         draws=tuple((filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in draws_of(joint, J)),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
-        start=asked.start, simulated=joint.simulated, assumptions=tuple(assumed), compensator=compensator,
+        start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), compensator=compensator, tracing=tracing,
     )  # fmt: skip  # a list of values
+
+
+def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
+    """Where the wrong model begins: as given, or the paper's shares of what is adapted, half of what the paper does not adapt."""
+    if "start" in asked.model_fields_set:
+        return dict(asked.start)
+    return {name: asked.start.get(name, 0.5) for name in parameters}
 
 
 def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:

@@ -57,6 +57,10 @@ def _errors(subject: Subject, *, inertia: bool) -> list[Errors]:
     bare, steady = run(BARE, [found] * 2), run(subject.compensator, [own, own, found, found])
     moved = run(replace(subject.compensator, adaptation=subject.adaptation), [found] * 2)
     without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
+    if not max(fed) < 10 * subject.amplitude:
+        raise ValueError(
+            f"{subject.name}: the loop diverges with {subject.compensator.name}; choose lugre, lower gains, or a shorter period"
+        )
     asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))
     return [
         Errors(subject.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])

@@ -26,6 +26,8 @@ from bristle.model.rollout import rollout
 
 _MOVED = 0.01
 """A gain that differs from 1, or from a limit, by no more than this share is there."""
+_STRANGE = 50.0
+"""Percent: what an identified model leaves so much of is not described by it."""
 _LITTLE = 0.3
 """Percentage points of the torque: a smaller difference is none."""
 
@@ -72,7 +74,15 @@ class Replay:
         low, high = self.adaptation.limits
         gains = self.theta[:, -1] / self.start
         if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
-            return f"Leave it off, or lower gamma: a gain ended at its limit ({ends})."
+            return (
+                f"A gain ended at its limit ({ends}; {after:.3g} % of the torque left unexplained instead of {before:.3g} %): widen adapt.limits "
+                "if friction may have changed so far, else leave it off, or lower gamma."
+            )
+        if self.begun == "identified" and before > _STRANGE:
+            return (
+                f"The identified model leaves {before:.3g} % of this run unexplained ({after:.3g} % adapted): "
+                "check its units, its sign and its columns before its gains say anything."
+            )
         little = max(_LITTLE, 0.02 * before)
         if after < before - little:
             return f"It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
@@ -82,7 +92,7 @@ class Replay:
 
 
 def replays(subject: Subject, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
-    """Every tracking run, held-out ones too, from the identified model and from the subject's wrong start."""
+    """Every tracking run, held-out too: by the subject's law from the identified model and from the wrong start, by the total one from the former."""
     experiment = measured.experiment
     records = [run.record for run in measured.runs if run.kind == "tracking"]
     found = []
@@ -95,9 +105,13 @@ def replays(subject: Subject, joint: Joint, measured: Measured) -> tuple[Replay,
         problem = tracking([record], ("both",), regressors(experiment), 1, fixed)
         known = _known(joint)
         extra = np.array([known.get(name, subject.J if name == "inertia" else 0.0) for name in problem.extra_names])
-        for begun in ("identified", ", ".join(f"{share:g} {name}" for name, share in subject.start.items())):
-            model = subject.model if begun == "identified" else subject.begun(subject.model)
-            found.append(_replay(subject, record.file, problem.motions, extra, begun, model))
+        wrong = ", ".join(f"{share:g} {name}" for name, share in subject.start.items())
+        ways = [
+            ("identified", subject.model, subject.adaptation),
+            (wrong, subject.begun(subject.model), subject.adaptation),
+        ]
+        ways += [("identified", subject.model, subject.tracing)] if subject.tracing else []
+        found += [_replay(subject, record.file, problem.motions, extra, *way) for way in ways]
     return tuple(found)
 
 
@@ -110,9 +124,8 @@ def _known(joint: Joint) -> dict[str, float]:
 
 
 def _replay(
-    subject: Subject, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float]
+    subject: Subject, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float], a: Adaptation
 ) -> Replay:
-    a = subject.adaptation
     parts, memory = [], np.array(packed(start(Compensator(adaptation=a), model)))
     numbers = np.array([*model.positive, *model.negative, subject.gains.K_p])
     for m in motions:

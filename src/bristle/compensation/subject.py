@@ -44,6 +44,8 @@ class Subject:
     """Where the adaptation begins, as shares of the model's parameters."""
     simulated: bool
     assumptions: tuple[str, ...] = ()
+    tracing: Adaptation | None = None
+    """The total law, by which replays tell parameters apart; None: none."""
     compensator: Compensator = field(default_factory=Compensator)
     """The paper's, if no other was asked for: LuGre driven by the reference velocity."""
 
@@ -59,6 +61,11 @@ class Subject:
         return Pair(
             *(p._replace(**{name: share * getattr(p, name) for name, share in self.start.items()}) for p in model)
         )
+
+    @property
+    def observer_gain(self) -> float:
+        """K of the observer, 1/s: at most K_p a second of integral action, through the stiffest bristle."""
+        return self.gains.K_p / max(p.sigma_0 for p in self.model)
 
     def sine(self, frequency: float, duration: float, amplitude: float | None = None) -> Course:
         """Amplitude sin(2 pi frequency t)."""

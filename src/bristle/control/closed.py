@@ -78,12 +78,13 @@ class Trajectory:
         return varied / float(np.ptp(self.time[kept]))
 
     def energy(self, since: float = 0.0) -> Array:
-        """Work that the drive did at the joint, J, (cases,)."""
+        """Work that the drive did at the joint, its torque held over each period, J, (cases,)."""
         kept = self.time >= since
-        return np.asarray(np.trapezoid(self.torque[:, kept] * self.velocity[:, kept], self.time[kept], axis=1))
+        return np.asarray(np.sum(self.torque[:, kept][:, :-1] * np.diff(self.position[:, kept], axis=1), axis=1))
 
     def _rms(self, values: Array, since: float) -> Array:
-        return np.asarray(np.sqrt(np.mean(values[:, self.time >= since] ** 2, axis=1)))
+        with np.errstate(over="ignore", invalid="ignore"):  # of a loop that diverges
+            return np.asarray(np.sqrt(np.mean(values[:, self.time >= since] ** 2, axis=1)))
 
 
 def simulate(

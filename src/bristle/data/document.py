@@ -120,6 +120,15 @@ def short(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+_EXPECTED = {
+    "too_short": "at least one entry",
+    "tuple_type": "a list, as [1, 2]",
+    "model_type": "keys with values, as {key: value}",
+    "model_attributes_type": "keys with values, as {key: value}",
+}
+"""What was expected, in a user's words, by the kind of pydantic's error."""
+
+
 def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     where = [str(part) for part in error["loc"] if part not in ("int", "str", "bool", "float")]
     key = ".".join(where)
@@ -133,11 +142,7 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     if error["type"] == "value_error":
         said = str(error["ctx"]["error"])
         return f"{key}: {said}" if key and not said.startswith(f"{key}.") else said
-    if error["type"] == "too_short":
-        return f"{key}: got {short(error['input'])}; expected at least one entry"
-    if error["type"] == "tuple_type":
-        return f"{key}: got {short(error['input'])}; expected a list, as [{error['input'] if isinstance(error['input'], int | float) else '...'}]"
-    message = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+    message = _EXPECTED.get(error["type"]) or error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
     return f"{key}: got {short(error['input'])}; expected {message}"
 
 

@@ -239,7 +239,7 @@ def ablation_figure(study: Study) -> Figure:
             table = [[found[row, bits, delay, share] for share in shares] for row in rows]
             ratio = np.array([[x.ratio for x in line] for line in table])
             ax.imshow(
-                np.log10(np.clip(ratio, 0.03, 3.0)),
+                np.log10(np.clip(np.nan_to_num(ratio, nan=3.0), 0.03, 3.0)),
                 aspect="auto",
                 cmap="cividis",
                 vmin=np.log10(0.03),
@@ -250,7 +250,11 @@ def ablation_figure(study: Study) -> Figure:
             ax.set_yticks(np.arange(len(rows)), rows, fontsize=8.5)
             for (row, column), value in np.ndenumerate(ratio):
                 x = table[row][column]
-                mark = f"{100 * value:.0f}" + ("~" if x.limit_cycle else "") + ("+" if x.over_compensated else "")
+                mark = (
+                    "×"
+                    if x.diverges
+                    else f"{100 * value:.0f}" + ("~" if x.limit_cycle else "") + ("+" if x.over_compensated else "")
+                )
                 ax.text(
                     column, row, mark, ha="center", va="center", fontsize=7, color="black" if value > 0.35 else "white"
                 )
@@ -323,7 +327,10 @@ def replay_figure(at: int) -> Callable[[Study], Figure | None]:
         above.set_ylim(low, high + 0.25 * (high - low))
         above.set_ylabel(axis("torque", kind, "friction"))
         above.legend(loc="upper right", ncols=3)
-        below.set_ylabel("Share of the identified")
+        below.set_ylabel("Share")
+        middle, half = float(np.mean(replay.theta)), max(0.55 * float(np.ptp(replay.theta)), 0.02)
+        below.set_ylim(min(float(replay.theta.min()), middle - half), max(float(replay.theta.max()), middle + half))
+        below.ticklabel_format(axis="y", useOffset=False)
         below.set_xlabel(axis("time", kind))
         below.legend(loc="best")
         return figure

@@ -44,6 +44,7 @@ def section(study: Study) -> dict[str, Any]:
         "kind": kind,
         "unit": q,
         "law": study.adapted.adaptation.law,
+        "step": "" if study.adapting.adaptation.step == "gradient" else study.adapting.adaptation.step,
         "gamma": ", ".join(number(g, 3) for g in study.adapting.adaptation.gamma),
         "assumptions": subject.assumptions,
         "errors": shown(_milli(errors)),
@@ -57,7 +58,9 @@ def section(study: Study) -> dict[str, Any]:
         "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
         "replays": shown(tables.replay(study)) if study.replays else None,
         "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
-        "of_replay": [(x.file, x.begun, x.verdict) for x in study.replays[:_MOST_REPLAYS]],
+        "of_replay": [
+            (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
+        ],
     }
 
 
@@ -102,4 +105,5 @@ def _counts(study: Study) -> dict[str, int]:
         "tried": len(study.ablation),
         "cycling": sum(x.limit_cycle for x in study.ablation),
         "leading": sum(x.over_compensated for x in study.ablation),
+        "diverging": sum(x.diverges for x in study.ablation),
     }

@@ -80,6 +80,7 @@ def ablation(study: Study) -> pd.DataFrame:
         "chatter",
         "limit_cycle",
         "over_compensated",
+        "diverges",
     ]
     return pd.DataFrame(study.ablation, columns=columns)
 
@@ -98,8 +99,8 @@ def sampling(study: Study) -> pd.DataFrame:
 
 def replay(study: Study) -> pd.DataFrame:
     """One row per replayed run and start: torque left unexplained without and with adaptation, percent, where the gains end, and the verdict."""
-    rows = [(x.file, x.begun, *x.relative_errors(), x.shares, x.verdict) for x in study.replays]
-    return pd.DataFrame(rows, columns=["file", "begun", "gains_of_1", "adapted", "shares", "verdict"])
+    rows = [(x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, x.verdict) for x in study.replays]
+    return pd.DataFrame(rows, columns=["file", "begun", "law", "gains_of_1", "adapted", "shares", "verdict"])
 
 
 def all_tables(study: Study) -> dict[str, pd.DataFrame]:
