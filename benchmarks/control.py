@@ -37,9 +37,11 @@ from scipy.integrate import solve_ivp
 from bristle import edro
 from bristle.control import compensator as compensating
 from bristle.control.adaptation import Adaptation
-from bristle.control.closed import Case, Course, Wiring, simulate
+from bristle.control.closed import simulate
 from bristle.control.compensator import Compensator, Measurement, Reference
 from bristle.control.period import at_rest, numbers_of, tick
+from bristle.control.stability import refuse_long_period
+from bristle.control.wiring import Case, Course, Wiring
 from bristle.model.arrays import Array
 from bristle.model.parameters import Pair
 from timing import least, once
@@ -429,6 +431,8 @@ def batch() -> None:
     print(f"one call, {cpu / wall:.2f} cores had        {wall:8.2f} s {1e3 * wall / BATCH:8.2f} ms a case")
     print(f"{BATCH} calls, from {len(some)} of them    {alone * BATCH:8.2f} s {1e3 * alone:8.2f} ms a case")
     real = BATCH * BATCH_SECONDS / wall
+    checked = once(partial(refuse_long_period, Wiring(compensator=ADAPTIVE), cases, H))
+    print(f"its check that the loop bears the period {checked:.2f} s")
     print(f"one call is {alone * BATCH / wall:.2f} times as fast, {real:.0f} times real time; {apart:.1e} rad apart")
 
 

@@ -9,7 +9,7 @@ from bristle import edro
 from bristle.compensation.asked import asked_parts, of_experiment
 from bristle.compensation.replay import replays
 from bristle.compensation.study import Study, study
-from bristle.compensation.subject import of_paper, one_way
+from bristle.compensation.subject import of_paper
 from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
@@ -106,7 +106,7 @@ def adapt(
     """
     if experiment is None:
         subjects = of_paper((identified or identify(progress=progress)).joints)
-        return study(subjects, one_way(subjects[0]), progress=progress)
+        return study(subjects, progress=progress, paper=True)
     loaded = _load([experiment])[0]
     asked_parts(loaded)  # what cannot be is said before minutes are spent
     if progress:
@@ -114,7 +114,7 @@ def adapt(
     measured = measure(loaded)
     joint = identify_joint(measured)
     subject = of_experiment(loaded, joint)
-    return study([subject], subject, replays(subject, joint, measured), progress)
+    return study([subject], replays(subject, joint, measured), progress)
 
 
 def write_adaptation(compensated: Study, folder: Path | str) -> Path:

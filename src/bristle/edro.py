@@ -36,6 +36,10 @@ TABLE_1: dict[str, Pair[float]] = {
 PID_GAINS: Gains[float] = Gains(K_p=3.0, K_i=1.2, K_d=0.2, filter_time=0.0)
 """The gains of (21), as if for radians and N*m: the paper does not say."""
 
+TABLE_2_START: dict[str, float] = {"alpha_0": 0.3, "alpha_2": 0.5}
+TABLE_2_ADAPTED: dict[str, float] = {"alpha_0": 0.84, "alpha_2": 1.05}
+"""Table 2: with which shares of the gripper's parameters the adaptation begins, and at which it ends."""
+
 FIG_1: Lugre[float] = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of Fig. 1, with the middle one of the three assumed Stribeck velocities."""
 

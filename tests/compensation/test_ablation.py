@@ -7,8 +7,9 @@ import pytest
 
 from bristle.compensation import ablation as trying
 from bristle.compensation.ablation import SHARES, WAYS, Tried, ablation
-from bristle.control.closed import Wiring, simulate
+from bristle.control.closed import simulate
 from bristle.control.compensator import Compensator
+from bristle.control.wiring import Wiring
 
 from .conftest import subject
 

@@ -13,8 +13,9 @@ from bristle.compensation import model
 from bristle.compensation.asked import asked_parts, of_experiment
 from bristle.compensation.subject import of_paper, one_way
 from bristle.control.adaptation import LAWS, Adaptation
-from bristle.control.closed import Wiring, simulate
+from bristle.control.closed import simulate
 from bristle.control.pid import Gains
+from bristle.control.wiring import Wiring
 from bristle.data.experiment import load_experiment
 from bristle.model.parameters import Motor, Pair
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from bristle import edro
-from bristle.control.closed import Case, Course
+from bristle.control.wiring import Case, Course
 from bristle.model.parameters import Motor, Pair
 
 H = 1e-3

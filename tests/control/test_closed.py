@@ -5,9 +5,10 @@ import pytest
 
 from bristle import edro
 from bristle.control.adaptation import Adaptation, Law
-from bristle.control.closed import Course, Trajectory, Wiring, simulate
+from bristle.control.closed import Trajectory, simulate
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
+from bristle.control.wiring import Course, Wiring
 from bristle.model.parameters import Motor, Pair
 
 from .conftest import H, P, case, sine, wrong_start

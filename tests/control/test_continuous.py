@@ -7,9 +7,10 @@ import pytest
 
 from bristle import edro
 from bristle.control.adaptation import Adaptation, Law
-from bristle.control.closed import Wiring, simulate
+from bristle.control.closed import simulate
 from bristle.control.compensator import NAMES, Compensator, Name, Velocity
 from bristle.control.continuous import Sine, simulate_continuous
+from bristle.control.wiring import Wiring
 
 from .conftest import H, case, sine, wrong_start
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from bristle import edro
-from bristle.control.closed import Case, Wiring, simulate
+from bristle.control.closed import simulate
 from bristle.control.loop import State, inductive_step
+from bristle.control.wiring import Case, Wiring
 from bristle.model.parameters import Lugre, Motor, pair_of
 
 from .conftest import H, case, sine

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from bristle import edro
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Law, Step
-from bristle.control.closed import Case, Course, Wiring, simulate
+from bristle.control.closed import simulate
 from bristle.control.compensator import Compensator, Measurement, Name, Reference, compiled, start
 from bristle.control.pid import Gains
 from bristle.control.stability import refuse_long_period
+from bristle.control.wiring import Case, Course, Wiring
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from bristle import edro
-from bristle.control.closed import Wiring, simulate
+from bristle.control.closed import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
+from bristle.control.wiring import Wiring
 
 from .conftest import H, case, sine
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.compensation.subject import Subject
-from bristle.control.closed import Course, Trajectory, Wiring, simulate
+from bristle.control.closed import Trajectory, simulate
 from bristle.control.compensator import Compensator
+from bristle.control.wiring import Course, Wiring
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
 

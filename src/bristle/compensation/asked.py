@@ -17,7 +17,7 @@ from bristle.compensation.model import (
     unseen_of,
 )
 from bristle.compensation.subject import Subject
-from bristle.control.adaptation import Adaptation, Learnt, gradient
+from bristle.control.adaptation import Adaptation, steady_gradient
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
 from bristle.data.experiment import AdaptOptions, Experiment
@@ -55,7 +55,8 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     frequency = asked.frequency or _FREQUENCY
     fastest = _fastest(joint, found)
     amplitude = asked.amplitude or float(f"{0.5 * fastest / (2 * np.pi * frequency):.2g}")
-    beyond = 2 * np.pi * frequency * amplitude / fastest
+    speed = 2 * np.pi * frequency * amplitude
+    beyond = speed / fastest
     if beyond > _BEYOND:
         raise ValueError(
             f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
@@ -71,25 +72,12 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
         )
     unseen = unseen_of(joint)
     model = filled(found, unseen, amplitude, J)
-    for d, names in unseen.items():
-        for name in names:
-            how = (
-                f"{DEFLECTION:g} of the amplitude in deflection"
-                if name == "sigma_0"
-                else f"(15) with a damping ratio of {DAMPING_RATIO:g}"
-            )
-            assumed.append(
-                f"{name} ({d}): these data do not show it; {getattr(model[d == '-'], name):.3g} {unit(name, joint.kind)}, {how}."
-            )
+    assumed += [_filled(model[d == "-"], name, d, joint.kind) for d, names in unseen.items() for name in names]
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
-        adaptation = _paced(adaptation, model.positive, gains.K_p, 2 * np.pi * frequency * amplitude, assumed)
-    tracing = (
-        None
-        if adaptation.law == "total"
-        else _paced(replace(adaptation, law="total"), model.positive, gains.K_p, 2 * np.pi * frequency * amplitude, [])
-    )
-    compensator = replace(compensator, observer_gain=gains.K_p / max(p.sigma_0 for p in model))
+        adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
+    total = replace(adaptation, law="total")
+    tracing = None if adaptation.law == "total" else _paced(total, model.positive, gains.K_p, speed, [])
     truth = truth_of(joint)
     if truth is None:
         assumed.append(
@@ -98,12 +86,23 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     assumed.append(
         f"The drive gives the {'torque' if joint.kind == 'revolute' else 'force'} that it is asked for, every {asked.period:g} s, without limit."
     )
-    return Subject(
+    subject = Subject(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
         draws=tuple((filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in draws_of(joint, J)),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
-        start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), compensator=compensator, tracing=tracing,
+        start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), tracing=tracing,
     )  # fmt: skip  # a list of values
+    return replace(subject, compensator=replace(compensator, observer_gain=subject.observer_gain))
+
+
+def _filled(p: Lugre[float], name: str, direction: str, kind: Kind) -> str:
+    """What is said of a parameter that was filled in."""
+    by_deflection, by_ratio = (
+        f"{DEFLECTION:g} of the amplitude in deflection",
+        f"(15) with a damping ratio of {DAMPING_RATIO:g}",
+    )
+    how = by_deflection if name == "sigma_0" else by_ratio
+    return f"{name} ({direction}): these data do not show it; {getattr(p, name):.3g} {unit(name, kind)}, {how}."
 
 
 def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
@@ -147,18 +146,12 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     z, *by = evaluate(functions.steady_deflection(), v, *p)
     T, T_z, *by_p = evaluate(functions.torque_sensitivity(), z, v, *p)
     own = [Lugre._fields.index(name) for name in names]
-    slopes = np.array([by[k] * getattr(p, name) for k, name in zip(own, names, strict=True)])
-    G = np.array(
-        [
-            [float(x) for x in gradient(plain, zk, vk, p, Learnt((1.0,) * len(names), tuple(s), ()))]
-            for zk, vk, s in zip(z.tolist(), v.tolist(), slopes.T.tolist(), strict=True)
-        ]
-    )
+    G = np.abs(steady_gradient(plain, v, p))
     rates = []
     for k, (at, name) in enumerate(zip(own, names, strict=True)):
         whole = getattr(p, name) * np.abs(by_p[at] + T_z * by[at])
-        worth = float(np.mean(np.abs(G[:, k]) * whole))
-        seen = worth > _NOTHING * float(np.mean(np.abs(G[:, k])) * np.mean(np.abs(T)))
+        worth = float(np.mean(G[k] * whole))
+        seen = worth > _NOTHING * float(np.mean(G[k]) * np.mean(np.abs(T)))
         rates.append(_HALF * K_p / worth if seen else 0.0)
     listed = ", ".join(f"{rate:.3g}" for rate in rates)
     still = "" if all(rates) else "; zero where steady sliding shows nothing of a parameter"
@@ -182,7 +175,7 @@ def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gai
 
 def _fastest(joint: Joint, model: Pair[float]) -> float:
     """The fastest measured speed, rad/s."""
-    moving = joint.joint_fit or joint.tracking
+    moving = joint.moving
     known = [fit.velocity for fit in joint.static.values()] + ([moving.velocity] if moving is not None else [])
     speeds = [float(np.abs(v).max()) for v in known if v.size]
     return max(speeds, default=10 * max(p.v_s for p in model))

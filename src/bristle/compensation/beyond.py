@@ -8,13 +8,12 @@ import numpy as np
 
 from bristle.compensation import experiments as paper
 from bristle.compensation.subject import Subject, sine, stacked
-from bristle.control import adaptation
-from bristle.control.adaptation import LAWS, Adaptation, Learnt
-from bristle.control.closed import Course, Wiring, simulate
+from bristle.control.adaptation import Adaptation, Law, laws_for, steady_gradient
+from bristle.control.closed import simulate
 from bristle.control.continuous import Sine, simulate_continuous
 from bristle.control.pid import Sliding
-from bristle.model import functions
-from bristle.model.arrays import Array, evaluate
+from bristle.control.wiring import Course, Wiring
+from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 
 GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)
@@ -51,6 +50,7 @@ def landings(subject: Subject) -> Map:
     begun = np.array([subject.start.get(name, 1.0) for name in plan.parameters])
 
     def ends(share: float, courses: Sequence[Course]) -> Array:
+        """The adapted shares after courses, at that share of the plan's rates, (parameters, courses)."""
         a = replace(plan, gamma=tuple(share * g for g in plan.gamma))
         wiring = Wiring(compensator=replace(subject.compensator, adaptation=a))
         run = simulate(wiring, [case] * len(courses), stacked(courses), subject.period)
@@ -62,24 +62,15 @@ def landings(subject: Subject) -> Map:
     return Map(gammas, f, A, np.stack(by_gamma, axis=1), grid.reshape(begun.size, A.size, f.size))
 
 
-def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[str, Array]]:
+def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[Law, Array]]:
     """Speeds, rad/s, (points,), and each law's G in steady sliding at them, relative to the largest total one, or to the largest where that is zero.
 
     The `partial-theta` one is left out: it is the partial one times the parameter.
     """
     v = np.geomspace(0.02, 30.0, points) * p.v_s
-    z, *by = evaluate(functions.steady_deflection(), v, *p)
-    slope = by[Lugre._fields.index(parameter)]
-    found: dict[str, Array] = {}
-    for law in LAWS:
-        if law == "partial-theta" or (law == "printed" and parameter not in {"alpha_0", "alpha_2"}):
-            continue
-        a = Adaptation(law=law, parameters=(parameter,), gamma=(1.0,))
-        own = [
-            float(adaptation.gradient(a, zk, vk, p, Learnt((1.0,), (sk * getattr(p, parameter),), ()))[0])
-            for zk, vk, sk in zip(z.tolist(), v.tolist(), slope.tolist(), strict=True)
-        ]
-        found[law] = np.abs(np.array(own))
+    laws = [law for law in laws_for((parameter,)) if law != "partial-theta"]
+    plans = {law: Adaptation(law=law, parameters=(parameter,), gamma=(1.0,)) for law in laws}
+    found = {law: np.abs(steady_gradient(plan, v, p)[0]) for law, plan in plans.items()}
     largest = max(float(g.max()) for g in found.values())
     top = total if (total := float(found["total"].max())) > 1e-9 * largest else largest
     return v, {law: g / top for law, g in found.items()}

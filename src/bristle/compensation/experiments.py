@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from bristle.compensation.subject import Subject, stacked
-from bristle.control.adaptation import LAWS, Adaptation, Law
-from bristle.control.closed import Case, Trajectory, Wiring, simulate
+from bristle.control.adaptation import Adaptation, Law, laws_for
+from bristle.control.closed import Trajectory, simulate
 from bristle.control.compensator import Compensator
+from bristle.control.wiring import Case, Wiring
 
 LONG, SETTLE, SHORT = 30.0, 10.0, 20.0
 """s: a run of Fig. 8, from when on its error counts, and a run of the adaptation."""
@@ -51,6 +52,7 @@ def _errors(subject: Subject, *, inertia: bool) -> list[Errors]:
     own, found = subject.case(model=subject.plant), subject.case()
 
     def run(compensator: Compensator, cases: Sequence[Case]) -> Trajectory:
+        """A compensator with both courses, for each pair of cases."""
         whole = replace(compensator, inertia=subject.J if inertia else 0.0)
         return simulate(Wiring(compensator=whole), cases, stacked(courses * (len(cases) // 2)), subject.period)
 
@@ -100,7 +102,7 @@ def adapted(subject: Subject) -> Adapted:
     """The adaptation from the wrong start, by every law that can adapt the plan's parameters."""
     plan, course = subject.adaptation, subject.sine(subject.frequency, SHORT)
     case = subject.case(model=subject.begun(subject.model))
-    laws: list[Law] = [law for law in LAWS if law != "printed" or {*plan.parameters} <= {"alpha_0", "alpha_2"}]
+    laws = laws_for(plan.parameters)
     ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=_fair(subject, law)) for law in laws}
     runs = {
         name: simulate(Wiring(compensator=replace(subject.compensator, adaptation=a)), [case], course, subject.period)

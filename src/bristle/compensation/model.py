@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bristle.data.experiment import Experiment
-from bristle.identification.estimate import Joint, TrackingFit
+from bristle.identification.estimate import Joint
 from bristle.model import functions
 from bristle.model.arrays import evaluate
 from bristle.model.parameters import Lugre, Pair
@@ -33,7 +33,7 @@ def identified(joint: Joint) -> Pair[float]:
 
 
 def _identified(joint: Joint, direction: str) -> Lugre[float]:
-    fit = joint.joint_fit or joint.tracking
+    fit = joint.moving
     moving = fit and (fit.values(direction) or fit.values("both"))
     if moving:
         return moving
@@ -52,7 +52,7 @@ def _identified(joint: Joint, direction: str) -> Lugre[float]:
 
 def unseen_of(joint: Joint) -> dict[str, list[str]]:
     """Of each direction what the runs do not show of the bristle, and was not given either."""
-    fit, slow = joint.joint_fit or joint.tracking, joint.presliding.fits if joint.presliding else {}
+    fit, slow = joint.moving, joint.presliding.fits if joint.presliding else {}
     if fit is None:
         return {d: ["sigma_1"] for d, own in slow.items() if own.sigma_1.value is None}
     found = {}
@@ -83,11 +83,9 @@ def truth_of(joint: Joint) -> Pair[float] | None:
 def inertia_of(experiment: Experiment, joint: Joint) -> float:
     """J, kg*m**2: identified, else as the experiment file gives it. Raises ValueError where nothing tells it."""
     for fit in (joint.joint_fit, joint.tracking):
-        if fit is not None:
-            found = fit.parameters.get("inertia")
-            value = found.value if found is not None and found.value else fit.fixed.get("inertia")
-            if value and value > 0:
-                return float(value)
+        J = fit.known.get("inertia", 0.0) if fit is not None else 0.0
+        if J > 0:
+            return J
     if experiment.inertia is not None:
         return experiment.inertia.value
     motor = experiment.motor
@@ -100,7 +98,7 @@ def inertia_of(experiment: Experiment, joint: Joint) -> float:
 
 def draws_of(joint: Joint, inertia: float) -> tuple[tuple[Pair[float], float], ...]:
     """Joints from the covariance of the fit of moving runs, with this inertia where that was not fitted; none without such a fit."""
-    fit = joint.joint_fit or joint.tracking
+    fit = joint.moving
     if fit is None or not fit.names:
         return ()
     values = {name: e.value for name, e in fit.parameters.items() if e.value is not None}
@@ -118,14 +116,10 @@ def draws_of(joint: Joint, inertia: float) -> tuple[tuple[Pair[float], float], .
         drawn = np.where(positive, centre * np.exp(np.minimum(moved, 5.0)), np.maximum(centre + moved, 0.0))
     found = []
     for row in drawn.tolist():
-        one = _with(fit, dict(zip(names, row, strict=True)))
+        one = {**fit.known, **dict(zip(names, row, strict=True))}
         pair = Pair(*(_set(one, d) for d in "+-"))
         found.append((pair, one.get("inertia") or inertia))
     return tuple(found)
-
-
-def _with(fit: TrackingFit, drawn: Mapping[str, float]) -> dict[str, float]:
-    return {**fit.fixed, **{name: e.value for name, e in fit.parameters.items() if e.value is not None}, **drawn}
 
 
 def _set(values: Mapping[str, float], direction: str) -> Lugre[float]:

@@ -16,11 +16,11 @@ from bristle.compensation.subject import Subject
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, State, advanced, packed, start, unpacked
 from bristle.identification.estimate import Joint
-from bristle.identification.moving import regressors
+from bristle.identification.moving import inertia, regressors
 from bristle.identification.pipeline import Measured
 from bristle.identification.trajectory import Motion, tracking
 from bristle.model import law
-from bristle.model.arrays import Array
+from bristle.model.arrays import Array, chained
 from bristle.model.parameters import Pair, pair_of
 from bristle.model.rollout import rollout
 
@@ -93,34 +93,20 @@ class Replay:
 
 def replays(subject: Subject, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
     """Every tracking run, held-out too: by the subject's law from the identified model and from the wrong start, by the total one from the former."""
-    experiment = measured.experiment
-    records = [run.record for run in measured.runs if run.kind == "tracking"]
+    fixed, _ = inertia(measured.experiment)
+    known = {"inertia": subject.J} | (joint.moving.known if joint.moving is not None else {})
+    wrong = ", ".join(f"{share:g} {name}" for name, share in subject.start.items())
+    ways = [
+        ("identified", subject.model, subject.adaptation),
+        (wrong, subject.begun(subject.model), subject.adaptation),
+    ]
+    ways += [("identified", subject.model, subject.tracing)] if subject.tracing else []
     found = []
-    for record in records:
-        fixed = (
-            experiment.inertia.value
-            if experiment.inertia is not None and not experiment.inertia.standard_error
-            else None
-        )
-        problem = tracking([record], ("both",), regressors(experiment), 1, fixed)
-        known = _known(joint)
-        extra = np.array([known.get(name, subject.J if name == "inertia" else 0.0) for name in problem.extra_names])
-        wrong = ", ".join(f"{share:g} {name}" for name, share in subject.start.items())
-        ways = [
-            ("identified", subject.model, subject.adaptation),
-            (wrong, subject.begun(subject.model), subject.adaptation),
-        ]
-        ways += [("identified", subject.model, subject.tracing)] if subject.tracing else []
+    for record in (run.record for run in measured.runs if run.kind == "tracking"):
+        problem = tracking([record], ("both",), regressors(measured.experiment), 1, fixed)
+        extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         found += [_replay(subject, record.file, problem.motions, extra, *way) for way in ways]
     return tuple(found)
-
-
-def _known(joint: Joint) -> dict[str, float]:
-    """What was identified beside friction."""
-    fit = joint.joint_fit or joint.tracking
-    if fit is None:
-        return {}
-    return {**fit.fixed, **{name: e.value for name, e in fit.parameters.items() if e.value is not None}}
 
 
 def _replay(
@@ -160,6 +146,4 @@ def _run(a: Adaptation, samples: int) -> ca.Function:
     learnt = learn(a, learnt, gradient(a, z, v, p, learnt), (T - friction) / numbers[12], h)
     new = State(state.parameters, z, v, state.position, learnt)
     tick = ca.Function("tick", [memory, u, q], [ca.vertcat(*packed(new)), ca.vertcat(T, *learnt.theta)], {"cse": True})
-    first, inputs, constants = ca.MX.sym("memory", memory.shape[0]), ca.MX.sym("u", 3, samples), ca.MX.sym("q", 13)
-    ends, logs = tick.mapaccum(samples)(first, inputs, ca.repmat(constants, 1, samples))
-    return ca.Function("replay", [first, inputs, constants], [ends[:, -1], logs])
+    return chained(tick, samples)

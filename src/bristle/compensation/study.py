@@ -2,15 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from bristle.compensation import ablation as trying
-from bristle.compensation import beyond
-from bristle.compensation import experiments as paper
+from bristle.compensation import beyond, experiments
 from bristle.compensation.ablation import Tried
 from bristle.compensation.beyond import Band, Controlled, Drift, Map, Sampled
 from bristle.compensation.experiments import Adapted, Errors
 from bristle.compensation.replay import Replay
-from bristle.compensation.subject import Subject
+from bristle.compensation.subject import Subject, one_way
+from bristle.control.adaptation import Law
 from bristle.control.closed import Trajectory
 from bristle.model.arrays import Array
 
@@ -25,11 +26,13 @@ class Study:
     subjects: tuple[Subject, ...]
     adapting: Subject
     """The first joint as the adaptation has it: the paper's Table 2 has the positive friction in both directions."""
+    paper: bool
+    """Whether these are the paper's joints and experiments."""
     errors: tuple[Errors, ...]
     followed: dict[str, Trajectory]
     adapted: Adapted
     landings: Map
-    gradients: tuple[Array, dict[str, Array]]
+    gradients: tuple[Array, dict[Law, Array]]
     drifts: tuple[Drift, ...]
     controllers: tuple[Controlled, ...]
     sampling: tuple[Sampled, ...]
@@ -39,37 +42,33 @@ class Study:
 
 
 def study(
-    subjects: Sequence[Subject], adapting: Subject, replays: Sequence[Replay] = (), progress: Progress | None = None
+    subjects: Sequence[Subject],
+    replays: Sequence[Replay] = (),
+    progress: Progress | None = None,
+    *,
+    paper: bool = False,
 ) -> Study:
-    """Run all of it.
+    """Run all of it; for the `paper`'s joints its Table 2 as it has that.
 
     Raises ValueError where a loop cannot be run: a control period longer than it bears.
     """
-    first, total, done = subjects[0], 7, 0
-
-    def say(what: str) -> None:
-        nonlocal done
+    first = subjects[0]
+    adapting = one_way(first) if paper else first
+    steps: dict[str, Callable[[], Any]] = {
+        "errors": lambda: experiments.errors(subjects),
+        "followed": lambda: experiments.followed(first),
+        "adapted": lambda: experiments.adapted(adapting),
+        "landings": lambda: beyond.landings(adapting),
+        "gradients": lambda: beyond.gradients(adapting.plant.positive, adapting.adaptation.parameters[0]),
+        "drifts": lambda: beyond.drifts(subjects),
+        "controllers": lambda: beyond.controllers(first),
+        "sampling": lambda: beyond.sampling(subjects),
+        "ablation": lambda: trying.ablation(first),
+        "band": lambda: beyond.band(first),
+    }
+    found = {}
+    for done, (name, run) in enumerate(steps.items()):
         if progress:
-            progress(what, done, total)
-        done += 1
-
-    say("compensating: errors")
-    errors, followed = paper.errors(subjects), paper.followed(first)
-    say("compensating: adaptation")
-    adapted = paper.adapted(adapting)
-    say("compensating: rates, amplitudes, frequencies")
-    landings = beyond.landings(adapting)
-    say("compensating: drift")
-    drifts = beyond.drifts(subjects)
-    say("compensating: ablation")
-    tried = trying.ablation(first)
-    say("compensating: controllers, sampling")
-    controllers, sampling = beyond.controllers(first), beyond.sampling(subjects)
-    say("compensating: uncertainty")
-    band = beyond.band(first)
-    return Study(
-        subjects=tuple(subjects), adapting=adapting, errors=errors, followed=followed, adapted=adapted, landings=landings,
-        gradients=beyond.gradients(adapting.plant.positive, adapting.adaptation.parameters[0]), drifts=drifts, ablation=tried, band=band,
-        controllers=controllers, sampling=sampling,
-        replays=tuple(replays),
-    )  # fmt: skip  # a list of values
+            progress(f"compensating: {name}", done, len(steps))
+        found[name] = run()
+    return Study(subjects=tuple(subjects), adapting=adapting, paper=paper, replays=tuple(replays), **found)

@@ -8,9 +8,9 @@ import numpy as np
 from bristle import edro
 from bristle.compensation.model import draws_of, identified
 from bristle.control.adaptation import Adaptation
-from bristle.control.closed import Case, Course
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
+from bristle.control.wiring import Case, Course
 from bristle.identification.estimate import Joint
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, Motor, Pair
@@ -64,16 +64,16 @@ class Subject:
 
     @property
     def observer_gain(self) -> float:
-        """K of the observer, 1/s: at most K_p a second of integral action, through the stiffest bristle."""
+        """Gain k of the observer, 1/s: at most K_p a second of integral action, through the stiffest bristle."""
         return self.gains.K_p / max(p.sigma_0 for p in self.model)
 
     def sine(self, frequency: float, duration: float, amplitude: float | None = None) -> Course:
-        """Amplitude sin(2 pi frequency t)."""
+        """A reference: amplitude sin(2 pi frequency t), the plan's amplitude if no other is given."""
         return sine(self.amplitude if amplitude is None else amplitude, frequency, duration, self.period)
 
 
 def sine(amplitude: float, frequency: float, duration: float, period: float) -> Course:
-    """Amplitude sin(2 pi frequency t), its velocity and its acceleration, from 0 to the duration, s."""
+    """The course amplitude sin(2 pi frequency t), with its velocity and its acceleration, from 0 to the duration, s."""
     t: Array = period * np.arange(round(duration / period) + 1, dtype=np.float64)
     w = 2 * np.pi * frequency
     return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
@@ -94,7 +94,7 @@ def of_paper(joints: Sequence[Joint]) -> tuple[Subject, ...]:
                 name=joint.name, kind="revolute", plant=pair, model=identified(joint), J=edro.inertia(pair),
                 draws=draws_of(joint, edro.inertia(pair)),
                 gains=edro.PID_GAINS, amplitude=1.0, frequency=0.5, slow=0.2, period=1e-3, adaptation=Adaptation(),
-                start={"alpha_0": 0.3, "alpha_2": 0.5}, simulated=True, assumptions=PAPER_ASSUMPTIONS,
+                start=edro.TABLE_2_START, simulated=True, assumptions=PAPER_ASSUMPTIONS,
             )
         )  # fmt: skip  # a list of values
     return tuple(found)

@@ -14,14 +14,18 @@ d theta / dt a rate: theta is a number, so gamma_1 (alpha_0) is in 1/(rad*s) for
 for a G in rad/s. Every derivative but the printed one is CasADi's. All functions take floats or CasADi symbols.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, isfinite
 from typing import Any, Literal, NamedTuple, get_args
 
 import casadi as ca
+import numpy as np
 
 from bristle.model import functions
 from bristle.model import law as friction
+from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre
 
 Expression = Any
@@ -31,6 +35,8 @@ LAWS: tuple[Law, ...] = get_args(Law)
 Step = Literal["gradient", "normalised", "least-squares"]
 STEPS: tuple[Step, ...] = get_args(Step)
 _ADAPTABLE = Lugre._fields
+_TYPESET = {"alpha_0", "alpha_2"}
+"""Of which (19) and (20) are."""
 _LARGEST = 1e150
 """Beyond this an input counts as no number, and nothing is learnt from it."""
 
@@ -69,7 +75,7 @@ class Adaptation:
             raise ValueError(
                 f"adaptation: parameters: got {', '.join(self.parameters) or 'none'}; expected some of {', '.join(_ADAPTABLE)}, each once"
             )
-        if self.law == "printed" and set(self.parameters) - {"alpha_0", "alpha_2"}:
+        if self.law == "printed" and set(self.parameters) - _TYPESET:
             raise ValueError(
                 "adaptation: law: printed is typeset for alpha_0 and alpha_2 alone; choose partial or total for others"
             )
@@ -139,6 +145,27 @@ def gradient(
         parts = zip(slopes, learnt.sensitivity, adaptation.parameters, strict=True)
         return tuple(slope + by["z"] * s / getattr(p, name) for slope, s, name in parts)
     return tuple(slopes)
+
+
+def laws_for(parameters: Sequence[str]) -> tuple[Law, ...]:
+    """The laws that can adapt these parameters: all, but `printed` for what it is not typeset for."""
+    return tuple(law for law in LAWS if law != "printed" or {*parameters} <= _TYPESET)
+
+
+def steady_gradient(adaptation: Adaptation, v: Array, p: Lugre[float]) -> Array:
+    """G of the law in steady sliding at speeds v, rad/s, (n,), before anything is learnt; (parameters, n)."""
+    return np.array(evaluate(_steady_gradient(adaptation), v, *p))
+
+
+@lru_cache(maxsize=16)
+def _steady_gradient(adaptation: Adaptation) -> ca.Function:
+    """(v, *Lugre) -> G of each adapted parameter, z and dz / d theta being steady."""
+    v, p = ca.SX.sym("v"), Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
+    z, *by = functions.steady_deflection()(v, *p)
+    slopes = dict(zip(Lugre._fields, by, strict=True))
+    settled = tuple(slopes[name] * getattr(p, name) for name in adaptation.parameters)
+    G = gradient(adaptation, z, v, p, Learnt((1.0,) * len(settled), settled, ()))
+    return ca.Function("steady_gradient", [v, *p], [ca.densify(g) for g in G])
 
 
 def printed(name: str, z: Expression, v: Expression, p: Lugre[Any]) -> Expression:

@@ -17,12 +17,10 @@ import numpy as np
 
 from bristle.control import compensator as compensating
 from bristle.control.loop import THREADS
-from bristle.control.period import INPUTS, NUMBERS, at_rest, numbers_of, stiff_tick, tick
+from bristle.control.period import at_rest, numbers_of, stiff_tick, tick
 from bristle.control.stability import refuse_long_period
 from bristle.control.wiring import Case, Course, Wiring
-from bristle.model.arrays import Array, call_into
-
-__all__ = ["Case", "Course", "Trajectory", "Wiring", "simulate"]
+from bristle.model.arrays import Array, bound, chained
 
 _CHUNK = 1000
 """Samples of every case in one CasADi call: what bounds the memory."""
@@ -146,15 +144,12 @@ def _logged(wiring: Wiring, given: Array, numbers: Array, *, stiff: bool) -> Arr
         before, memory = memory, np.empty_like(memory)
         log = np.empty((cases, last - first, len(logs)))
         inputs = np.ascontiguousarray(given[:, first:last])
-        call_into(_run(wiring, last - first, cases, stiff=stiff), (before, inputs, numbers), (memory, log))
+        bound(_run(wiring, last - first, cases, stiff=stiff), (before, inputs, numbers), (memory, log))()
         logs[:, :, first:last] = np.moveaxis(log, -1, 0)
     return logs
 
 
 @lru_cache(maxsize=32)
 def _run(wiring: Wiring, samples: int, cases: int, *, stiff: bool) -> ca.Function:
-    step = stiff_tick(wiring) if stiff else tick(wiring)
-    memory, u, q = ca.MX.sym("memory", step.size1_in(0)), ca.MX.sym("u", INPUTS, samples), ca.MX.sym("q", NUMBERS)
-    ends, logs = step.mapaccum(samples)(memory, u, ca.repmat(q, 1, samples))
-    run = ca.Function("run", [memory, u, q], [ends[:, -1], logs])
+    run = chained(stiff_tick(wiring) if stiff else tick(wiring), samples)
     return run if cases == 1 else run.map(cases)

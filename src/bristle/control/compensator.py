@@ -24,6 +24,7 @@ from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, 
 from bristle.control.adaptation import start as nothing_learnt
 from bristle.control.pid import differentiated
 from bristle.model import functions, law
+from bristle.model.arrays import bound
 from bristle.model.parameters import Pair, pair_of
 
 Expression = Any
@@ -170,15 +171,12 @@ def advanced(a: Adaptation | None, state: State, v: Expression, h: Expression) -
         else:
             by_z, rest = law.bristle_step(first, last, part, own)
         z = by_z * z + rest
-        # where z has passed zero, the new side has another stiffness: dz/dt = |v| (1 - z / z_ss) from there, over the same way, with that one
-        other = law.active(z, first + last, state.parameters).sigma_0
-        harder, reach = other / p.sigma_0, rest / (1 - by_z + 1e-300)  # reach: z_ss on the old side
-        kept = ca.fmin(
-            ca.fmax(1 - z / (reach + 1e-300), 1e-300), 1.0
-        )  # of z_ss, where z has risen from zero with the old stiffness
-        crossed = other != p.sigma_0
-        slopes = tuple(ca.if_else(crossed, ca.fmin(kept ** (harder - 1), 1.0) * s, s) for s in slopes)
-        z = ca.if_else(crossed, -reach / harder * ca.expm1(harder * ca.log(kept)), z)
+        stiffness = law.active(
+            z, first + last, state.parameters
+        ).sigma_0  # where z has passed zero, that of its new side
+        crossed = stiffness != p.sigma_0
+        other, slope = law.restiffened(z, rest / (1 - by_z + 1e-300), stiffness / p.sigma_0)
+        z, slopes = ca.if_else(crossed, other, z), tuple(ca.if_else(crossed, slope * s, s) for s in slopes)
     return z, learnt._replace(sensitivity=slopes)
 
 
@@ -200,11 +198,7 @@ def compiled(
     function = ca.Function("compensate", [memory, q, inputs], out, {"cse": True})
     buffers = [np.zeros(function.numel_in(k)) for k in range(3)]
     result = np.zeros(function.numel_out(0))
-    buffer, run = function.buffer()
-    for k, values in enumerate(buffers):
-        buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # its stubs know the C++ call alone
-    buffer.set_res(0, memoryview(result))  # type: ignore[call-arg, arg-type]  # as above
-    kept = function, buffer  # which `run` points into, and does not hold
+    run = bound(function, buffers, [result])
 
     def call(state: State, reference: Reference, measurement: Measurement, h: float) -> tuple[State, float]:
         """Step with floats."""
@@ -212,7 +206,6 @@ def compiled(
         buffers[1][:6], buffers[1][6:] = state.parameters
         buffers[2][:] = (*reference, measurement.position, measurement.velocity or 0.0, h)
         run()
-        assert kept  # noqa: S101  # keeps them alive as long as this function
         *memory, T = result.tolist()
         return unpacked(memory, state.parameters, gains), T
 

@@ -242,21 +242,17 @@ class TrackingFit:
         """Copy and freeze every array."""
         freeze(self)
 
+    @property
+    def known(self) -> dict[str, float]:
+        """Every value by name: estimated, or as it was fixed."""
+        return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
+
     def values(self, direction: str) -> Lugre[float] | None:
         """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
-        tag = "" if direction == "both" else direction
-        found = [self._value(name, tag) for name in Lugre._fields]
-        known = [x for x in found if x is not None]
-        return Lugre(*known) if len(known) == len(found) else None
-
-    def _value(self, name: str, tag: str) -> float | None:
-        for key in (name + tag, name):
-            e = self.parameters.get(key)
-            if e is not None and e.value is not None:
-                return e.value
-            if key in self.fixed:
-                return self.fixed[key]
-        return None
+        tag, known = "" if direction == "both" else direction, self.known
+        found = [known.get(name + tag, known.get(name)) for name in Lugre._fields]
+        complete = [x for x in found if x is not None]
+        return Lugre(*complete) if len(complete) == len(found) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,3 +310,8 @@ class Joint:
     assumptions: tuple[str, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
     """Thresholds, cut-offs and options in force, as the report states them."""
+
+    @property
+    def moving(self) -> TrackingFit | None:
+        """The fit of moving runs to use: the joint fit where there is one, else that of the moving runs alone, else None."""
+        return self.joint_fit or self.tracking

@@ -239,19 +239,34 @@ def evaluate(function: ca.Function, *inputs: float | Array) -> tuple[Array, ...]
     return tuple(vectorised(function)(*inputs))
 
 
-def call_into(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
-    """Call any CasADi function on memory that is there, not copied: C-contiguous arrays that hold its matrices column after column.
+def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
+    """Any CasADi function tied to memory that is there: each call of what is returned reads the inputs and writes the outputs, with no copy.
 
-    Raises RuntimeError where the function fails, as an integrator may.
+    Arrays are C-contiguous and hold CasADi's matrices column after column. Calls raise RuntimeError where the function fails, as an integrator may.
     """
-    buffer, run = function.buffer()
+    buffer, evaluate_there = function.buffer()
     for k, values in enumerate(inputs):
         buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # its stubs know the C++ call alone
     for k, values in enumerate(outputs):
         buffer.set_res(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # as above
-    run()
-    if buffer.ret():
-        raise RuntimeError(f"{function.name()}: CasADi could not evaluate it")
+
+    def run() -> None:
+        """Evaluate; `buffer`, which is pointed into, lives as long as this does."""
+        evaluate_there()
+        if buffer.ret():
+            raise RuntimeError(f"{function.name()}: CasADi could not evaluate it")
+
+    return run
+
+
+def chained(tick: ca.Function, samples: int) -> ca.Function:
+    """(memory, inputs, constants) -> (memory, outputs) of so many ticks one after the other, each (memory, input, constants) -> (memory, output)."""
+    memory, inputs, constants = (
+        ca.MX.sym(name, tick.size1_in(k), columns)
+        for k, (name, columns) in enumerate((("memory", 1), ("inputs", samples), ("constants", 1)))
+    )
+    ends, outputs = tick.mapaccum(samples)(memory, inputs, ca.repmat(constants, 1, samples))
+    return ca.Function("chained", [memory, inputs, constants], [ends[:, -1], outputs])
 
 
 def scan(a: Array, b: Array, z0: float | Array) -> Array:

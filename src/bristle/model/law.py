@@ -87,6 +87,15 @@ def active(z: Expression, v: Expression, pair: Pair[Any]) -> Lugre[Any]:
     return Lugre(*by_v)._replace(sigma_0=ca.if_else(z < 0, negative.sigma_0, positive.sigma_0))
 
 
+def restiffened(z: Expression, z_ss: Expression, harder: Expression) -> tuple[Expression, Expression]:
+    """Where a bristle is that rose from zero to z towards z_ss, had it been `harder` times as stiff on the way; rad, and its derivative by z.
+
+    While g is constant dz/dt = abs(v) (1 - z / z_ss) has z = z_ss (1 - exp(-way / z_ss)), and z_ss is as much smaller as the bristle is harder.
+    """
+    left = ca.fmin(ca.fmax(1 - z / (z_ss + 1e-300), 1e-300), 1.0)
+    return -z_ss / harder * ca.expm1(harder * ca.log(left)), ca.fmin(left ** (harder - 1), 1.0)
+
+
 def bristle_step(v0: Expression, v1: Expression, h: Expression, p: Lugre[Any]) -> tuple[Expression, Expression]:
     """The exact-exponential step z(t + h) = a z(t) + b of (4) while v goes linearly from v0 to v1, which share one sign.
 

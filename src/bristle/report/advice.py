@@ -7,7 +7,7 @@ import numpy as np
 from bristle.identification.estimate import Joint, Outcome, StaticFit
 from bristle.model.arrays import Array
 from bristle.model.parameters import unit
-from bristle.report.tracking import best, fits
+from bristle.report.tracking import fits
 from bristle.report.wording import direction as named
 from bristle.report.wording import number, pretty, symbol
 
@@ -48,7 +48,7 @@ def next_measurements(joint: Joint) -> tuple[str, ...]:
 
 def _of_moving(joint: Joint) -> Iterator[str]:
     """What moving runs leave open, and which motion would show it."""
-    fit = best(joint)
+    fit = joint.moving
     if fit is None:
         return
     wide = {

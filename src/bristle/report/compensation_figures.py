@@ -1,6 +1,6 @@
 """The compensated joint as matplotlib figures: Figs 5 to 12 of the paper, and what goes beyond them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,6 +9,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from bristle.compensation.study import Study
 from bristle.control.closed import Trajectory
+from bristle.edro import TABLE_2_ADAPTED
 from bristle.model.arrays import Array
 from bristle.model.parameters import unit
 from bristle.report.figures import thinned
@@ -23,12 +24,6 @@ LAWS = {
     "partial-theta": (_BLACK, ":"), "total": (_GREEN, "-."),
 }  # fmt: skip  # a table
 """Colour and line of each adaptation."""
-PAPER = {"alpha_0": 0.84, "alpha_2": 1.05}
-"""What the paper's Table 2 has adapted to."""
-
-
-def _own(study: Study) -> str:
-    return "the true one" if study.subjects[0].simulated else "the identified"
 
 
 def _line(ax: Axes, run: Trajectory, values: Array, colour: str, line: object, label: str) -> None:
@@ -46,19 +41,29 @@ def _panels(study: Study, count: int, height: float = 2.2, *, simulated: bool = 
 @styled
 def followed_figure(study: Study) -> Figure:
     """Figs 5 to 7: reference and position, position error, and control, without and with friction compensation."""
+    return _courses(study, {"without": study.followed["without"], "with compensation": study.followed["with"]})
+
+
+def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
+    """Two runs of one reference by their labels: position, position error and control over time."""
     kind = study.subjects[0].kind
-    figure, (above, middle, below) = _panels(study, 3)
-    bare, fed = study.followed["without"], study.followed["with"]
-    _line(above, bare, bare.reference, _GREY, "-", "reference")
-    for run, colour, line, label in ((bare, _VERMILION, "--", "without"), (fed, _BLUE, "-", "with compensation")):
+    figure, axes = _panels(study, 3)
+    above, middle, below = axes
+    looks = ((_VERMILION, "--"), (_BLUE, "-"))
+    last = list(runs.values())[-1]
+    _line(above, last, last.reference, _GREY, "-", "reference")
+    for (label, run), (colour, line) in zip(runs.items(), looks, strict=True):
         _line(above, run, run.position[0], colour, line, label)
         _line(middle, run, run.error[0], colour, line, label)
         _line(below, run, run.torque[0], colour, line, label)
-    _finish(
-        (above, middle, below),
-        (axis("position", kind), axis("position", kind, "error of"), axis("torque", kind, "control")),
-        kind,
-    )
+    for ax, label in zip(
+        axes, (axis("position", kind), axis("position", kind, "error of"), axis("torque", kind, "control")), strict=True
+    ):
+        ax.set_ylabel(label)
+    low, high = above.get_ylim()
+    above.set_ylim(low, high + 0.28 * (high - low))  # room for the legend
+    above.legend(loc="upper right", ncols=3)
+    below.set_xlabel(axis("time", kind))
     return figure
 
 
@@ -104,23 +109,24 @@ def gains_figure(study: Study) -> Figure:
     """Fig. 9: the adapted parameters over time by each law, with what the paper reports as lines across."""
     shown, a = study.adapted, study.adapted.adaptation
     figure, axes = _panels(study, len(a.parameters), 2.6)
+    own = "the true one" if study.subjects[0].simulated else "the identified"
     for k, (ax, name) in enumerate(zip(axes, a.parameters, strict=True)):
         begun = study.adapting.start.get(name, 1.0)
         for law, run in shown.runs.items():
             if law != "not adapted":
                 _line(ax, run, begun * run.theta[0, k], *LAWS[law], law)
-        if name in PAPER and study.subjects[0].name == "gripper rotation":
-            ax.axhline(PAPER[name], color="#666666", linewidth=0.8)
+        if study.paper and name in TABLE_2_ADAPTED:
+            ax.axhline(TABLE_2_ADAPTED[name], color="#666666", linewidth=0.8)
             ax.annotate(
-                f"paper: {PAPER[name]:g}",
-                (0.99, PAPER[name]),
+                f"paper: {TABLE_2_ADAPTED[name]:g}",
+                (0.99, TABLE_2_ADAPTED[name]),
                 (0, 3),
                 xycoords=("axes fraction", "data"),
                 textcoords="offset points",
                 ha="right",
                 fontsize=8.5,
             )
-        ax.set_ylabel(f"{symbol(name)}, share of {_own(study)}")
+        ax.set_ylabel(f"{symbol(name)}, share of {own}")
     axes[-1].set_xlabel(axis("time", study.subjects[0].kind))
     axes[-1].legend(loc="lower right", ncols=2)
     return figure
@@ -129,21 +135,8 @@ def gains_figure(study: Study) -> Figure:
 @styled
 def adapted_figure(study: Study) -> Figure:
     """Figs 10 to 12: position, position error and control while the plan's law adapts, beside the same wrong model without adaptation."""
-    kind = study.subjects[0].kind
-    figure, (above, middle, below) = _panels(study, 3)
-    law = study.adapted.adaptation.law
-    plain, run = study.adapted.runs["not adapted"], study.adapted.runs[law]
-    _line(above, run, run.reference, _GREY, "-", "reference")
-    for one, label, colour, line in ((plain, "wrong model", _VERMILION, "--"), (run, f"adapted ({law})", _BLUE, "-")):
-        _line(above, one, one.position[0], colour, line, label)
-        _line(middle, one, one.error[0], colour, line, label)
-        _line(below, one, one.torque[0], colour, line, label)
-    _finish(
-        (above, middle, below),
-        (axis("position", kind), axis("position", kind, "error of"), axis("torque", kind, "control")),
-        kind,
-    )
-    return figure
+    law, runs = study.adapted.adaptation.law, study.adapted.runs
+    return _courses(study, {"wrong model": runs["not adapted"], f"adapted ({law})": runs[law]})
 
 
 @styled
@@ -308,6 +301,7 @@ def replay_figure(at: int) -> Callable[[Study], Figure | None]:
 
     @styled
     def draw(study: Study) -> Figure | None:
+        """The replay that stands there."""
         if at >= len(study.replays):
             return None
         replay, kind = study.replays[at], study.subjects[0].kind
@@ -336,12 +330,3 @@ def replay_figure(at: int) -> Callable[[Study], Figure | None]:
         return figure
 
     return draw
-
-
-def _finish(axes: Sequence[Axes], labels: Sequence[str], kind: str) -> None:
-    for ax, label in zip(axes, labels, strict=True):
-        ax.set_ylabel(label)
-    low, high = axes[0].get_ylim()
-    axes[0].set_ylim(low, high + 0.28 * (high - low))  # room for the legend
-    axes[0].legend(loc="upper right", ncols=3)
-    axes[-1].set_xlabel(axis("time", kind))  # type: ignore[arg-type]

@@ -3,8 +3,8 @@
 import pandas as pd
 
 from bristle.compensation.study import Study
+from bristle.edro import TABLE_2_ADAPTED
 from bristle.model.parameters import unit
-from bristle.report.compensation_figures import PAPER
 
 
 def compensation_errors(study: Study) -> pd.DataFrame:
@@ -22,7 +22,7 @@ def compensation_errors(study: Study) -> pd.DataFrame:
 def table_2(study: Study) -> pd.DataFrame:
     """Table 2: each adapted parameter under each law: the original value, and initial, early and final shares; the paper's beside it."""
     p, kind = study.adapting.model.positive, study.adapting.kind
-    paper = PAPER if study.subjects[0].name == "gripper rotation" and study.subjects[0].simulated else {}
+    paper = TABLE_2_ADAPTED if study.paper else {}
     rows = [
         (
             x.law,

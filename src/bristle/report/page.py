@@ -80,11 +80,12 @@ def write_report(
     drawn = _figures(joints, files, progress)
     frames = tables.all_tables(joints)
     files |= {f"tables/{name}.csv": _csv(frame) for name, frame in frames.items()}
-    compensation = _compensation(study, files) if study else _NONE
+    compensation = _compensation(study, files) if study else None
     files["results.json"] = _encoded(summary.to_json(joints))
     if timings is not None:
         files["timings.json"] = _encoded(json.dumps({k: round(v, 6) for k, v in timings.items()}, indent=1) + "\n")
-    files["index.html"] = _encoded(_html("index.html", sections.page(joints, title, seed, drawn) | compensation))
+    context = sections.page(joints, title, seed, drawn) | {"compensation": compensation}
+    files["index.html"] = _encoded(_html("index.html", context))
     if progress:
         progress("writing the report", len(_DRAW) * len(joints) + 1, len(_DRAW) * len(joints) + 1)
     replace_files(folder, files)
@@ -119,26 +120,17 @@ def _figures(
             figure = _DRAW[kind](joint) if joint else figures.stribeck_figure()
             if figure is None:
                 continue
-            name = f"{slug}-{kind}"
-            files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
-            label = escape(
-                f"{kind.replace('-', ' over ')} of {wording.printable(joint.name)}"
-                if joint
-                else "the steady-state curve"
-            )
-            own[kind] = Markup(inline(files[f"figures/{name}.svg"], name, label))  # noqa: S704 # matplotlib escaped every text in it
+            label = f"{kind.replace('-', ' over ')} of {joint.name}" if joint else "the steady-state curve"
+            own[kind] = _drawn(figure, f"{slug}-{kind}", label, files)
     return drawn
-
-
-_NONE: dict[str, Any] = {"compensation": None, "compensation_figures": {}}
 
 
 def write_adaptation(study: Study, folder: Path, title: str) -> Path:
     """Write the compensated joint alone: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_report` does."""
     files: dict[str, bytes] = {}
-    shown = _compensation(study, files)
     context = {"title": title, "simulated": study.subjects[0].simulated, **sections.versions(SEED)}
-    files["index.html"] = _encoded(_html("adapt.html", context | shown))
+    context["compensation"] = _compensation(study, files)
+    files["index.html"] = _encoded(_html("adapt.html", context))
     replace_files(folder, files)
     return folder / "index.html"
 
@@ -150,12 +142,17 @@ def _compensation(study: Study, files: dict[str, bytes]) -> dict[str, Any]:
     for kind, draw in compensation_section.draw(study).items():
         figure = draw(study)
         if figure is not None:
-            name = f"compensation-{kind}"
-            files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
-            label = escape(f"{kind} of {wording.printable(study.subjects[0].name)}, compensated")
-            drawn[kind] = Markup(inline(files[f"figures/{name}.svg"], name, label))  # noqa: S704 # matplotlib escaped every text in it
+            drawn[kind] = _drawn(
+                figure, f"compensation-{kind}", f"{kind} of {study.subjects[0].name}, compensated", files
+            )
     files |= {f"tables/{name}.csv": _csv(frame) for name, frame in compensation_tables.all_tables(study).items()}
-    return {"compensation": compensation_section.section(study), "compensation_figures": drawn}
+    return compensation_section.section(study) | {"figures": drawn}
+
+
+def _drawn(figure: Figure, name: str, label: str, files: dict[str, bytes]) -> Markup:
+    """A figure rendered into `files`, and as an element of the page; `label` names it for a reader who does not see it."""
+    files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
+    return Markup(inline(files[f"figures/{name}.svg"], name, escape(wording.printable(label))))  # noqa: S704 # matplotlib escaped every text in it
 
 
 def _html(template: str, context: Mapping[str, Any]) -> str:

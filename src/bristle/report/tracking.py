@@ -18,11 +18,6 @@ def fits(joint: Joint) -> dict[str, TrackingFit]:
     return {name: fit for name, fit in found.items() if fit is not None}
 
 
-def best(joint: Joint) -> TrackingFit | None:
-    """The joint fit where there is one, else that of the moving runs alone, else None."""
-    return joint.joint_fit or joint.tracking
-
-
 def split(name: str) -> tuple[str, str]:
     """Direction and bare name of a parameter: alpha_0+ -> +, alpha_0; bare LuGre parameters are of `both`, all others `shared`."""
     if name[-1:] in {"+", "-"}:

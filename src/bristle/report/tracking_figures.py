@@ -8,7 +8,6 @@ from bristle.identification.estimate import Joint, TrackingFit
 from bristle.model.arrays import Array
 from bristle.report.figures import thinned
 from bristle.report.style import new_figure, styled, title
-from bristle.report.tracking import best
 from bristle.report.wording import axis
 
 SPAN = 3.0
@@ -48,7 +47,7 @@ def _window(t: Array, v: Array, offset: int) -> tuple[float, slice]:
 @styled
 def course_figure(joint: Joint) -> Figure | None:
     """Measured and predicted torque (or position) over time around the strongest reversals, residuals beneath; None without moving runs."""
-    fit = best(joint)
+    fit = joint.moving
     if fit is None or not fit.time.size:
         return None
     own = window(fit)
@@ -65,7 +64,7 @@ def course_figure(joint: Joint) -> Figure | None:
 @styled
 def velocity_figure(joint: Joint) -> Figure | None:
     """Measured and predicted torque (or position) of all moving runs over velocity, residuals beneath, as points; None without moving runs."""
-    fit = best(joint)
+    fit = joint.moving
     if fit is None or not fit.time.size:
         return None
     k = thinned(fit.time.size, MOST)

@@ -6,7 +6,7 @@ from bristle.identification.estimate import Estimate, Joint, TrackingFit
 from bristle.model.parameters import unit
 from bristle.report import tracking_tables
 from bristle.report.shown import Table, shown
-from bristle.report.tracking import FITS, best, bias_text, biased, fit_doubts, fits, reached
+from bristle.report.tracking import FITS, bias_text, biased, fit_doubts, fits, reached
 from bristle.report.tracking_figures import MOST, SPAN, window
 from bristle.report.wording import MISSING, measured, number, pretty, span
 
@@ -22,7 +22,7 @@ def summary(joint: Joint) -> list[dict[str, Any]]:
             "doubts": len({doubt for _, doubt in fit_doubts("", fit)}),
             "estimates": [
                 (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
-                for name, e in (fit.parameters if fit is best(joint) else {}).items()
+                for name, e in (fit.parameters if fit is joint.moving else {}).items()
             ],
         }
         for kind, fit in fits(joint).items()
