@@ -6,7 +6,19 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
-FLOORS = ("model", "data", "control", "identification", "bench", "edro", "compensation", "report", "api", "cli")
+FLOORS = (
+    "model",
+    "data",
+    "control",
+    "identification",
+    "bench",
+    "edro",
+    "compensation",
+    "analysis",
+    "report",
+    "api",
+    "cli",
+)
 """From the ground up: each imports from itself and from those below. So data knows no controller, and identification no report."""
 ENTRANCES = ("__init__", "__main__")
 """Modules of the package itself: they may offer what any floor has."""

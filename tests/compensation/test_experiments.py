@@ -125,7 +125,9 @@ def test_gradients_by_alpha_0_are_those_of_the_formulas(p: Lugre[float]) -> None
     assert [*found] == ["printed", "partial", "total"]
     np.testing.assert_allclose(found["total"], 1.0, rtol=1e-12)
     np.testing.assert_allclose(found["partial"], partial, rtol=1e-9)
-    np.testing.assert_allclose(found["printed"], partial * peak, rtol=1e-9, atol=1e-300)  # where exp underflows, at the end of doubles
+    np.testing.assert_allclose(
+        found["printed"], partial * peak, rtol=1e-9, atol=1e-300
+    )  # where exp underflows, at the end of doubles
     assert v[0] < 0.1 * p.v_s
     assert v[-1] > 10 * p.v_s
     assert (found["printed"][v > 5 * p.v_s] < 1e-9).all()  # why it stands still

@@ -13,12 +13,13 @@ from scipy.integrate import solve_ivp
 from bristle import edro
 from bristle.data.experiment import load_experiment
 from bristle.data.record import Record
+from bristle.identification.descent import fit, from_scaled, scaled, scales, to_scaled
 from bristle.identification.estimate import Joint
 from bristle.identification.judged import judge, with_deflections
 from bristle.identification.pipeline import identify_joint, measure
 from bristle.identification.simulation import simulation
 from bristle.identification.tracking import fit_tracking, relative_error
-from bristle.identification.trajectory import Tracking, fit, from_scaled, residuals, scaled, scales, to_scaled, tracking
+from bristle.identification.trajectory import Tracking, residuals, tracking
 from bristle.model import law, motor
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Motor, Pair

@@ -30,6 +30,7 @@ def quantity(name: str) -> BeforeValidator:
     """
 
     def read(value: object, info: ValidationInfo) -> object:
+        """The value in SI; a number outside an experiment file as it is."""
         if not isinstance(info.context, Context) and not isinstance(value, str):
             return value
         return units.to_si(value, si(name, info.context))

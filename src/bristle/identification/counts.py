@@ -8,9 +8,10 @@ import numpy as np
 from bristle.data.motion import derivative, estimate_motion, smoothed, usable
 from bristle.data.record import Record
 from bristle.data.sensor import quantise
+from bristle.identification.descent import fit
 from bristle.identification.estimate import Estimate, TrackingFit
 from bristle.identification.tracking import Tracked
-from bristle.identification.trajectory import Tracking, fit, is_start, modelled
+from bristle.identification.trajectory import Tracking, is_start, modelled
 from bristle.model.arrays import Array
 
 REPETITIONS = 6

@@ -150,6 +150,7 @@ def _profiles(
         others = np.append(near, solution.grid)
 
         def costs(v_s: Array, k: int = k, others: Array = others) -> Array:
+            """The profile of this peak at each v_s, (k,) -> (k,)."""
             return projected.profile(v_s, k, others)
 
         intervals[direction] = uncertainty.profile_interval(costs, solution.grid, solution.profiles[k], best, threshold)

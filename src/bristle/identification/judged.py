@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from bristle.data.statistics import inflation
+from bristle.identification.descent import fit, polished, scales, slopes_of_scaling
 from bristle.identification.linear import inverse_gram
 from bristle.identification.marquardt import Minimum
 from bristle.identification.nested import projected
-from bristle.identification.trajectory import Tracking, fit, is_start, parameters, polished, scales, slopes_of_scaling
+from bristle.identification.trajectory import Tracking, is_start, parameters
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout

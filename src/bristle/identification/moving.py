@@ -63,6 +63,7 @@ def fit_moving(
     moving, asked = directions(experiment, records), regressors(experiment)
 
     def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
+        """The regression of some records, time and position of each equation, samples dropped at ends."""
         return regression.from_records(chosen, moving, asked, experiment.fit.decimation, fixed)
 
     every, (time, position), _ = problem(records)

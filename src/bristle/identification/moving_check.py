@@ -11,10 +11,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from bristle.identification.descent import LOGARITHMIC, bounds, from_scaled, scaled, scales, to_scaled
 from bristle.identification.estimate import Crosscheck
 from bristle.identification.ipopt import solver
 from bristle.identification.tracking import Tracked
-from bristle.identification.trajectory import LOGARITHMIC, Tracking, bounds, from_scaled, scaled, scales, to_scaled
+from bristle.identification.trajectory import Tracking
 from bristle.model import law
 from bristle.model.arrays import Array
 from bristle.model.nodes import Nodes, refined

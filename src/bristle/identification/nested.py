@@ -46,6 +46,7 @@ def descend(
     lowest = np.inf
 
     def outer(p: Array) -> tuple[Array, Array]:
+        """Residuals, (n,), and their projected Jacobian at shared unknowns, with each block settled; remembers the best."""
         nonlocal best, lowest
         x = best.copy()
         x[shared] = p

@@ -250,6 +250,7 @@ def _points_problem(points: Sequence[Segment], directions: tuple[str, ...], regr
 
 def _where(points: Sequence[Segment]) -> Where:
     def known(values: list[float | None]) -> Array:
+        """The values, or none of them where any is missing."""
         return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
 
     alone = len({s.file for s in points})  # a run of one point has no course over time

@@ -67,6 +67,7 @@ def track(
     resolution = _resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
     def uncounted(found: Tracked) -> TrackingFit:
+        """The fit without the bias of encoder counts, where there are counts."""
         return (
             without_count_bias(found, records, pose, options.position_cutoff, resolution) if resolution else found.fit
         )

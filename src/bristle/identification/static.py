@@ -279,6 +279,7 @@ def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, floa
     """The continuous minimum over v_s of both directions; the slope by the envelope theorem, dJ/dv_s = -2 alpha_1 s'r."""
 
     def cost_and_slope(u: Array) -> tuple[float, Array]:
+        """J_s and its slope at u = log(v_s), (2,), both over `scale`."""
         inner = solve_at(problem, list(np.exp(u)))
         return inner.cost / scale, -2 * (inner.jacobian[:, -2:].T @ inner.residuals) * np.exp(u) / scale
 

@@ -8,19 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.data.statistics import lag_one
+from bristle.identification.descent import LOGARITHMIC, bounds, fit, scales
 from bristle.identification.estimate import Estimate, HoldOut, TrackingFit
 from bristle.identification.judged import Judged, equations_left, judge, with_deflections, without_deflections
 from bristle.identification.lacking import lacking
-from bristle.identification.trajectory import (
-    LOGARITHMIC,
-    Tracking,
-    bounds,
-    fit,
-    is_start,
-    parameters,
-    residuals,
-    scales,
-)
+from bristle.identification.trajectory import Tracking, is_start, parameters, residuals
 from bristle.identification.uncertainty import condition, student
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, Lugre, is_passive, unit

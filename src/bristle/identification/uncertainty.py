@@ -70,7 +70,10 @@ def profile_interval(
     )
 
     def crossing(outside: float, inside: float) -> float:
+        """Where between two v_s the profile crosses the threshold; the inner one where it does not."""
+
         def excess(u: float) -> float:
+            """The profile less the threshold at log(v_s)."""
             return float(costs(np.array([np.exp(u)]))[0]) - threshold
 
         a, b = np.log(outside), np.log(inside)

@@ -24,6 +24,7 @@ def _truth(ufunc: np.ufunc) -> Operation:
     """A comparison whose answers are 0.0 and 1.0, as CasADi's are."""
 
     def compare(*operands: Floats) -> object:
+        """The answers, in the last operand where that is the array to write to, else as new floats."""
         return ufunc(*operands) if len(operands) > ufunc.nin else ufunc(*operands).astype(np.float64)
 
     return compare

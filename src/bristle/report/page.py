@@ -31,7 +31,7 @@ from bristle.report.tracking import FITS
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["save_figure", "write_report", "write_text"]
+__all__ = ["save_figure", "write_part", "write_report", "write_text"]
 
 Progress = Callable[[str, int, int], None]
 _DRAW: dict[str, Callable[[Joint], Figure | None]] = {
@@ -130,7 +130,34 @@ def write_adaptation(study: Study, folder: Path, title: str) -> Path:
     files: dict[str, bytes] = {}
     context = {"title": title, "simulated": study.subjects[0].simulated, **sections.versions(SEED)}
     context["compensation"] = _compensation(study, files)
-    files["index.html"] = _encoded(_html("adapt.html", context))
+    return _page(folder, "adapt.html", context, files)
+
+
+@styled
+def write_part(
+    folder: Path,
+    template: str,
+    context: Mapping[str, Any],
+    figures: Mapping[str, tuple[Callable[[], Figure | None], str]],
+    frames: Mapping[str, "pd.DataFrame"],
+) -> Path:
+    """Write a page of its own: index.html from a template, figures/ and tables/; returns the path of index.html. Raises as `write_report` does.
+
+    Args:
+        folder: made where it does not exist.
+        template: one that extends base.html; beside `context` it gets `figures`, an element of the page by name, without those that are None.
+        context: what else it names, `seed` among it, the seed of the random numbers or None.
+        figures: by the name of its file, what draws each, and how it is called for a reader who does not see it.
+        frames: each table by the name of its file.
+    """
+    files = {f"tables/{name}.csv": _csv(frame) for name, frame in frames.items()}
+    made = ((name, draw(), label) for name, (draw, label) in figures.items())
+    drawn = {name: _drawn(figure, name, label, files) for name, figure, label in made if figure is not None}
+    return _page(folder, template, {**sections.versions(context["seed"]), **context, "figures": drawn}, files)
+
+
+def _page(folder: Path, template: str, context: Mapping[str, Any], files: dict[str, bytes]) -> Path:
+    files["index.html"] = _encoded(_html(template, context))
     replace_files(folder, files)
     return folder / "index.html"
 

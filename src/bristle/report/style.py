@@ -65,6 +65,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(draw)
     def inside(*args: P.args, **kwargs: P.kwargs) -> R:
+        """What the function returns, run in the style."""
         if mpl.rcParams["svg.hashsalt"] == _SALT:  # setting all of matplotlib's keys takes as long as a small figure
             return draw(*args, **kwargs)
         with mpl.rc_context(), warnings.catch_warnings():
