@@ -2,7 +2,8 @@
 
 (a) the embedded experiment, simulated again with other seeds, through all of bristle's steps from a log file on: eight joint-direction sets.
 (c) gripper rotation, all its runs simulated again with other seeds: all six parameters, by each stage and by the joint fit.
-(b) points of gripper rotation (+) with Gaussian noise, at designs from good to poor; each design with the standard error of v_s that it gives.
+(b) points of gripper rotation (+) with Gaussian noise, at designs from good to poor, by covariance, profile and bootstrap-t; each design with the
+    standard error of v_s that it gives.
 """
 
 import argparse
@@ -17,13 +18,17 @@ from bristle import bench, edro
 from bristle.data.options import FitOptions
 from bristle.identification.estimate import Estimate, Joint
 from bristle.identification.fit import estimate_static
+from bristle.identification.inference import infer
 from bristle.identification.moving import DIRECTIONS
 from bristle.identification.pipeline import Measured, identify_joint, measure
 from bristle.identification.regression import from_points
+from bristle.identification.static import default_range
+from bristle.identification.static_uncertainty import three_ways
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+WAYS = ("covariance", "profile", "bootstrap")
 BLOCK = 50
 """Seeds simulated at a time: as many as fit in memory at ease."""
 P = edro.TABLE_1["gripper rotation"].positive
@@ -97,22 +102,28 @@ def _row(label: str, first: str, hits: dict[str, int], found: int, repetitions: 
 
 
 def designs(repetitions: int) -> None:
-    """Coverage at planned velocities."""
+    """Coverage at planned velocities, by each kind of interval; where a Stribeck term is supported, whatever bounds it."""
     print(f"{repetitions} repetitions of gripper rotation (+), simulated points with Gaussian noise, seed 0")
     print(f"{'design':<44}{'se(v_s)':>9}" + "".join(f"{name:>9}" for name in NAMES) + f"{'no peak':>9}")
     for label, velocities, noise in DESIGNS:
         rng = np.random.default_rng(0)
-        hits, errors = dict.fromkeys(NAMES, 0), []
+        v_s_range = default_range(velocities)
+        hits, errors = {way: dict.fromkeys(NAMES, 0) for way in WAYS}, []
         for _ in range(repetitions):
             torque = bench.steady_points(P, velocities, noise, rng, 1)[0]
-            parameters = estimate_static(from_points(velocities, torque, ("+",)), FitOptions(), "revolute")
-            if "v_s" not in parameters:
+            found = infer(from_points(velocities, torque, ("+",)), FitOptions(), "revolute", v_s_range)
+            if "v_s" not in found.parameters:
                 continue
-            errors.append(parameters["v_s"].standard_error or np.inf)
-            for name in NAMES:
-                hits[name] += _covers(parameters[name], getattr(P, name))
+            errors.append(found.parameters["v_s"].standard_error or np.inf)
+            for name, three in three_ways(found, v_s_range).items():
+                for way in WAYS:
+                    low, high = getattr(three, way) or (-np.inf, np.inf)
+                    hits[way][name] += low <= getattr(P, name) <= high
         spread = 100 * float(np.median(errors)) / P.v_s
-        _row(label, f"{spread:.1f}%", hits, len(errors), repetitions)
+        for way in WAYS:
+            _row(
+                f"{label if way == WAYS[0] else '':<34}{way:>10}", f"{spread:.1f}%", hits[way], len(errors), repetitions
+            )
 
 
 def moving(seeds: int) -> None:
@@ -179,12 +190,13 @@ def _joints(seeds: int) -> Iterator[Joint]:
 
 
 DESIGNS: tuple[tuple[str, Array, float], ...] = (
-    ("16 speeds, 0.15 v_s to 11 v_s, noise 0.5 %", np.geomspace(0.15 * P.v_s, 0.8, 16), 0.005 * P.alpha_0),
-    ("16 speeds, 0.15 v_s to 11 v_s, noise 2 %", np.geomspace(0.15 * P.v_s, 0.8, 16), 0.02 * P.alpha_0),
-    ("16 speeds, 0.15 v_s to 11 v_s, noise 5 %", np.geomspace(0.15 * P.v_s, 0.8, 16), 0.05 * P.alpha_0),
-    ("10 speeds, even from 0.5 v_s, noise 1 %", np.linspace(0.5 * P.v_s, 0.8, 10), 0.01 * P.alpha_0),
-    ("12 speeds, even from 1.0 v_s, noise 1 %", np.linspace(1.0 * P.v_s, 0.8, 12), 0.01 * P.alpha_0),
+    ("16 log speeds, noise 0.5 %", np.geomspace(0.15 * P.v_s, 0.8, 16), 0.005 * P.alpha_0),
+    ("16 log speeds, noise 2 %", np.geomspace(0.15 * P.v_s, 0.8, 16), 0.02 * P.alpha_0),
+    ("16 log speeds, noise 5 %", np.geomspace(0.15 * P.v_s, 0.8, 16), 0.05 * P.alpha_0),
+    ("10 even from 0.5 v_s, noise 1 %", np.linspace(0.5 * P.v_s, 0.8, 10), 0.01 * P.alpha_0),
+    ("12 even from 1.0 v_s, noise 1 %", np.linspace(1.0 * P.v_s, 0.8, 12), 0.01 * P.alpha_0),
 )
+"""Log speeds go from 0.15 v_s to 0.8 rad/s, even ones to 0.8 rad/s."""
 
 
 if __name__ == "__main__":

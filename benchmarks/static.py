@@ -1,7 +1,9 @@
 """How fast the static fit is, beside what a user would pick instead: `python benchmarks/static.py`.
 
 (a) one set of 200 points, parameters and covariance, against scipy.optimize.curve_fit and lmfit, both from a start within 30 % of the answer;
-(b) 1000 sets at shared velocities against a loop of curve_fit. Everything is timed in this one run; the ratios are what counts.
+(b) 1000 sets at shared velocities against a loop of curve_fit;
+(c) the same with a profile interval for every parameter, against a loop of lmfit's fit and conf_interval, and its distance from that;
+(d) a bootstrap-t of 10 000 resamples of one set against a loop of curve_fit. Everything is timed in this one run; the ratios are what counts.
 """
 
 import lmfit
@@ -9,7 +11,8 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 from bristle.edro import TABLE_1
-from bristle.identification.batch import solve_batch
+from bristle.identification.batch import Batch, solve_batch
+from bristle.identification.bootstrap import resample
 from bristle.identification.regression import from_points
 from bristle.identification.static import default_range, plain_grid, solve
 from bristle.identification.uncertainty import covariance
@@ -72,6 +75,50 @@ def main() -> None:
     print(f"  a loop of curve_fit          {1e3 * one_by_one:9.2f} ms   {one_by_one / batch:7.0f} times bristle")
     worst = np.abs(together[[0, 2, 1, 3]] - apart).max(axis=1) / apart.std(axis=1)
     print(f"  largest difference, in standard deviations over the sets: {worst.max():.1e}")
+    profiles(v, torques, lmfit_model, guess)
+    bootstraps(v, torque)
+
+
+def profiles(v: Array, torques: Array, model: lmfit.Model, guess: lmfit.Parameters) -> None:
+    """Profile intervals of every set, beside lmfit's of a few."""
+    problem, v_s_range = from_points(v, torques[:, 0], ("both",)), default_range(v)
+    order = ("a0", "a2", "a1", "v_s")
+
+    def ours() -> tuple[Array, Array]:
+        return Batch(problem, torques, v_s_range).profile_intervals()
+
+    def theirs(k: int) -> Array:
+        fitted = model.fit(torques[:, k], guess, v=v)
+        found = lmfit.conf_interval(fitted, fitted, sigmas=[0.95], p_names=list(order))
+        return np.array([[found[name][0][1], found[name][-1][1]] for name in order])
+
+    some = range(5)
+    batch, loop = least({"batch": ours}, 5)["batch"], least({"loop": lambda: [theirs(k) for k in some]}, 3)["loop"]
+    one_by_one = loop / len(some) * torques.shape[1]
+    ends, reference = np.stack(ours(), axis=-1)[:, list(some)], np.stack([theirs(k) for k in some], axis=1)
+    apart = np.abs((ends - reference) / np.ptp(reference, axis=-1)[..., None]).max()
+    print("(c) 1000 sets of 200 points, a profile interval for each parameter")
+    print(f"  bristle, batch               {1e3 * batch:9.2f} ms")
+    print(
+        f"  lmfit's fit, conf_interval   {1e3 * one_by_one:9.0f} ms   {one_by_one / batch:7.0f} times bristle (timed on {len(some)} sets)"
+    )
+    print(f"  largest distance between their ends, in widths: {apart:.1e}")
+
+
+def bootstraps(v: Array, torque: Array, resamples: int = 10_000) -> None:
+    """Bootstrap of one set, beside a loop of curve_fit over some resamples."""
+    problem, v_s_range = from_points(v, torque, ("both",)), default_range(v)
+    solution = solve(problem, v_s_range)
+    rng = np.random.default_rng(0)
+    drawn = (torque - solution.residuals)[:, None] + solution.residuals[rng.integers(0, v.size, (v.size, 200))]
+    spent = least({"ours": lambda: resample(problem, solution, v_s_range, resamples)}, 3)["ours"]
+    loop = least({"loop": lambda: [curve_fit(model, v, t, p0=START)[0] for t in drawn.T]}, 3)["loop"]
+    loop *= resamples / drawn.shape[1]
+    print(f"(d) a bootstrap-t of one set of 200 points, {resamples} resamples")
+    print(f"  bristle                      {1e3 * spent:9.0f} ms")
+    print(
+        f"  a loop of curve_fit          {1e3 * loop:9.0f} ms   {loop / spent:7.0f} times bristle (timed on {drawn.shape[1]} resamples)"
+    )
 
 
 if __name__ == "__main__":

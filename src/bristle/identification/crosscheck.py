@@ -6,12 +6,11 @@ are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import BSpline
 
 from bristle.identification.estimate import Crosscheck
 from bristle.identification.ipopt import solver
+from bristle.identification.reduced import reduced
 from bristle.identification.regression import Regression
-from bristle.identification.static import GRID, log_grid
 from bristle.model import law
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
@@ -22,9 +21,6 @@ SEED = 0
 _SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
 _OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
-_NODES = 1000
-_SLOWEST = 1e-7
-"""Of the fastest speed: where nodes begin."""
 
 
 def full_fit(
@@ -121,60 +117,21 @@ def _scale(problem: Regression, torque_scale: float) -> Array:
 
 
 def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque as a CasADi expression; for smoothed equations, in fewer ones with the same sum of squares up to a constant."""
-    value = dict(zip(problem.names, ca.vertsplit(theta), strict=True))
-    known = 2 * len(problem.directions)
-    torque, columns = problem.torque, problem.linear[:, known:]
-    weight = np.ones(torque.size) if problem.root_weight is None else problem.root_weight
-    basis = None if problem.smooth is None else _basis(problem, v_s_range)
-    if basis is not None:
-        torque, columns = basis.T @ torque, basis.T @ columns
-    extra = ca.vertcat(*(value[name] for name in problem.linear_names[known:]))
-    residual = ca.DM(torque) - ca.mtimes(ca.DM(columns), extra)
-    for direction in problem.directions:
-        tag = "" if len(problem.directions) == 1 else direction
+    """Measured minus modelled torque as a CasADi expression; for smoothed equations, of fewer ones with the same sum of squares up to a constant."""
+    few = reduced(problem, v_s_range)
+    value = dict(zip(few.names, ca.vertsplit(theta), strict=True))
+    known = 2 * len(few.directions)
+    extra = ca.vertcat(*(value[name] for name in few.linear_names[known:]))
+    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, known:]), extra)
+    for direction in few.directions:
+        tag = "" if len(few.directions) == 1 else direction
         alpha_1, v_s = value.get("alpha_1" + tag, 0.0), value.get("v_s" + tag, 1.0)
         p = Lugre(value["alpha_0" + tag], alpha_1, value["alpha_2" + tag], v_s, 1.0, 0.0)
-        moving = {"+": problem.velocity > 0, "-": problem.velocity < 0}.get(tag, problem.velocity != 0)
-        if basis is None or problem.smooth is None:
-            residual -= ca.DM(weight * moving) * law.steady_torque(ca.DM(problem.velocity), p)
+        moving = {"+": few.velocity > 0, "-": few.velocity < 0}.get(tag, few.velocity != 0)
+        if few.smooth is None:
+            weight = np.ones(few.torque.size) if few.root_weight is None else few.root_weight
+            residual -= ca.DM(weight * moving) * law.steady_torque(ca.DM(few.velocity), p)
         else:
-            shares = (problem.smooth[:, moving].T @ (basis * weight[:, None])).T
-            nodes, weights = _gathered(problem.velocity[moving], shares)
-            residual -= ca.mtimes(ca.DM(weights), law.steady_torque(ca.DM(nodes), p))
+            shares = ca.DM(few.smooth[:, moving].toarray())
+            residual -= ca.mtimes(shares, law.steady_torque(ca.DM(few.velocity[moving]), p))
     return residual
-
-
-def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
-    """Orthonormal directions, (n, r), that span the torque and the model's columns for every v_s in the range, to 1e-8."""
-    values = log_grid(v_s_range, GRID)
-    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
-    columns = np.column_stack([problem.linear, *shapes, problem.torque])
-    left, lengths, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
-    kept: Array = left[:, lengths > 1e-8 * lengths[0]]
-    return kept
-
-
-def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
-    """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
-
-    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so each sample's share can be
-    handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
-
-    Args:
-        velocity: of the samples, none zero, (N,).
-        shares: of each sample in r sums, (r, N).
-
-    Returns:
-        The nodes, positive, (m,), and their shares, (r, m).
-    """
-    speed = np.abs(velocity)
-    high = float(np.log(speed.max()))
-    low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
-    at = np.linspace(low, max(high, low + 1.0), _NODES)
-    knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
-    on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
-    on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
-    of_splines = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T, dtype=np.float64)
-    nodes: Array = np.exp(at)
-    return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)

@@ -40,6 +40,27 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Uncertainty:
+    """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the doubts."""
+
+    covariance: tuple[float, float] | None
+    """By Student's t from the exact Jacobian, widened for correlated residuals."""
+    profile: tuple[float, float] | None
+    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical bound."""
+    bootstrap: tuple[float, float] | None
+    """From fits of resampled data."""
+    curve: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1 at the interval's ends."""
+    draws: Array = field(default_factory=lambda: np.zeros(0))
+    """The parameter in resampled data, (b,)."""
+    doubts: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Profile:
     """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
 
@@ -94,6 +115,8 @@ class StaticFit:
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     dof: int = 0
     profile: Profile | None = None
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """Each parameter's interval three ways."""
     plain: Mapping[str, float] = field(default_factory=dict)
     """The parameters at the best value of the paper's plain grid."""
     robust: Mapping[str, float] = field(default_factory=dict)
@@ -177,6 +200,8 @@ class PreslidingFit:
     """Its standard deviation over them."""
     loadings: tuple[Loading, ...]
     doubts: tuple[str, ...] = ()
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """The recommended sigma_0's interval three ways, under `sigma_0`."""
 
     @property
     def sigma_0(self) -> Estimate:
@@ -237,6 +262,8 @@ class TrackingFit:
     """First equation of each stretch."""
     windows: int = 0
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """Each parameter's interval three ways; empty where that was not asked for."""
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""
@@ -275,6 +302,47 @@ class Consistency:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ModelRow:
+    """One friction model beside others on the same equations."""
+
+    model: str
+    directions: str
+    """`symmetric`, `per direction`, or `one direction` where no other was measured."""
+    parameters: int
+    """Fitted, the noise variance apart."""
+    rms: float
+    """Root mean square residual, N*m."""
+    relative_error: float | None
+    """100 * norm(residual) / norm(measured), percent."""
+    aicc: float | None
+    """Above the lowest of all; None where there are too few independent equations."""
+    bic: float
+    """Above the lowest of all."""
+    hold_out: float | None
+    """Relative error on what was not fitted, percent."""
+    candidate: bool
+    """Whether it has the terms that the fit supports, and no others."""
+    recommended: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelComparison:
+    """Friction models side by side."""
+
+    data: Literal["points", "moving runs"]
+    n: int
+    """Equations."""
+    effective: float
+    """How many of them are independent."""
+    hold_out_by: str
+    """What `hold_out` is about; empty where nothing was held out."""
+    rows: tuple[ModelRow, ...]
+    sentence: str
+    """Which to use, and why."""
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
     """One file that went in."""
 
@@ -303,6 +371,8 @@ class Joint:
     joint_fit: TrackingFit | None = None
     """The same with what the other stages say as priors."""
     consistency: tuple[Consistency, ...] = ()
+    models: tuple[ModelComparison, ...] = ()
+    """Friction models side by side, on points and on moving runs, where there are any."""
     doubts: tuple[str, ...] = ()
     truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""

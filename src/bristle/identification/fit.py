@@ -12,11 +12,12 @@ from bristle.data.statistics import residual_doubts
 from bristle.identification import uncertainty
 from bristle.identification.crosscheck import crosscheck
 from bristle.identification.doubts import huber_doubts
-from bristle.identification.estimate import Crosscheck, Estimate, HoldOut, Outcome, StaticFit
+from bristle.identification.estimate import Crosscheck, Estimate, HoldOut, Outcome, StaticFit, Uncertainty
 from bristle.identification.inference import Inferred, infer
 from bristle.identification.regression import Regression
 from bristle.identification.robust import huber
 from bristle.identification.static import default_range, plain_grid, solve
+from bristle.identification.static_uncertainty import three_ways
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, unit
 
@@ -119,6 +120,7 @@ class _Beside:
     plain: Mapping[str, float]
     robust: Mapping[str, float]
     without: Mapping[str, Estimate]
+    three: Mapping[str, Uncertainty]
     doubts: tuple[str, ...]
 
 
@@ -151,7 +153,8 @@ def _beside(
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], _equation_velocity(problem)[measured]
     doubts += residual_doubts(residuals, velocity, where.time, where.position)
-    return _Beside(plain=plain, robust=robust, without=without, doubts=tuple(doubts))
+    three = three_ways(core, v_s_range)
+    return _Beside(plain=plain, robust=robust, without=without, three=three, doubts=tuple(doubts))
 
 
 def _equation_velocity(problem: Regression) -> Array:
@@ -171,7 +174,7 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
     )
     rows[rows.size - problem.priors :] = False
     own = [name for name in problem.names if not two or (part in name if part != "shared" else name[-1] not in "+-")]
-    parameters = {name.rstrip("+-"): core.parameters[name] for name in own}
+    parameters = {name.rstrip("+-"): _with_doubts(core.parameters[name], beside.three[name]) for name in own}
     if part != "shared" and part in core.dropped:
         missing = {
             n: Estimate(value=None, unit=_unit_like(core, n, two, part), doubts=(core.dropped[part],))
@@ -195,6 +198,7 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
         covariance=core.covariance[np.ix_(keep, keep)],
         dof=int(core.freedom),
         profile=core.profiles.get(part),
+        uncertainty={name.rstrip("+-"): beside.three[name] for name in own},
         plain={name.rstrip("+-"): x for name, x in beside.plain.items() if name in own},
         robust={name.rstrip("+-"): x for name, x in beside.robust.items() if name in own},
         without_stick_slip={name.rstrip("+-"): e for name, e in beside.without.items()},
@@ -204,6 +208,14 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
         time=where.time[rows[: where.time.size]],
         position=where.position[rows[: where.position.size]],
     )
+
+
+def _with_doubts(estimate: Estimate, three: Uncertainty) -> Estimate:
+    """The estimate with what its three intervals let doubt."""
+    new = (
+        doubt for doubt in three.doubts if not any(said.startswith("At its physical bound") for said in estimate.doubts)
+    )
+    return replace(estimate, doubts=(*estimate.doubts, *new))
 
 
 def _outcome(core: Inferred, part: str, beside: _Beside) -> Outcome:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -10,9 +11,10 @@ from bristle.data.statistics import inflation
 from bristle.identification import uncertainty
 from bristle.identification.doubts import fit_doubts, in_direction, is_closed
 from bristle.identification.estimate import Estimate, Outcome, Profile
+from bristle.identification.profiles import Profiled, profiled
 from bristle.identification.regression import SEEN, Regression
 from bristle.identification.robust import huber
-from bristle.identification.static import Projected, Solution, solve
+from bristle.identification.static import Projected, Solution, descended, solve
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, unit
 
@@ -20,6 +22,7 @@ SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1 is invented."""
+_AGAIN = "A profile found a lower cost than the grid had: the fit was done again from there."
 _NEAR = 40
 """Values of v_s around the minimum at which the profile is drawn."""
 
@@ -39,11 +42,14 @@ class Inferred:
     profiles: Mapping[str, Profile]
     dropped: Mapping[str, str]
     """Directions without a Stribeck term, with the reason."""
+    profiled: Profiled
+    student: Mapping[str, tuple[float, float]]
+    """Intervals by the covariance, by name."""
 
 
 def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float]) -> Inferred:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval and its doubts on each parameter."""
-    solution = None
+    solution, again = None, tuple[str, ...]()
     if problem.torque.size <= len(problem.names):
         reason = f"{problem.torque.size} points are too few for a Stribeck term; at least {len(problem.names) + 1} are needed."
         dropped = dict.fromkeys(problem.peaks, reason)
@@ -56,14 +62,20 @@ def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
     if solution is None or dropped or options.loss == "huber":
         solution = solve(problem, v_s_range, options.grid)
     stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
+    found = profiled(problem, solution, stretch)
+    if found.shape.better is not None:
+        solution = descended(problem, solution, found.shape.better.tolist(), v_s_range)
+        found, again = profiled(problem, solution, stretch), (_AGAIN,)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
     covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, stretch)
     full, _ = uncertainty.covariance(jacobian, solution.cost, stretch)
-    errors = np.sqrt(np.diag(full))[free.size - len(problem.peaks) :]
-    profiles, intervals = _profiles(problem, solution, options, v_s_range, stretch, errors)
-    parameters = _estimates(problem, solution, covariance, full, free, freedom, intervals, kind)
-    doubts = fit_doubts(problem, solution, jacobian[:, free], intervals, profiles, v_s_range, stretch)
+    profiles = _profiles(problem, solution, options, v_s_range, found.threshold)
+    parameters = _estimates(problem, solution, covariance, free, found.intervals, kind)
+    v_s = {
+        d: found.intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
+    }
+    doubts = fit_doubts(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, stretch)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return Inferred(
         problem=problem,
@@ -73,10 +85,22 @@ def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
         covariance=covariance,
         freedom=freedom,
         outcome=outcome,
-        doubts=(*dropped.values(), *doubts),
+        doubts=(*dropped.values(), *doubts, *again),
         profiles=profiles,
         dropped=dropped,
+        profiled=found,
+        student=_student(problem, solution, full, freedom),
     )
+
+
+def _student(
+    problem: Regression, solution: Solution, covariance: Array, freedom: float
+) -> dict[str, tuple[float, float]]:
+    """The intervals by Student's t, by name; no friction parameter below zero."""
+    reach = uncertainty.student(freedom) * np.sqrt(np.diag(covariance))
+    floor = [0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names]
+    ends = zip(np.maximum(solution.theta - reach, floor).tolist(), (solution.theta + reach).tolist(), strict=True)
+    return dict(zip(problem.names, ends, strict=True))
 
 
 def _unsupported(
@@ -132,28 +156,14 @@ def _speeds(problem: Regression, direction: str) -> Array:
 
 
 def _profiles(
-    problem: Regression,
-    solution: Solution,
-    options: FitOptions,
-    v_s_range: tuple[float, float],
-    stretch: float,
-    errors: Array,
-) -> tuple[dict[str, Profile], dict[str, tuple[float, float]]]:
-    """The profile over v_s of each peak, and v_s's interval from it; `errors` are the standard errors of v_s, (peaks,)."""
-    profiles, intervals = {}, {}
+    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float], threshold: float
+) -> dict[str, Profile]:
+    """The profile over v_s of each peak, as it is drawn."""
+    profiles = {}
     projected = Projected(problem)
-    threshold = uncertainty.profile_threshold(solution.cost, problem.torque.size, len(problem.names), stretch)
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
-        other = float(solution.theta[-1 - k])  # of two peaks, the other's v_s: searched near its best, and on the grid
-        near = other * np.exp(np.linspace(-5, 5, 41) * min(errors[-1 - k] / other, 0.3))
-        others = np.append(near, solution.grid)
-
-        def costs(v_s: Array, k: int = k, others: Array = others) -> Array:
-            """The profile of this peak at each v_s, (k,) -> (k,)."""
-            return projected.profile(v_s, k, others)
-
-        intervals[direction] = uncertainty.profile_interval(costs, solution.grid, solution.profiles[k], best, threshold)
+        costs = partial(projected.profile, peak=k, others=solution.grid)
         plain_v_s = (
             np.linspace(*v_s_range, options.plain_grid)
             if len(problem.peaks) == 1 and problem.smooth is None
@@ -171,7 +181,7 @@ def _profiles(
             best_cost=solution.cost,
             threshold=threshold,
         )
-    return profiles, intervals
+    return profiles
 
 
 def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
@@ -187,30 +197,22 @@ def _estimates(
     problem: Regression,
     solution: Solution,
     covariance: Array,
-    full: Array,
     free: Array,
-    freedom: float,
-    v_s_intervals: dict[str, tuple[float, float]],
+    intervals: Mapping[str, tuple[float, float]],
     kind: Kind,
 ) -> dict[str, Estimate]:
+    """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
     errors = np.full(len(problem.names), np.nan)
     errors[free] = np.sqrt(np.diag(covariance))
-    reach = uncertainty.student(freedom)
     out = {}
-    for name, value, error, loose in zip(problem.names, solution.theta, errors, np.sqrt(np.diag(full)), strict=True):
+    for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
         plain_name = name.rstrip("+-")
-        direction = name[len(plain_name) :] or problem.directions[0]
-        low, high = value - reach * error, value + reach * error
+        low, high = intervals[name]
         doubts: tuple[str, ...] = ()
         if name in solution.at_bound:
-            low, high = 0.0, reach * float(loose)
             doubts = ("At its physical bound of zero: the interval is one-sided.",)
-        elif plain_name == "v_s":
-            low, high = v_s_intervals[direction]
-        elif plain_name.startswith("alpha"):
-            low = max(low, 0.0)
-        if plain_name == "alpha_1" and not is_closed(v_s_intervals[direction]):
-            high, doubts = np.inf, (*doubts, "No finite interval: v_s has none, and alpha_1 rises with it.")
+        if plain_name == "alpha_1" and not is_closed(intervals[name.replace("alpha_1", "v_s")]):
+            doubts = (*doubts, "No finite interval: v_s has none, and alpha_1 rises with it.")
         if plain_name == "v_s" and not is_closed((low, high)):
             doubts = (
                 *doubts,

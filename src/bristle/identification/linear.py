@@ -31,6 +31,8 @@ def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
 
 def orthonormal(columns: Array) -> tuple[Array, Array]:
     """An orthonormal basis Q (n, m) of independent columns (n, m), and the inverse of R (m, m)."""
+    if columns.shape[1] == 0:  # LAPACK complains
+        return columns, np.zeros((0, 0))
     factored, tau, _, _ = lapack.dgeqrf(columns)
     return lapack.dorgqr(factored, tau)[0], _inverse(factored)
 

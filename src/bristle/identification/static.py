@@ -6,7 +6,7 @@ operations: with the linear columns projected out (Q from QR), one Stribeck colu
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, log
 from typing import NamedTuple
 
@@ -112,6 +112,14 @@ def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID)
         first, second = np.unravel_index(surface.argmin(), surface.shape)
         inner = solve_at(problem, _descend(problem, [values[first], values[second]], v_s_range))
     return Solution(**inner._asdict(), base_costs=bases, grid=values, profiles=profiles)
+
+
+def descended(
+    problem: Regression, solution: Solution, v_s: Sequence[float], v_s_range: tuple[float, float]
+) -> Solution:
+    """The solution with the minimum nearest to other v_s, one per peak, in place of its own; what was solved on the grid stays."""
+    inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
+    return replace(solution, **inner._asdict())
 
 
 def plain_grid(
@@ -276,12 +284,12 @@ def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
 
 
 def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
-    """The continuous minimum over v_s of both directions; the slope by the envelope theorem, dJ/dv_s = -2 alpha_1 s'r."""
+    """The continuous minimum over v_s of every direction; the slope by the envelope theorem, dJ/dv_s = -2 alpha_1 s'r."""
 
     def cost_and_slope(u: Array) -> tuple[float, Array]:
         """J_s and its slope at u = log(v_s), (2,), both over `scale`."""
         inner = solve_at(problem, list(np.exp(u)))
-        return inner.cost / scale, -2 * (inner.jacobian[:, -2:].T @ inner.residuals) * np.exp(u) / scale
+        return inner.cost / scale, -2 * (inner.jacobian[:, -len(v_s) :].T @ inner.residuals) * np.exp(u) / scale
 
     scale = solve_at(problem, v_s).cost or 1.0
     found = minimize(
@@ -289,7 +297,7 @@ def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, floa
         np.log(v_s),
         jac=True,
         method="L-BFGS-B",
-        bounds=[tuple(np.log(v_s_range))] * 2,
+        bounds=[tuple(np.log(v_s_range))] * len(v_s),
         options={"ftol": 1e-14, "gtol": 1e-9},
     )
     return [float(x) for x in np.exp(found.x)]

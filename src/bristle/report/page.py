@@ -21,6 +21,7 @@ from bristle.report import (
     summary,
     tables,
     tracking_figures,
+    uncertainty,
     wording,
 )
 from bristle.report.files import replace_files, write_bytes, write_text
@@ -122,6 +123,10 @@ def _figures(
                 continue
             label = f"{kind.replace('-', ' over ')} of {joint.name}" if joint else "the steady-state curve"
             own[kind] = _drawn(figure, f"{slug}-{kind}", label, files)
+        for kind, draw in uncertainty.figures(joint).items() if joint else ():
+            own[f"uncertainty-{kind}"] = _drawn(
+                draw(), f"{slug}-uncertainty-{kind}", f"intervals of {joint.name}, {kind}" if joint else "", files
+            )
     return drawn
 
 

@@ -18,6 +18,15 @@ class ParameterJson(BaseModel):
     doubts: list[str]
 
 
+class UncertaintyJson(BaseModel):
+    """One parameter's 95 % interval by covariance, profile and bootstrap; null where a way has none."""
+
+    covariance: tuple[Bound, Bound] | None
+    profile: tuple[Bound, Bound] | None
+    bootstrap: tuple[Bound, Bound] | None
+    doubts: list[str]
+
+
 class HoldOutJson(BaseModel):
     """One hold-out run; relative_error in percent."""
 
@@ -41,6 +50,7 @@ class FitJson(BaseModel):
     plain_grid: dict[str, float | None]
     huber: dict[str, float | None]
     without_stick_slip: dict[str, ParameterJson]
+    uncertainty: dict[str, UncertaintyJson] = {}
 
 
 class CrosscheckJson(BaseModel):
@@ -87,6 +97,7 @@ class PreslidingJson(BaseModel):
     bias: BiasJson
     breakaway: ParameterJson | None
     doubts: list[str]
+    uncertainty: dict[str, UncertaintyJson] = {}
 
 
 class HysteresisJson(BaseModel):
@@ -120,6 +131,7 @@ class TrackingJson(BaseModel):
     covariance: list[list[float | None]]
     count_bias: dict[str, float | None]
     crosscheck: CrosscheckJson | None
+    uncertainty: dict[str, UncertaintyJson] = {}
 
 
 class ConsistencyJson(BaseModel):
@@ -135,6 +147,33 @@ class ConsistencyJson(BaseModel):
     joint_error: float | None
     difference_in_se: float | None
     verdict: str
+
+
+class ModelJson(BaseModel):
+    """One friction model beside others; aicc and bic above the lowest, hold_out in percent; null where it does not exist."""
+
+    model: str
+    directions: str
+    parameters: int
+    rms: float | None
+    relative_error: float | None
+    aicc: float | None
+    bic: float | None
+    hold_out: float | None
+    candidate: bool
+    recommended: bool
+
+
+class ModelsJson(BaseModel):
+    """Friction models side by side on the same equations."""
+
+    data: Literal["points", "moving runs"]
+    n: int
+    effective: float
+    hold_out_by: str
+    rows: list[ModelJson]
+    sentence: str
+    left_out: list[str]
 
 
 class SegmentJson(BaseModel):
@@ -169,6 +208,7 @@ class JointJson(BaseModel):
     tracking: TrackingJson | None
     joint_fit: TrackingJson | None
     consistency: list[ConsistencyJson]
+    models: list[ModelsJson] = []
     segments: list[SegmentJson]
 
 

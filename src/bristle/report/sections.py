@@ -11,7 +11,7 @@ from markupsafe import Markup
 from bristle import __version__
 from bristle.identification.estimate import Joint, StaticFit
 from bristle.model.parameters import unit
-from bristle.report import figures, presliding_section, tables, tracking_section
+from bristle.report import figures, models_section, presliding_section, tables, tracking_section, uncertainty
 from bristle.report.advice import next_measurements
 from bristle.report.curves import band
 from bristle.report.presliding import doubts, whole_doubts
@@ -61,8 +61,10 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "comparison": _comparison(joint),
         "crosscheck": _crosscheck(joint),
         "hold_out": shown(tables.hold_out([joint])),
+        "models": models_section.section(joint),
         "presliding": presliding_section.section(joint),
         "tracking": tracking_section.section(joint),
+        "uncertainty": uncertainty.section(joint),
         "complete": _complete(joint),
         "shared": _shared(joint),
         "doubts": _doubts(joint),

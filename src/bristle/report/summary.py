@@ -15,9 +15,12 @@ from bristle.identification.estimate import (
     HoldOut,
     Input,
     Joint,
+    ModelComparison,
+    ModelRow,
     PreslidingFit,
     StaticFit,
     TrackingFit,
+    Uncertainty,
 )
 from bristle.model.arrays import Array
 from bristle.report.frame import to_frame
@@ -33,11 +36,14 @@ from bristle.report.schema import (
     InputJson,
     JointJson,
     LevelJson,
+    ModelJson,
+    ModelsJson,
     ParameterJson,
     PreslidingJson,
     ResultsJson,
     SegmentJson,
     TrackingJson,
+    UncertaintyJson,
 )
 from bristle.report.text import fit_report
 
@@ -76,6 +82,10 @@ def _bound(x: float) -> Bound:
     return x if math.isfinite(x) else ("inf" if x > 0 else "-inf")
 
 
+def _interval(ends: tuple[float, float] | None) -> tuple[Bound, Bound] | None:
+    return None if ends is None or any(map(math.isnan, ends)) else (_bound(ends[0]), _bound(ends[1]))
+
+
 def _said(doubts: Iterable[str], **values: object) -> list[str]:
     """The doubts; and, where something is missing and no doubt says so, one that does."""
     doubts = list(doubts)
@@ -85,8 +95,7 @@ def _said(doubts: Iterable[str], **values: object) -> list[str]:
 
 def _parameter(e: Estimate) -> ParameterJson:
     value, error = _finite(e.value), _finite(e.standard_error)
-    known = e.interval is not None and not any(map(math.isnan, e.interval))
-    interval = (_bound(e.interval[0]), _bound(e.interval[1])) if known and e.interval else None
+    interval = _interval(e.interval)
     doubts = _said(e.doubts, value=value, standard_error=error, interval=interval)
     return ParameterJson(value=value, unit=e.unit, standard_error=error, interval=interval, doubts=doubts)
 
@@ -107,7 +116,17 @@ def _fit(fit: StaticFit) -> FitJson:
         plain_grid=_all_finite(fit.plain),
         huber=_all_finite(fit.robust),
         without_stick_slip={name: _parameter(e) for name, e in fit.without_stick_slip.items()},
+        uncertainty=_three_ways(fit.uncertainty),
     )
+
+
+def _three_ways(found: Mapping[str, Uncertainty]) -> dict[str, UncertaintyJson]:
+    return {
+        name: UncertaintyJson(
+            **{way: _interval(getattr(x, way)) for way in ("covariance", "profile", "bootstrap")}, doubts=list(x.doubts)
+        )
+        for name, x in found.items()
+    }
 
 
 def _hold_out(runs: Iterable[HoldOut]) -> list[HoldOutJson]:
@@ -151,6 +170,7 @@ def _presliding(fit: PreslidingFit, breakaway: Estimate | None) -> PreslidingJso
         bias=BiasJson(on_edge=on_edge, mean=mean, spread=spread),
         breakaway=None if breakaway is None else _parameter(breakaway),
         doubts=_said(fit.doubts, bias=on_edge, standard_error_of_the_level=error),
+        uncertainty=_three_ways(fit.uncertainty),
     )
 
 
@@ -172,6 +192,7 @@ def _tracking(fit: TrackingFit) -> TrackingJson:
         covariance=_matrix(fit.covariance),
         count_bias=_all_finite(fit.bias),
         crosscheck=None if fit.check is None else _crosscheck(fit.check),
+        uncertainty=_three_ways(fit.uncertainty),
     )
 
 
@@ -183,6 +204,33 @@ def _consistency(x: Consistency) -> ConsistencyJson:
     }
     return ConsistencyJson(
         parameter=x.parameter, stage=x.stage, difference_in_se=_finite(x.difference), verdict=x.verdict, **numbers
+    )
+
+
+def _models(x: ModelComparison) -> ModelsJson:
+    return ModelsJson(
+        data=x.data,
+        n=x.n,
+        effective=x.effective,
+        hold_out_by=x.hold_out_by,
+        rows=[_model(row) for row in x.rows],
+        sentence=x.sentence,
+        left_out=list(x.left_out),
+    )
+
+
+def _model(row: ModelRow) -> ModelJson:
+    return ModelJson(
+        model=row.model,
+        directions=row.directions,
+        parameters=row.parameters,
+        rms=_finite(row.rms),
+        relative_error=_finite(row.relative_error),
+        aicc=_finite(row.aicc),
+        bic=_finite(row.bic),
+        hold_out=_finite(row.hold_out),
+        candidate=row.candidate,
+        recommended=row.recommended,
     )
 
 
@@ -232,6 +280,7 @@ def _joint(joint: Joint) -> JointJson:
         tracking=None if joint.tracking is None else _tracking(joint.tracking),
         joint_fit=None if joint.joint_fit is None else _tracking(joint.joint_fit),
         consistency=[_consistency(x) for x in joint.consistency],
+        models=[_models(x) for x in joint.models],
         segments=[_segment(s) for s in joint.segments],
     )
 

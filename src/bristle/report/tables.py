@@ -9,8 +9,10 @@ import pandas as pd
 from bristle.identification.estimate import Estimate, Joint, StaticFit
 from bristle.model.parameters import unit
 from bristle.report.frame import estimates, with_truth
+from bristle.report.models_section import models
 from bristle.report.presliding import methods
 from bristle.report.tracking_tables import consistency, table_1, tracking, tracking_hold_out
+from bristle.report.uncertainty import uncertainty
 from bristle.report.wording import WORK
 
 
@@ -206,6 +208,6 @@ def units(joints: Sequence[Joint]) -> pd.DataFrame:
 def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
-    moving = (tracking, tracking_hold_out, consistency, table_1)
-    makers = (*fits, presliding, breakaway, hysteresis, *moving, units)
+    moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty)
+    makers = (*fits, models, presliding, breakaway, hysteresis, *moving, units)
     return {maker.__name__: maker(joints) for maker in makers}

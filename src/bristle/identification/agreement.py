@@ -1,0 +1,62 @@
+"""Three intervals of one parameter side by side: where they part, and why."""
+
+import numpy as np
+
+FACTOR = 1.5
+"""Reaches to one side of an estimate that differ by more than this factor part."""
+_ROUNDING = 1e-9
+PARTED = "The intervals part"
+"""How the sentence begins."""
+Interval = tuple[float, float] | None
+
+
+def doubts(
+    value: float,
+    covariance: Interval,
+    profile: Interval,
+    bootstrap: Interval,
+    *,
+    at_bound: bool = False,
+    few: str | None = None,
+) -> tuple[str, ...]:
+    """A sentence where the reaches of the three intervals to one side of the estimate differ by more than `FACTOR`, with the reason; else none.
+
+    Args:
+        value: the estimate.
+        covariance: as in `Uncertainty`.
+        profile: as in `Uncertainty`.
+        bootstrap: as in `Uncertainty`.
+        at_bound: whether the estimate lies at its physical bound, where a covariance means little.
+        few: what there are few of, as `9 points`; None where there are enough.
+    """
+    known = {"covariance": covariance, "profile": profile, "bootstrap": bootstrap}
+    reaches = {
+        name: (value - interval[0], interval[1] - value) for name, interval in known.items() if interval is not None
+    }
+    sides = [
+        side for k, side in enumerate(("below", "above")) if _part([reach[k] for reach in reaches.values()], value)
+    ]
+    if at_bound or not sides:
+        return ()
+    ends = ", ".join(f"{name} {_ends(*known[name])}" for name in reaches)  # type: ignore[misc]  # those are not None
+    return (f"{PARTED} {' and '.join(sides)} the estimate ({ends}): {_reason(reaches, few)}.",)
+
+
+def _part(reaches: list[float], value: float) -> bool:
+    """Whether the longest reach is more than FACTOR times the shortest; none where all are rounding."""
+    return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)
+
+
+def _reason(reaches: dict[str, tuple[float, float]], few: str | None) -> str:
+    below, above = reaches.get("profile", (1.0, 1.0))
+    if not np.isfinite([below, above]).all():
+        return "the cost stays low to the end of the range, so nothing limits the parameter on that side"
+    if _part([below, above], 0.0):
+        return "the profile is skewed, which a covariance cannot show; believe the profile"
+    if few:
+        return f"{few} are few to resample; believe the profile"
+    return "the residuals are not as evenly and independently scattered as the covariance and the profile take them to be; believe the widest"
+
+
+def _ends(low: float, high: float) -> str:
+    return f"{low:.4g} to {high:.4g}"

@@ -1,0 +1,117 @@
+"""Bootstrap of a static fit of points: torques drawn anew at the same velocities, each set fitted again by the whole grid.
+
+Residuals are raised to the size that the fit took from them (their leverage), then drawn with replacement; where their variance differs from speed
+to speed each keeps its place and is given a random sign and size instead (the wild bootstrap, with Webb's six values). Each draw is studentised: the
+distribution of (theta* - theta) / se* stands for that of (theta - truth) / se, and an interval need be neither symmetric nor normal (bootstrap-t).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from bristle.identification.batch import Batch
+from bristle.identification.linear import inverse_gram
+from bristle.identification.regression import Regression
+from bristle.identification.static import Solution
+from bristle.identification.uncertainty import LEVEL
+from bristle.model.arrays import Array
+
+DRAWS = 1999
+SEED = 0
+_SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
+_WEBB = np.concatenate([-_SIX, _SIX])
+"""Mean 0, variance 1, third moment 0 (Webb 2014)."""
+_UNEVEN = 0.01
+"""Significance at which variances differ."""
+_FULL = 1.0 - 1e-6
+"""A point with this leverage leaves no residual."""
+
+
+class Resampled(NamedTuple):
+    """A bootstrap of p parameters."""
+
+    low: Array
+    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the parameter."""
+    high: Array
+    """(p,)."""
+    draws: Array
+    """(p, b)."""
+    scheme: str
+    """What was drawn, in words."""
+
+
+def resample(
+    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int = DRAWS, seed: int = SEED
+) -> Resampled:
+    """Intervals of every parameter, in the order of the problem's `names`, for points of which each stands alone, with at most one peak.
+
+    Args:
+        problem: the points.
+        solution: its solution.
+        v_s_range: as it was solved with.
+        draws: resampled sets, >= 40.
+        seed: of the generator.
+    """
+    rng = np.random.default_rng(seed)
+    spread, left = inverse_gram(solution.jacobian), solution.residuals
+    leverage = np.minimum(np.einsum("np,pq,nq->n", solution.jacobian, spread, solution.jacobian), _FULL)
+    uneven = variances_differ(left, problem.velocity)
+    if uneven:
+        noise = (left / (1 - leverage))[:, None] * rng.choice(_WEBB, (left.size, draws))
+    else:
+        even = left / np.sqrt(1 - leverage)
+        noise = (even - even.mean())[rng.integers(0, left.size, (left.size, draws))]
+    sets = (problem.torque - left)[:, None] + noise
+    both = np.column_stack([problem.torque, sets])
+    theta, errors = _fits(problem, both, v_s_range, sandwich=uneven)
+    low, high = _studentised(problem, solution.theta, theta[:, 1:], errors)
+    return Resampled(low, high, theta[:, 1:], "signs of residuals (wild)" if uneven else "residuals")
+
+
+def variances_differ(residuals: Array, velocity: Array) -> bool:
+    """Whether the residuals' variance depends on the speed (Koenker's test against a parabola over log speed, 1 %); never with few points."""
+    speed, square = np.log(np.abs(velocity)), residuals**2
+    if residuals.size < 10 or not np.ptp(speed) > 0 or not square.any():
+        return False
+    s = 2 * (speed - speed.min()) / np.ptp(speed) - 1
+    basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]
+    share = float(np.sum((basis.T @ square) ** 2) / np.sum((square - square.mean()) ** 2))
+    return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
+
+
+def _fits(
+    problem: Regression, torques: Array, v_s_range: tuple[float, float], *, sandwich: bool
+) -> tuple[Array, Array]:
+    """Estimates and standard errors of each set, (p, sets); inf where nothing is seen of a parameter."""
+    if problem.peaks:
+        found = Batch(problem, torques, v_s_range)
+        return found.theta, found.errors(robust=sandwich)
+    inner = inverse_gram(problem.linear)
+    weights = inner @ problem.linear.T
+    theta = weights @ torques
+    left = torques - problem.linear @ theta
+    if sandwich:
+        kept = 1 - np.minimum(np.einsum("np,pn->n", problem.linear, weights), _FULL)
+        return theta, np.sqrt(weights**2 @ (left / kept[:, None]) ** 2)
+    cost = np.einsum("ns,ns->s", left, left) / max(left.shape[0] - theta.shape[0], 1)
+    return theta, np.sqrt(np.diag(inner)[:, None] * cost)
+
+
+def _studentised(problem: Regression, best: Array, theta: Array, errors: Array) -> tuple[Array, Array]:
+    """Ends of the intervals from draws (p, b) and standard errors, of the estimate (first) and of each draw, (p, 1 + b); v_s by its logarithm."""
+    positive = np.array([name.startswith("v_s") for name in problem.names])[:, None]
+    size = np.where(positive, theta, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.where(positive, np.log(theta / best[:, None]), theta - best[:, None])
+        t = off / (errors[:, 1:] / size)
+    blind = ~np.isfinite(t)  # a draw that shows nothing of a parameter may lie on either side
+    tail = (1 - LEVEL) / 2
+    most = np.quantile(np.where(blind, np.inf, t), 1 - tail, axis=1, method="higher")
+    least = np.quantile(np.where(blind, -np.inf, t), tail, axis=1, method="lower")
+    own = errors[:, 0] / np.where(positive[:, 0], best, 1.0)
+    ends = (np.where(np.isfinite(own), -q * own, -np.sign(q) * np.inf) for q in (most, least))
+    with np.errstate(over="ignore"):
+        low, high = (np.where(positive[:, 0], best * np.exp(end), best + end) for end in ends)
+    floor = np.array([0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names])
+    return np.maximum(low, floor), np.maximum(high, floor)

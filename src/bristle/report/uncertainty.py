@@ -1,0 +1,144 @@
+"""Every interval three ways - covariance, profile, bootstrap - as one table, and one figure per parameter."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from bristle.identification.estimate import Estimate, Joint, Uncertainty
+from bristle.report.shown import shown
+from bristle.report.style import LINES, decimal_log, new_figure, styled, title
+from bristle.report.tracking import FITS, fits, split
+from bristle.report.wording import direction, pretty, span, symbol
+
+WAYS = ("covariance", "profile", "bootstrap")
+_COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
+_HEIGHT = 2.6
+"""Inches for each row of panels."""
+_TOP = 2.4
+"""How high the profile is drawn, in thresholds."""
+_BINS = 24
+
+
+class Row(NamedTuple):
+    """One parameter of one fit."""
+
+    fit: str
+    """`static`, `presliding`, `tracking` or `joint`."""
+    direction: str
+    parameter: str
+    estimate: Estimate
+    three: Uncertainty
+
+
+def rows(joint: Joint) -> Iterator[Row]:
+    """Every parameter whose interval is known three ways, fit by fit."""
+    for d, static in joint.static.items():
+        yield from (Row("static", d, name, static.parameters[name], u) for name, u in static.uncertainty.items())
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
+        yield from (Row("presliding", d, name, slow.sigma_0, u) for name, u in slow.uncertainty.items())
+    for kind, moving in fits(joint).items():
+        yield from (Row(kind, *split(name), moving.parameters[name], u) for name, u in moving.uncertainty.items())
+
+
+def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit and parameter: the value, and lower and upper end by each way; nan where a way has none."""
+    ends = [f"{way}_{end}" for way in WAYS for end in ("lower", "upper")]
+    found = [
+        (
+            joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
+            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(x.three.doubts),
+        )
+        for joint in joints
+        for x in rows(joint)
+    ]  # fmt: skip  # one row, one line
+    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "doubts"]
+    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
+
+
+def section(joint: Joint) -> dict[str, Any]:
+    """What the template names: the table with each interval in one cell, and whether the moving runs are among it."""
+    found = [
+        (
+            x.fit, x.direction, x.parameter, x.estimate.unit, x.estimate.value,
+            *(span(getattr(x.three, way)) for way in WAYS), " ".join(x.three.doubts),
+        )
+        for x in rows(joint)
+    ]  # fmt: skip  # as in `uncertainty`
+    frame = pd.DataFrame(found, columns=["fit", "direction", "parameter", "unit", "value", *WAYS, "doubts"])
+    missing = [FITS[kind] for kind, fit in fits(joint).items() if not fit.uncertainty]
+    return {"table": shown(frame), "missing": missing}
+
+
+def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
+    """What draws each fit's parameters, a panel each, by a name for its file."""
+    found: dict[str, list[Row]] = {}
+    for row in rows(joint):
+        side = {"+": "positive", "-": "negative"}.get(row.direction, row.direction)
+        found.setdefault(f"{row.fit}-{side}", []).append(row)
+    return {name: _drawing(joint, own) for name, own in found.items()}
+
+
+def _drawing(joint: Joint, own: list[Row]) -> Callable[[], Figure]:
+    return lambda: uncertainty_figure(joint, own)
+
+
+@styled
+def uncertainty_figure(joint: Joint, own: Sequence[Row]) -> Figure:
+    """A panel per parameter: the profile with its threshold, the bootstrap's draws, and the three intervals as bars beneath."""
+    count = (len(own) + 1) // 2
+    height = 1.1 + _HEIGHT * count
+    figure = new_figure(height)
+    figure.subplots_adjust(hspace=0.42, wspace=0.14, left=0.105, right=0.97, bottom=1.15 / height)
+    axes = figure.subplots(count, 2, squeeze=False)
+    for ax in axes.ravel()[len(own) :]:
+        ax.set_axis_off()
+    for ax, row in zip(axes.ravel(), own, strict=False):
+        _panel(ax, row)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("Cost above least (thresholds)")
+    first = own[0]
+    where = "" if first.direction in {"both", "shared"} else f", {direction(first.direction)}"
+    title(axes[0, 0], f"{joint.name}, {first.fit} fit{where}", joint.simulated)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 0.0))
+    return figure
+
+
+def _panel(ax: Axes, row: Row) -> None:
+    three, value = row.three, row.estimate.value
+    low, high = _span(row)
+    ax.set_xlim(low, high)
+    if low > 0 and high > 8 * low:
+        decimal_log(ax)
+    else:
+        ax.xaxis.set_major_locator(MaxNLocator(4))
+    if three.draws.size:
+        inside = three.draws[(three.draws >= low) & (three.draws <= high)]
+        counts, edges = np.histogram(inside, _BINS, (low, high))
+        ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
+    ax.plot(*three.curve, "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
+    ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1)
+    for k, way in enumerate(WAYS):
+        interval = getattr(three, way)
+        if interval is not None:
+            ends = np.clip(interval, low, high)
+            ax.plot(ends, [-0.3 - 0.28 * k] * 2, LINES[k], marker="|", color=_COLOURS[way], linewidth=2, label=way)
+    if value is not None:
+        ax.axvline(value, color="black", linewidth=0.8, linestyle="--")
+    ax.set_ylim(-1.15, _TOP)
+    ax.set_yticks([0.0, 1.0, 2.0])
+    ax.set_xlabel(f"{symbol(row.parameter)} ({pretty(row.estimate.unit)})")
+
+
+def _span(row: Row) -> tuple[float, float]:
+    """What a panel shows: the finite ends of the three intervals and the estimate, with a margin."""
+    ends = [end for way in WAYS for end in getattr(row.three, way) or () if np.isfinite(end)]
+    ends += [row.estimate.value] if row.estimate.value is not None else []
+    low, high = min(ends, default=0.0), max(ends, default=1.0)
+    margin = 0.35 * (high - low) or 0.1 * abs(high) or 1.0
+    return (max(low - margin, 0.0) if low >= 0 else low - margin), high + margin
