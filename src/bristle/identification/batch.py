@@ -16,7 +16,7 @@ from bristle.identification.static import Projected, log_grid, solve
 from bristle.identification.uncertainty import profile_threshold, student
 from bristle.model.arrays import Array
 
-GRID = 48
+GRID = 96
 """Values of v_s; more than one refined fit needs, for here the minimum is interpolated between them."""
 _NEWTON = 4
 _CROSSING = 12

@@ -110,8 +110,9 @@ def _studentised(problem: Regression, best: Array, theta: Array, errors: Array) 
     most = np.quantile(np.where(blind, np.inf, t), 1 - tail, axis=1, method="higher")
     least = np.quantile(np.where(blind, -np.inf, t), tail, axis=1, method="lower")
     own = errors[:, 0] / np.where(positive[:, 0], best, 1.0)
-    ends = (np.where(np.isfinite(own), -q * own, -np.sign(q) * np.inf) for q in (most, least))
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
+        reach = ((-most * own, -np.inf), (-least * own, np.inf))
+        ends = [np.where(own > 0, np.where(np.isfinite(own), end, none), 0.0) for end, none in reach]
         low, high = (np.where(positive[:, 0], best * np.exp(end), best + end) for end in ends)
     floor = np.array([0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names])
     return np.maximum(low, floor), np.maximum(high, floor)

@@ -18,6 +18,8 @@ from bristle.model.rollout import rollout
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
 """How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
 _SAME = 1e-6
+SEEN = 1e-9
+"""Of the longest column of the Jacobian: an unknown with a shorter one has no influence."""
 _TRIES = 30
 """Steps that a random start is given to reach the lowest cost."""
 
@@ -112,7 +114,7 @@ def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -
     """
     jacobian, rest = minimum.jacobian, minimum.residuals
     length = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
-    seen = length > 1e-9 * length.max()
+    seen = length > SEEN * length.max()
     n, p = jacobian.shape[0], int(seen.sum())
     priors = sum(len(prior.names) for prior in problem.priors)
     inner = inverse_gram(jacobian[:, seen])
@@ -147,7 +149,7 @@ def _scatter_of_windows(
     named = np.flatnonzero([not is_start(name) for name in problem.names])
     jacobian, rest = minimum.jacobian[:, named], minimum.residuals
     length = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
-    seen = length > 1e-9 * length.max()
+    seen = length > SEEN * length.max()
     own, size = named[seen], length[seen]
     blocks = problem.blocks
     left = projected(minimum.jacobian, own, blocks) / size

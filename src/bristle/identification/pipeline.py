@@ -1,7 +1,7 @@
 """From an experiment file to everything found out about its joint: reading, segments, static fits, cross-check."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,8 +14,18 @@ from bristle.data.judging import POSITION_DIFFERS
 from bristle.data.record import Record
 from bristle.data.steady import Segment, find_segments, nothing_left, unit_mistake
 from bristle.identification import regression
-from bristle.identification.estimate import Consistency, Crosscheck, Input, Joint, Presliding, StaticFit, TrackingFit
+from bristle.identification.estimate import (
+    Consistency,
+    Crosscheck,
+    Input,
+    Joint,
+    ModelComparison,
+    Presliding,
+    StaticFit,
+    TrackingFit,
+)
 from bristle.identification.fit import Where, fit_static
+from bristle.identification.models import of_moving, of_points
 from bristle.identification.moving import (
     DIRECTIONS,
     fit_moving,
@@ -66,12 +76,20 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     return Measured(experiment=experiment, runs=runs, segments=tuple(_segments(experiment, run) for run in runs))
 
 
-def identify_joint(measured: Measured, timings: dict[str, float] | None = None, *, second_route: bool = False) -> Joint:
+def identify_joint(
+    measured: Measured,
+    timings: dict[str, float] | None = None,
+    *,
+    second_route: bool = False,
+    uncertainty: bool = False,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Joint:
     """Everything that an experiment tells of its joint, with intervals and doubts, cross-checked.
 
     Points at constant velocity give the static parameters where there are any, else the moving runs do, with their regressors; slow runs give the
     presliding ones; moving runs give all, alone and with the other stages as priors. Seconds spent are written into `timings` by name; they are no
-    part of the result. With `second_route` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long.
+    part of the result. With `second_route` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its
+    parameters get their intervals by profile and bootstrap too, as static and presliding ones always do, and `progress` is told how far that is.
 
     Raises ValueError where no run can be fitted, saying which threshold ate what.
     """
@@ -93,7 +111,15 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
         started = perf_counter()
         load = partial(_presliding, experiment, slow) if slow else None
         alone, both, agree, presliding = track(
-            experiment, training, held, static, load, static_is_apart=bool(points), second_route=second_route
+            experiment,
+            training,
+            held,
+            static,
+            load,
+            static_is_apart=bool(points),
+            second_route=second_route,
+            uncertainty=uncertainty,
+            progress=progress,
         )
         if timings is not None:
             timings["moving runs"] = perf_counter() - started
@@ -112,6 +138,7 @@ def identify_joint(measured: Measured, timings: dict[str, float] | None = None, 
         tracking=alone,
         joint_fit=both,
         consistency=agree,
+        models=_models(measured, points, static, alone, timings),
         doubts=(*_joint_doubts(measured, static, bool(points)), *left_out),
         truth=experiment.truth,
         simulated=experiment.simulated,
@@ -134,6 +161,34 @@ def _static(
     if not measured.slow or kinds & {"ramp", "points"}:
         raise ValueError(_nothing_to_fit(measured))
     return {}, {}, ()
+
+
+def _models(
+    measured: Measured,
+    points: Sequence[Segment],
+    static: Mapping[str, StaticFit],
+    alone: TrackingFit | None,
+    timings: dict[str, float] | None,
+) -> tuple[ModelComparison, ...]:
+    """Friction models side by side, on the points and on the moving runs."""
+    experiment, started, found = measured.experiment, perf_counter(), list[ModelComparison | None]()
+    if points:
+        held = measured.points(hold_out=True)
+
+        def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
+            """The regression of the points, and of those held out."""
+            asked = tuple(r for r in asked if r != "inertia")
+            return _points_problem(points, directions, asked), [
+                _points_problem(own, directions, asked) for own in (held,) if own
+            ]
+
+        found.append(of_points(experiment, np.array([s.velocity for s in points]), pose, static))
+    if alone is not None:
+        records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
+        found.append(of_moving(experiment, records, tests, {} if points else static, alone))
+    if timings is not None:
+        timings["models"] = perf_counter() - started
+    return tuple(x for x in found if x is not None)
 
 
 def _nothing_to_fit(measured: Measured) -> str:

@@ -8,7 +8,9 @@ import numpy as np
 from bristle.data.loading import Loading, Loop, find_loadings, find_loops
 from bristle.data.options import FitOptions
 from bristle.data.record import Record
+from bristle.identification.agreement import PARTED
 from bristle.identification.estimate import Estimate, Presliding, PreslidingFit
+from bristle.identification.presliding_uncertainty import stiffness_uncertainty
 from bristle.identification.stiffness import REACH, Level, count_edges, printed_bias, stiffness
 from bristle.identification.uncertainty import student
 from bristle.model import functions
@@ -103,6 +105,8 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
     sigma_0 = estimates[best]
     u = np.array([max((sigma_0.value or 0.0) * quantum / level.value, 1e-9)])
     on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
+    three = stiffness_uncertainty(loadings, level, best, sigma_0)
+    doubts += [doubt for doubt in three.doubts if doubt.startswith(PARTED)]
     reached = max(float(loading.torque.max()) for loading in loadings)
     if reached > level.value:
         doubts.append(
@@ -111,7 +115,10 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
         )
     return PreslidingFit(
         direction=loadings[0].direction,
-        **estimates,
+        printed=estimates["printed"],
+        corrected=estimates["corrected"],
+        edges=estimates["edges"],
+        samples=estimates["samples"],
         sigma_1=_sigma_1(sigma_0, inertia, kind),
         recommended=best,
         level=level.value,
@@ -124,6 +131,7 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
         bias_spread=spread,
         loadings=tuple(loadings),
         doubts=tuple(doubts),
+        uncertainty={"sigma_0": three},
     )
 
 

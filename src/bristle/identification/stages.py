@@ -14,6 +14,8 @@ from bristle.identification.estimate import Consistency, Estimate, Presliding, S
 from bristle.identification.judged import judge, without_deflections
 from bristle.identification.moving import directions, inertia, regressors
 from bristle.identification.moving_check import check_tracking
+from bristle.identification.moving_profile import Profiled, Progress
+from bristle.identification.moving_uncertainty import explored, with_three_ways
 from bristle.identification.simulation import simulation
 from bristle.identification.tracking import SEED, STARTS, Tracked, fit_tracking
 from bristle.identification.trajectory import Prior, Tracking, tracking, with_priors
@@ -47,6 +49,8 @@ def track(
     *,
     static_is_apart: bool,
     second_route: bool = False,
+    uncertainty: bool = False,
+    progress: Progress | None = None,
 ) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...], Presliding | None]:
     """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
 
@@ -58,6 +62,8 @@ def track(
         load: makes the presliding stage from fits that tell g0; None where there are no such runs.
         static_is_apart: whether the static fits rest on other data than these runs.
         second_route: whether to solve the problem by CasADi and IPOPT as well, which takes long.
+        uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
+        progress: called with what is done, how much of it, and of how much.
 
     Raises ValueError where a run lacks a signal, or shows none of the parameters.
     """
@@ -66,11 +72,17 @@ def track(
     pose = partial(_driven if by_torque else _simulated, experiment, moving)
     resolution = _resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
-    def uncounted(found: Tracked) -> TrackingFit:
-        """The fit without the bias of encoder counts, where there are counts."""
-        return (
-            without_count_bias(found, records, pose, options.position_cutoff, resolution) if resolution else found.fit
-        )
+    def fitted(posed: Tracking, starts: int, *others: Mapping[str, float]) -> tuple[Tracked, Mapping[str, Profiled]]:
+        """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
+        found = fit_tracking(posed, start, kind, tests, starts=starts, others=others)
+        if not uncertainty:
+            return found, {}
+        return explored(found, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress)
+
+    def finished(found: Tracked, profiles: Mapping[str, Profiled]) -> TrackingFit:
+        """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
+        fit = without_count_bias(found, records, pose, options.position_cutoff, resolution) if resolution else found.fit
+        return with_three_ways(found, fit, profiles) if uncertainty else fit
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
@@ -82,19 +94,19 @@ def track(
         problem = pose(records, fixed)
         start = without_deflections(judge(whole, start, _SURE, SEED).values)
     tests = [(r.file, pose([r], fixed)) for r in held]
-    found = fit_tracking(problem, start, kind, tests, starts=(_SURE if static_is_apart else STARTS) if by_torque else 1)
+    found, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if second_route and by_torque:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
         found = found._replace(fit=replace(found.fit, check=check, doubts=(*found.fit.doubts, *said)))
-    alone = uncounted(found)
+    alone = finished(found, profiles)
     if load and not static_is_apart:
         slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
         return alone, None, (), slow
     told, ended = with_priors(problem, priors, alone.rms), {**found.problem.fixed, **found.values}
-    joint = uncounted(fit_tracking(told, start, kind, tests, starts=1, others=[ended]))
+    joint = finished(*fitted(told, 1, ended))
     agree = _consistency(priors, alone, joint)
     return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree, slow
 

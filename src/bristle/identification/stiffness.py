@@ -40,7 +40,7 @@ class Level(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Piece:
+class Piece:
     """A loading as the estimators take it."""
 
     time: Array
@@ -61,7 +61,7 @@ def stiffness(loadings: Sequence[Loading], level: Level, kind: Kind) -> dict[str
         kind: of the joint.
     """
     quantum = max(loading.quantum for loading in loadings)
-    pieces = [_piece(loading, level.value) for loading in loadings]
+    pieces = [of_loading(loading, level.value) for loading in loadings]
     still = max(float(np.ptp(piece.y)) for piece in pieces) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), _lower_bound(pieces, quantum, kind))
@@ -70,7 +70,7 @@ def stiffness(loadings: Sequence[Loading], level: Level, kind: Kind) -> dict[str
 
 def count_edges(loadings: Sequence[Loading], level: Level) -> int:
     """Count edges that the loadings crossed below REACH of g0."""
-    return sum(_piece(loading, level.value).edge_y.size for loading in loadings)
+    return sum(of_loading(loading, level.value).edge_y.size for loading in loadings)
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
@@ -93,7 +93,8 @@ def _unbent(torque: Array, g0: float) -> Array:
     return evaluate(functions.loading_displacement(), torque, g0, 1.0)[0]
 
 
-def _piece(loading: Loading, g0: float) -> _Piece:
+def of_loading(loading: Loading, g0: float) -> Piece:
+    """A loading below REACH of g0, N*m, as the estimators take it."""
     low = loading.torque < REACH * g0
     stop = low.size if low.all() else int(np.argmin(low))
     reached = float(loading.displacement[:stop].max(initial=0.0))
@@ -102,7 +103,7 @@ def _piece(loading: Loading, g0: float) -> _Piece:
     y, U = loading.edge_displacement[edge], _unbent(T, g0)
     # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
     line = np.polynomial.polynomial.polyfit(y, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
-    return _Piece(
+    return Piece(
         time=loading.time[:stop],
         y=loading.displacement[:stop],
         U=_unbent(np.minimum(loading.torque[:stop], _LIMIT * g0), g0),
@@ -116,10 +117,11 @@ def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: 
     """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
     width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
     pieces, less, more = (
-        [_piece(loading, g0) for loading in loadings] for g0 in (level.value, level.value - width, level.value + width)
+        [of_loading(loading, g0) for loading in loadings]
+        for g0 in (level.value, level.value - width, level.value + width)
     )
-    value, error, freedom = _samples(pieces)
-    by_level = (_samples(more)[0] - _samples(less)[0]) / (2 * width) * level.standard_error
+    value, error, freedom = by_samples(pieces)
+    by_level = (by_samples(more)[0] - by_samples(less)[0]) / (2 * width) * level.standard_error
     if quantum == 0:
         absent = Estimate(
             value=None,
@@ -128,7 +130,7 @@ def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: 
         )
         samples = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
         return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
-    bias, spread = _by_phase(pieces, value, quantum)
+    bias, spread = by_phase(pieces, value, quantum)
     error = float(np.sqrt(error**2 + by_level**2 + spread**2))
     doubt = (
         f"Counts bias this estimate by about {bias / value:.1%}, more than its standard error."
@@ -136,8 +138,8 @@ def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: 
         else ""
     )
     samples = _estimate(value, error, freedom, kind, doubt)
-    value, error, freedom = _edges(pieces)
-    by_level = (_edges(more)[0] - _edges(less)[0]) / (2 * width) * level.standard_error
+    value, error, freedom = by_edges(pieces)
+    by_level = (by_edges(more)[0] - by_edges(less)[0]) / (2 * width) * level.standard_error
     return {
         "printed": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=False),
         "corrected": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=True),
@@ -180,7 +182,7 @@ def _first_count(
     )
 
 
-def _centred(pieces: Sequence[_Piece]) -> tuple[list[Array], list[Array]]:
+def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:
     """Edges of each loading that has two or more, about their weighted means: y and U, each times the root of its weight."""
     ys, Us = [], []
     for p in pieces:
@@ -191,9 +193,9 @@ def _centred(pieces: Sequence[_Piece]) -> tuple[list[Array], list[Array]]:
     return ys, Us
 
 
-def _edges(pieces: Sequence[_Piece]) -> tuple[float, float, float]:
+def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """Slope of U over y at the count edges by weighted least squares, its standard error, and its degrees of freedom."""
-    ys, Us = _centred(pieces)
+    ys, Us = centred(pieces)
     y, U = np.concatenate(ys), np.concatenate(Us)
     slope = float(y @ U / (y @ y))
     score, freedom = y * (U - slope * y), y.size - len(ys) - 1
@@ -203,15 +205,15 @@ def _edges(pieces: Sequence[_Piece]) -> tuple[float, float, float]:
     return slope, float(np.sqrt(variance)), max(y.size / stretch - len(ys) - 1, 1.0)
 
 
-def _noise(pieces: Sequence[_Piece]) -> float:
+def _noise(pieces: Sequence[Piece]) -> float:
     """Standard deviation of U about the line through the edges, near zero torque."""
-    ys, Us = _centred(pieces)
-    slope = _edges(pieces)[0]
+    ys, Us = centred(pieces)
+    slope = by_edges(pieces)[0]
     rest = np.concatenate([u - slope * x for x, u in zip(ys, Us, strict=True)])
     return float(np.sqrt(rest @ rest / max(rest.size - len(ys) - 1, 1)))
 
 
-def _samples(pieces: Sequence[_Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
+def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
     """One over the slope of y over U with time as the instrument, its standard error, and its degrees of freedom."""
     columns = [p.time for p in pieces], shifted or [p.y for p in pieces], [p.U for p in pieces]
     t, y, U = (np.concatenate([values - values.mean() for values in column]) for column in columns)
@@ -226,17 +228,17 @@ def _samples(pieces: Sequence[_Piece], shifted: Sequence[Array] | None = None) -
     return value, float(error * value**2), freedom
 
 
-def _by_phase(pieces: Sequence[_Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
+def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
     """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting the fitted displacement."""
     found = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
         shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
-        found.append(_samples(pieces, shifted)[0])
+        found.append(by_samples(pieces, shifted)[0])
     return float(np.mean(found)) - sigma_0, float(np.std(found))
 
 
-def _lower_bound(pieces: Sequence[_Piece], quantum: float, kind: Kind) -> Estimate:
+def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: Kind) -> Estimate:
     """What is left where the joint moves by no more than the encoder's noise."""
     loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
     crossed = max(piece.edge_y.size for piece in pieces)

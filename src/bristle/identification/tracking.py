@@ -35,11 +35,12 @@ _NOT_SEEN = "Not identifiable from this motion"
 
 
 class Tracked(NamedTuple):
-    """A fit with the problem that it solved in the end, where what the motion does not show is fixed, and every free value."""
+    """A fit with the problem that it solved in the end, where what the motion does not show is fixed, every free value, and the minimum."""
 
     fit: TrackingFit
     problem: Tracking
     values: Mapping[str, float]
+    judged: Judged
 
 
 def fit_tracking(
@@ -99,7 +100,7 @@ def fit_tracking(
         starts_of_runs=_starts(problem),
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
-    return Tracked(found, problem, judged.values)
+    return Tracked(found, problem, judged.values, judged)
 
 
 def _settled(
@@ -291,7 +292,7 @@ def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
                 (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
             if any(name in unseen or not name.startswith(("alpha", "v_s", "sigma")) for name, _ in members):
-                said.append(_in_words(members))
+                said.append(in_words(members))
     said += [
         f"Nothing is seen of {n}: the torque does not depend on it in this motion."
         for k, n in enumerate(judged.names)
@@ -300,7 +301,8 @@ def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
     return said
 
 
-def _in_words(members: Sequence[tuple[str, float]]) -> str:
+def in_words(members: Sequence[tuple[str, float]]) -> str:
+    """What data say of a direction of parameters that they hardly see; its members are names with their shares of it. One sentence."""
     if len(members) == 1:
         return f"The data hardly see {members[0][0]}."
     up = [n for n, w in members if w * members[0][1] > 0]

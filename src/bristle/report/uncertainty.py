@@ -8,8 +8,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.interpolate import PchipInterpolator
 
 from bristle.identification.estimate import Estimate, Joint, Uncertainty
+from bristle.model.arrays import Array
 from bristle.report.shown import shown
 from bristle.report.style import LINES, decimal_log, new_figure, styled, title
 from bristle.report.tracking import FITS, fits, split
@@ -22,6 +24,8 @@ _HEIGHT = 2.6
 _TOP = 2.4
 """How high the profile is drawn, in thresholds."""
 _BINS = 24
+_FEW = 20
+"""Points of a profile below which they are drawn as such, with a curve through them."""
 
 
 class Row(NamedTuple):
@@ -78,8 +82,8 @@ def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
     """What draws each fit's parameters, a panel each, by a name for its file."""
     found: dict[str, list[Row]] = {}
     for row in rows(joint):
-        side = {"+": "positive", "-": "negative"}.get(row.direction, row.direction)
-        found.setdefault(f"{row.fit}-{side}", []).append(row)
+        side = {"+": "-positive", "-": "-negative"}.get(row.direction, f"-{row.direction}")
+        found.setdefault(f"{row.fit}{'' if row.fit == 'presliding' else side}", []).append(row)
     return {name: _drawing(joint, own) for name, own in found.items()}
 
 
@@ -93,7 +97,7 @@ def uncertainty_figure(joint: Joint, own: Sequence[Row]) -> Figure:
     count = (len(own) + 1) // 2
     height = 1.1 + _HEIGHT * count
     figure = new_figure(height)
-    figure.subplots_adjust(hspace=0.42, wspace=0.14, left=0.105, right=0.97, bottom=1.15 / height)
+    figure.subplots_adjust(hspace=0.42, wspace=0.14, left=0.105, right=0.945, bottom=1.15 / height)
     axes = figure.subplots(count, 2, squeeze=False)
     for ax in axes.ravel()[len(own) :]:
         ax.set_axis_off()
@@ -101,9 +105,7 @@ def uncertainty_figure(joint: Joint, own: Sequence[Row]) -> Figure:
         _panel(ax, row)
     for ax in axes[:, 0]:
         ax.set_ylabel("Cost above least (thresholds)")
-    first = own[0]
-    where = "" if first.direction in {"both", "shared"} else f", {direction(first.direction)}"
-    title(axes[0, 0], f"{joint.name}, {first.fit} fit{where}", joint.simulated)
+    title(axes[0, 0], f"{joint.name}, {FITS.get(own[0].fit, own[0].fit)}", joint.simulated)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 0.0))
     return figure
@@ -116,12 +118,14 @@ def _panel(ax: Axes, row: Row) -> None:
     if low > 0 and high > 8 * low:
         decimal_log(ax)
     else:
-        ax.xaxis.set_major_locator(MaxNLocator(4))
+        ax.xaxis.set_major_locator(MaxNLocator(4, prune="both"))
     if three.draws.size:
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
         counts, edges = np.histogram(inside, _BINS, (low, high))
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
-    ax.plot(*three.curve, "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
+    ax.plot(*_smooth(three.curve, value), "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
+    if three.curve.shape[1] < _FEW:
+        ax.plot(*three.curve, ".", color=_COLOURS["profile"], markersize=5)
     ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1)
     for k, way in enumerate(WAYS):
         interval = getattr(three, way)
@@ -132,7 +136,17 @@ def _panel(ax: Axes, row: Row) -> None:
         ax.axvline(value, color="black", linewidth=0.8, linestyle="--")
     ax.set_ylim(-1.15, _TOP)
     ax.set_yticks([0.0, 1.0, 2.0])
-    ax.set_xlabel(f"{symbol(row.parameter)} ({pretty(row.estimate.unit)})")
+    where = "" if row.direction in {"both", "shared"} else f" {direction(row.direction)}"
+    ax.set_xlabel(f"{symbol(row.parameter)}{where} ({pretty(row.estimate.unit)})")
+
+
+def _smooth(curve: Array, value: float | None) -> Array:
+    """A profile of few points through more, (2, k): its root, with a sign, is nearly a line."""
+    if not 2 < curve.shape[1] < _FEW or value is None:
+        return curve
+    x = np.linspace(curve[0, 0], curve[0, -1], 4 * _FEW)
+    root = PchipInterpolator(curve[0], np.sign(curve[0] - value) * np.sqrt(curve[1]))(x)
+    return np.stack([x, root**2])
 
 
 def _span(row: Row) -> tuple[float, float]:

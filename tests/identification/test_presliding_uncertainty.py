@@ -1,0 +1,149 @@
+"""The stiffness's interval three ways, with a g0 that is known with an error."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from bristle.data.loading import Loading, find_loadings
+from bristle.data.record import Record
+from bristle.identification.estimate import Uncertainty
+from bristle.identification.presliding import fit_presliding
+from bristle.identification.presliding_uncertainty import stiffness_uncertainty
+from bristle.identification.stiffness import Level, by_edges, of_loading, stiffness
+from bristle.identification.uncertainty import student
+from bristle.model import functions
+from bristle.model.arrays import Array, evaluate
+
+from .conftest import GRIPPER
+
+G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
+TIME = np.arange(0, 20, 0.02)
+TORQUE = 0.78 * G0 * TIME / 20
+FINE = 2 * np.pi / 2**17
+WAYS = ("edges", "samples")
+
+
+def loadings(seed: int, noise: float = 0.02, runs: int = 2) -> list[Loading]:
+    """Slow ramps that rest anywhere in a count, with noise in the torque."""
+    rng = np.random.default_rng(seed)
+    y = evaluate(functions.loading_displacement(), TORQUE, G0, GRIPPER.sigma_0)[0]
+    found: list[Loading] = []
+    for _ in range(runs):
+        position = FINE * np.floor(y / FINE + rng.uniform())
+        torque = TORQUE + noise * GRIPPER.alpha_0 * rng.standard_normal(TIME.size)
+        found += find_loadings(Record(file="ramp.csv", time=TIME, position=position, torque=torque), 10.0, FINE, None)
+    return found
+
+
+def three_ways(own: list[Loading], level: Level, way: str, seed: int = 0) -> Uncertainty:
+    """The intervals by one estimator."""
+    return stiffness_uncertainty(own, level, way, stiffness(own, level, "revolute")[way], seed)
+
+
+def ends(three: Uncertainty) -> Array:
+    """Of covariance, profile and bootstrap, (3, 2)."""
+    return np.array([three.covariance, three.profile, three.bootstrap], dtype=np.float64)
+
+
+def widths(three: Uncertainty) -> Array:
+    """The same, (3,)."""
+    own: Array = np.diff(ends(three), axis=1)[:, 0]
+    return own
+
+
+def test_with_a_g0_that_is_known_the_profile_is_the_covariance() -> None:
+    """At given g0 the line through the count edges is linear least squares: both intervals are the same to 1e-6 of the width."""
+    three = three_ways(loadings(0), Level(G0, 0.0, ""), "edges")
+    np.testing.assert_allclose(ends(three)[1], ends(three)[0], rtol=0, atol=1e-6 * widths(three)[0])
+    assert not three.doubts
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_small_error_of_g0_leaves_them_together(way: str) -> None:
+    """With an error of g0 over which the estimator is nearly a line all three widths agree, and are wider than without it."""
+    own = loadings(0)
+    sure, unsure = (three_ways(own, Level(G0, share * G0, ""), way) for share in (0.0, 0.003))
+    assert (widths(unsure) > widths(sure)).all()
+    assert widths(unsure) == pytest.approx(widths(unsure)[0], rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.03])
+def test_a_profile_ends_where_the_least_over_g0_is_the_threshold(share: float) -> None:
+    """At each end ((u - u(g0)) / e(g0))**2 + ((g0 - level) / error)**2, minimised by another method, is the square of Student's t."""
+    own, error = loadings(1), share * G0
+    three = three_ways(own, Level(G0, error, ""), "edges")
+    freedom = by_edges([of_loading(x, G0) for x in own])[2]
+    assert three.profile is not None
+    for end in three.profile:
+
+        def least(x: float, end: float = end) -> float:
+            """Q at one g0, without an interpolation."""
+            u, e, _ = by_edges([of_loading(one, G0 + x * error) for one in own])
+            return ((end - u) / e) ** 2 + x * x
+
+        found = minimize_scalar(least, bounds=(-student(freedom), student(freedom)), method="bounded")
+        assert found.fun == pytest.approx(student(freedom) ** 2, rel=0.06)
+
+
+def test_an_unsure_g0_skews_the_profile_as_it_skews_the_estimate() -> None:
+    """A g0 that may be much lower makes a much stiffer joint: the profile reaches farther up than the covariance, which is symmetric."""
+    own, level = loadings(2), Level(G0, 0.06 * G0, "")
+    low, high = (stiffness(own, Level(g0, 0.0, ""), "revolute")["edges"].value for g0 in (0.9 * G0, 1.1 * G0))
+    three = three_ways(own, level, "edges")
+    value = stiffness(own, level, "revolute")["edges"].value
+    assert low is not None
+    assert high is not None
+    assert value is not None
+    assert three.profile is not None
+    assert three.bootstrap is not None
+    longer = np.sign((low - value) - (value - high))
+    for low_end, high_end in (three.profile, three.bootstrap):
+        assert np.sign((high_end - value) - (value - low_end)) == longer
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_curve_is_zero_at_the_estimate_and_one_at_the_ends(way: str) -> None:
+    """It ascends in value and is the statistic of which the interval is made."""
+    own, level = loadings(3), Level(G0, 0.003 * G0, "")
+    three, value = three_ways(own, level, way), stiffness(own, level, "revolute")[way].value
+    assert three.profile is not None
+    assert value is not None
+    assert (np.diff(three.curve[0]) > 0).all()
+    assert np.interp(three.profile, *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_intervals_hold_the_truth(way: str) -> None:
+    """Over 40 joints whose g0 is off by its error, each way's intervals hold sigma_0 in 85 % at least."""
+    rng, hits = np.random.default_rng(0), np.zeros(3)
+    for seed in range(40):
+        error = 0.004 * G0
+        three = three_ways(loadings(seed), Level(G0 + error * rng.standard_normal(), error, ""), way)
+        for k, interval in enumerate((three.covariance, three.profile, three.bootstrap)):
+            assert interval is not None
+            hits[k] += interval[0] <= GRIPPER.sigma_0 <= interval[1]
+    assert (hits >= 0.85 * 40).all(), hits
+
+
+def test_a_lower_bound_is_all_there_is() -> None:
+    """Where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn."""
+    own, level = loadings(0), Level(G0, 0.01 * G0, "")
+    estimates = stiffness(own, level, "revolute")
+    hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, doubts=("a finer encoder is needed",))
+    bound = estimates["edges"].__class__(value=None, unit="", interval=(2.0, np.inf), doubts=hidden.doubts)
+    three = stiffness_uncertainty(own, level, "edges", bound)
+    assert three.profile == (2.0, np.inf)
+    assert three.covariance is None
+    assert three.bootstrap is None
+    assert three.doubts == hidden.doubts
+    assert three.draws.size == 0
+
+
+def test_the_fit_has_it_and_the_seed_says_it_all() -> None:
+    """The presliding fit carries the recommended estimator's; the same seed draws the same bytes, another one others."""
+    own, level = loadings(0), Level(G0, 0.003 * G0, "")
+    fit = fit_presliding(own, level, None, "revolute")
+    same, other = (three_ways(own, level, fit.recommended, seed) for seed in (0, 1))
+    assert fit.uncertainty["sigma_0"].draws.tobytes() == same.draws.tobytes() != other.draws.tobytes()
+    assert fit.uncertainty["sigma_0"].profile == other.profile
