@@ -1,0 +1,561 @@
+"""Two sessions compared: false alarms and power, exact tests, what cannot be compared, hostile files, and the command."""
+
+import contextlib
+import io
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+import bristle
+from bristle import cli
+from bristle.analysis.compare import compare, holm
+from bristle.analysis.compared import Change, Comparison, Fit, Session, SessionJoint
+from bristle.bench import steady_points
+from bristle.data.options import FitOptions
+from bristle.identification.estimate import Estimate
+from bristle.identification.fit import estimate_static
+from bristle.identification.regression import from_points
+from bristle.model.parameters import Lugre, unit
+from bristle.report import reading
+from bristle.report.compare_figures import forest_figure
+
+TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
+SPEEDS = np.geomspace(0.2 * TRUTH.v_s, 0.8, 20)
+HOSTILE = '<script>alert("1")</script> ../../&x'
+
+
+def estimate(
+    value: float | None, error: float | None = 1.0, name: str = "alpha_0", reach: float = 1.959964
+) -> Estimate:
+    """A normal estimate."""
+    interval = None if value is None or error is None else (value - reach * error, value + reach * error)
+    return Estimate(
+        value=value,
+        unit=unit(name.rstrip("+-")),
+        standard_error=error if value is not None else None,
+        interval=interval,
+    )
+
+
+def session(*fits: Fit, joint: str = "wrist", **known: Any) -> Session:
+    """A session of one joint."""
+    return {
+        joint: SessionJoint(kind="revolute", fits=fits)
+        if not known
+        else SessionJoint(kind=known.pop("kind", "revolute"), fits=fits, **known)
+    }
+
+
+def plain(values: Mapping[str, float], error: float = 1.0, source: str = "static +", **rest: Any) -> Fit:
+    """A fit of independent normal parameters."""
+    return Fit(source=source, parameters={n: estimate(x, error, n) for n, x in values.items()}, **rest)
+
+
+def change(compared: Comparison, parameter: str) -> Change:
+    """What became of one parameter."""
+    (found,) = (c for c in compared.changes if c.parameter == parameter)
+    return found
+
+
+def linear(rng: np.random.Generator, n: int, shift: float = 0.0) -> Fit:
+    """Least squares of alpha_0 and alpha_2 from n points of known truth; alpha_0 is off by `shift` joint standard errors."""
+    v = np.linspace(0.1, 1.0, n)
+    columns = np.stack([np.ones(n), v], axis=1)
+    inner = np.linalg.inv(columns.T @ columns)
+    torque = columns @ [1.0 + shift * np.sqrt(2 * inner[0, 0]), 2.0] + rng.standard_normal(n)
+    theta = inner @ columns.T @ torque
+    dof = n - 2
+    covariance = inner * np.sum((torque - columns @ theta) ** 2) / dof
+    reach, errors = stats.t.ppf(0.975, dof), np.sqrt(np.diag(covariance))
+    names = ("alpha_0", "alpha_2")
+    parameters = {k: estimate(float(x), float(e), k, reach) for k, x, e in zip(names, theta, errors, strict=True)}
+    return Fit(source="static both", parameters=parameters, names=names, covariance=covariance, freedom=dof)
+
+
+def most(tries: int, share: float) -> int:
+    """Not exceeded by a binomial count but once in a thousand."""
+    return int(stats.binom.ppf(0.999, tries, share))
+
+
+@pytest.mark.parametrize("n", [6, 30])
+def test_false_alarms_are_no_more_than_nominal(n: int) -> None:
+    """Sessions of one truth: any parameter is called changed in at most one pair of twenty, and so is any set, within binomial bounds."""
+    rng, tries = np.random.default_rng(n), 500
+    pairs = [compare(session(linear(rng, n)), session(linear(rng, n))) for _ in range(tries)]
+    alarms = sum(any(c.changed for c in x.changes) for x in pairs)
+    assert alarms <= most(tries, 0.05)
+    assert sum(any(c.p is not None and c.p < 0.05 for c in x.changes) for x in pairs) > tries * 0.03  # p is no constant
+    if n == 30:
+        assert sum(x.changed for pair in pairs for x in pair.sets) <= most(tries, 0.05)
+
+
+def test_a_change_of_five_standard_errors_is_found() -> None:
+    """alpha_0 moved by five joint standard errors: called so, with its sign, in nearly every pair; a set test finds it too."""
+    rng, tries = np.random.default_rng(1), 200
+    pairs = [compare(session(linear(rng, 40)), session(linear(rng, 40, 5.0))) for _ in range(tries)]
+    found = [change(x, "alpha_0") for x in pairs]
+    assert sum(bool(c.changed) and c.verdict.startswith("Rose") for c in found) >= 0.98 * tries
+    assert sum(x.sets[0].changed for x in pairs) >= 0.98 * tries
+    assert all("alpha_0" in x.sentence for x in pairs if change(x, "alpha_0").changed)
+
+
+def friction(rng: np.random.Generator, p: Lugre[float]) -> Session:
+    """What the static fit says of points of these parameters."""
+    (torque,) = steady_points(p, SPEEDS, 1e-4, rng, 1)
+    found = estimate_static(from_points(SPEEDS, torque, ("+",)), FitOptions(), "revolute")
+    return session(Fit(source="static +", parameters=found, freedom=SPEEDS.size - 4))
+
+
+def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
+    """Whole fits, v_s with its skewed profile: false alarms within binomial bounds; viscous friction less by a tenth is found, and hinted at."""
+    rng, tries = np.random.default_rng(3), 50
+    assert sum(
+        any(c.changed for c in compare(friction(rng, TRUTH), friction(rng, TRUTH)).changes) for _ in range(tries)
+    ) <= most(tries, 0.05)
+    warmer = compare(friction(rng, TRUTH), friction(rng, TRUTH._replace(alpha_2=0.9 * TRUTH.alpha_2)))
+    assert max(warmer.changes, key=lambda c: abs(c.z or 0.0)).parameter == "alpha_2"
+    assert change(warmer, "alpha_2").verdict.startswith("Fell")
+    assert "alpha_2 (-1" in warmer.sentence or "alpha_2 (-9" in warmer.sentence
+    assert any("warmer" in x and "may" in x for x in warmer.hints)
+
+
+@given(p=st.lists(st.floats(0, 1), min_size=1, max_size=6))
+def test_holm_is_the_closed_test(p: list[float]) -> None:
+    """Holm's value of one hypothesis is the largest Bonferroni value over all sets of hypotheses that hold it (Marcus, Peritz, Gabriel)."""
+    closed = [
+        max(
+            min(len(s) * min(p[k] for k in s), 1.0)
+            for size in range(1, len(p) + 1)
+            for s in combinations(range(len(p)), size)
+            if i in s
+        )
+        for i in range(len(p))
+    ]
+    np.testing.assert_allclose(holm(np.array(p)), closed, rtol=1e-12, atol=0)
+
+
+values = st.floats(-5, 5).map(lambda x: round(x, 3))
+
+
+@given(a=values, b=values, e=st.floats(0.1, 3), f=st.floats(0.1, 3))
+def test_a_difference_is_that_of_two_normals_and_turns_with_the_sessions(
+    a: float, b: float, e: float, f: float
+) -> None:
+    """The ratio is z = (b - a) / hypot(e, f), p of the normal distribution; the other way round it is -z with the same p."""
+    there = change(compare(session(plain({"alpha_0": a}, e)), session(plain({"alpha_0": b}, f))), "alpha_0")
+    back = change(compare(session(plain({"alpha_0": b}, f)), session(plain({"alpha_0": a}, e))), "alpha_0")
+    z = (b - a) / np.hypot(e, f)
+    assert there.z == pytest.approx(z, abs=1e-6)
+    assert there.p == pytest.approx(2 * stats.norm.sf(abs(z)), abs=1e-6)
+    assert back.z == pytest.approx(-z, abs=1e-6)
+    assert back.p == pytest.approx(there.p, abs=1e-12)
+    assert there.difference == pytest.approx(b - a)
+    assert there.error == pytest.approx(np.hypot(e, f), rel=1e-5)
+
+
+@given(a=st.floats(0.01, 100), ratio=st.floats(0.3, 3), scale=st.floats(0.01, 100))
+def test_what_is_known_by_a_factor_is_compared_by_its_logarithm(a: float, ratio: float, scale: float) -> None:
+    """Of v_s only the ratio counts: another unit of speed changes neither z nor p; z is log(ratio) over the errors of the logarithms."""
+
+    def told(value: float) -> Session:
+        e = Estimate(
+            value=value, unit="rad/s", standard_error=0.1 * value, interval=(value * np.exp(-0.3), value * np.exp(0.3))
+        )
+        return session(Fit(source="static +", parameters={"v_s+": e}))
+
+    one, other = (change(compare(told(k * a), told(k * a * ratio)), "v_s+") for k in (1.0, scale))
+    assert one.z == pytest.approx(np.log(ratio) / np.hypot(0.3, 0.3) * 1.959964, rel=1e-5, abs=1e-9)
+    assert other.z == pytest.approx(one.z, rel=1e-6, abs=1e-9)
+
+
+def test_the_half_of_an_interval_that_faces_the_other_session_counts() -> None:
+    """A skewed interval: its long side is what a higher value meets, its short side, but no less than the standard error, a lower one."""
+    skewed = Estimate(value=10.0, unit="N*m", standard_error=1.0, interval=(8.5, 10 + 4 * 1.959964))
+    first = session(Fit(source="static +", parameters={"alpha_0": skewed}))
+    up, down = (change(compare(first, session(plain({"alpha_0": 10.0 + d}, 1e-6))), "alpha_0") for d in (8.0, -8.0))
+    assert up.z == pytest.approx(2.0, rel=1e-6)
+    assert down.z == pytest.approx(-8.0, rel=1e-6)
+
+
+def test_few_degrees_of_freedom_widen_the_joint_uncertainty() -> None:
+    """Welch: with 3 and 3 degrees of freedom and equal errors a difference has 6 of them."""
+    reach = stats.t.ppf(0.975, 3)
+    made = [
+        session(Fit(source="static +", parameters={"alpha_0": estimate(x, 1.0, reach=reach)}, freedom=3))
+        for x in (0.0, 3.0)
+    ]
+    found = change(compare(*made), "alpha_0")
+    assert found.z == pytest.approx(3 / np.sqrt(2))
+    assert found.p == pytest.approx(2 * stats.t.sf(3 / np.sqrt(2), 6), rel=1e-9)
+
+
+def correlated(shift: float) -> Fit:
+    """alpha_0 and alpha_2 that are seen almost only as a sum, off by `shift` standard errors each."""
+    names, error = ("alpha_0+", "alpha_2+"), 0.1
+    covariance = error**2 * np.array([[1.0, -0.98], [-0.98, 1.0]])
+    return Fit(
+        source="static +",
+        parameters={n: estimate(1.0 + shift * error, error, n) for n in names},
+        names=names,
+        covariance=covariance,
+    )
+
+
+def test_a_set_can_change_although_none_of_its_parameters_does() -> None:
+    """The statistic is d' (C_a + C_b)**-1 d / k; along the direction that is seen well it finds what no parameter shows alone, and that is said."""
+    a, b = correlated(0.0), correlated(1.5)
+    compared = compare(session(a), session(b))
+    d = np.array([0.15, 0.15])
+    (found,) = compared.sets
+    assert found.statistic == pytest.approx(d @ np.linalg.inv(a.covariance + b.covariance) @ d / 2)
+    assert found.p == pytest.approx(stats.chi2.sf(2 * found.statistic, 2), rel=1e-6)
+    assert found.changed
+    assert not any(c.changed for c in compared.changes)
+    assert "as a set" in compared.sentence
+
+
+def test_a_set_without_a_changed_parameter_is_named_beside_those_that_changed() -> None:
+    """Where some parameters changed, the sentence names the sets that did and hold none of them, and no set that does."""
+    moved = [
+        session(Fit(source="static -", parameters={"inertia": estimate(x, 0.1)}), correlated(k))
+        for x, k in ((1.0, 0.0), (3.0, 1.5))
+    ]
+    compared = compare(*moved)
+    assert [c.parameter for c in compared.changes if c.changed] == ["inertia"]
+    assert "those of the fit static +" in compared.sentence
+    apart = compare(session(correlated(0.0)), session(correlated(9.0)))
+    assert apart.sets[0].changed
+    assert "As a set" not in apart.sentence
+
+
+def test_one_small_p_among_many_is_no_change() -> None:
+    """Differences of 2.2 standard errors: one alone is called a change, three are not, for Holm's values count; those are `holm` of p."""
+    names = ("alpha_0+", "alpha_2+", "inertia")
+    apart = 2.2 * np.sqrt(2)
+    for several, changed in ((names[:1], True), (names, False)):
+        compared = compare(
+            session(plain(dict.fromkeys(several, 10.0))), session(plain(dict.fromkeys(several, 10 + apart)))
+        )
+        assert {c.changed for c in compared.changes} == {changed}
+        expected = holm(np.array([c.p for c in compared.changes], dtype=float))
+        assert [c.adjusted for c in compared.changes] == pytest.approx(expected.tolist())
+
+
+def test_a_session_does_not_differ_from_itself() -> None:
+    """Nothing changes, every z is 0; that both rest on the same files is said."""
+    own = session(correlated(0.3), inputs=("abc",))
+    compared = compare(own, own)
+    assert [c.z for c in compared.changes] == [0.0, 0.0]
+    assert not any(c.changed for c in compared.changes)
+    assert not any(x.changed for x in compared.sets)
+    assert compared.sentence == "None of 2 parameters changed beyond its joint uncertainty."
+    assert any("same in both" in x for x in compared.doubts)
+
+
+def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
+    """Not identifiable, an open interval, another direction, one session alone, other stages: each has its own sentence, and no verdict."""
+    opened = replace(estimate(1.0), interval=(0.5, np.inf))
+    first = Fit(
+        source="static +",
+        parameters={"alpha_0": estimate(1.0), "alpha_1": estimate(None), "v_s": opened, "alpha_2": estimate(1.0)},
+    )
+    second = Fit(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1": estimate(1.0), "v_s": opened})
+    more = Fit(source="tracking", parameters={"sigma_0": estimate(2.0)})
+    other = Fit(source="presliding +", parameters={"sigma_0": estimate(2.0)})
+    compared = compare(session(first, more), session(second, other))
+    said = {c.parameter: c.verdict for c in compared.changes}
+    assert "second session has it in other directions" in said["alpha_0"]
+    assert "first session has it in other directions" in said["alpha_0+"]
+    assert "not identifiable in the first session" in said["alpha_1"]
+    assert "open, or one-sided, in both" in said["v_s"]
+    assert "second session does not have it" in said["alpha_2"]
+    assert "different stages" in said["sigma_0"]
+    assert {c.changed for c in compared.changes} == {None}
+    assert compared.sentence.startswith("Nothing can be compared")
+
+
+def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
+    """The joint fit before tracking before static; one that did not converge comes last, and that is said."""
+    joint, moving, points = (
+        plain({"alpha_0": x}, source=s) for s, x in (("joint", 1.0), ("tracking", 2.0), ("static both", 3.0))
+    )
+    assert change(compare(session(joint, moving, points), session(joint, moving, points)), "alpha_0").source == "joint"
+    assert change(compare(session(moving, points), session(joint, moving, points)), "alpha_0").source == "tracking"
+    bad = replace(moving, distrusted="The fit did not converge.")
+    compared = compare(session(bad, points), session(moving, points))
+    assert change(compared, "alpha_0").source == "static both"
+    assert any("did not converge" in x for x in compared.doubts)
+    assert change(compare(session(bad), session(moving)), "alpha_0").source == "tracking"
+
+
+def test_a_model_that_differs_between_sessions_is_doubted() -> None:
+    """Where one session's fit has a Stribeck term and the other's has none, alpha_0 may differ without any change of the joint: said."""
+    full = Fit(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1+": estimate(1.0)})
+    flat = Fit(source="static +", parameters={"alpha_0+": estimate(2.0), "alpha_1+": estimate(None)})
+    (doubt,) = compare(session(full), session(flat)).doubts
+    assert "alpha_1+ is known of the first session alone" in doubt
+
+
+def test_one_share_of_all_torques_hints_at_their_scale() -> None:
+    """Friction and inertia all up by a tenth: perhaps the motor constant; the single causes are not guessed at then."""
+    names = ("alpha_0+", "alpha_2+", "inertia")
+    compared = compare(session(plain(dict.fromkeys(names, 10.0), 0.1)), session(plain(dict.fromkeys(names, 11.0), 0.1)))
+    (hint,) = compared.hints
+    assert "motor constant" in hint
+    assert compared.sentence.count("+10.0 %") == 3
+
+
+@pytest.mark.parametrize(
+    ("second", "named"),
+    [
+        (
+            session(plain({"alpha_0": 1.0}), joint="elbow"),
+            "no joint is in both sessions: one has wrist, the other elbow",
+        ),
+        (
+            session(plain({"alpha_0": 1.0}), kind="prismatic"),
+            "wrist: is revolute in one session and prismatic in the other",
+        ),
+        (
+            session(Fit(source="static +", parameters={"alpha_0": replace(estimate(1.0), unit="N")})),
+            "wrist: alpha_0 is in N*m and in N",
+        ),
+    ],
+)
+def test_joints_that_are_not_one_are_refused(second: Session, named: str) -> None:
+    """Other names, another kind or another unit: one sentence that says what was got."""
+    with pytest.raises(ValueError, match=named.replace("*", r"\*")):
+        compare(session(plain({"alpha_0": 1.0})), second)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None:
+    """Two markers per parameter, the first session's at zero, the second's at its difference in percent; no figure of nothing."""
+    a, b = (session(plain({"alpha_0+": x, "alpha_2+": 4.0}, 0.1), kind=kind) for x in (2.0, 3.0))
+    compared = compare(a, b)
+    figure = forest_figure(compared, "wrist")
+    assert figure is not None
+    (ax,) = figure.axes
+    marks = sorted(float(line.get_xdata()[0]) for line in ax.lines if line.get_marker() in {"o", "s"})  # type: ignore[arg-type, index]
+    assert marks == pytest.approx([0, 0, 0, 50])
+    assert sum(text.get_text() == "changed" for text in ax.texts) == 1
+    assert forest_figure(compare(session(plain({"alpha_0": 0.0})), session(plain({"alpha_0": 0.0}))), "wrist") is None
+
+
+def results(folder: Path, name: str, joint: str = "wrist", seed: int = 0, alpha_2: float = TRUTH.alpha_2) -> Path:
+    """The results.json of points of the gripper, whose viscous friction may differ."""
+    v = np.concatenate([SPEEDS, -SPEEDS])
+    (torque,) = steady_points(TRUTH._replace(alpha_2=alpha_2), v, 2e-5, np.random.default_rng(seed), 1)
+    folder.mkdir(exist_ok=True)
+    (folder / "d.csv").write_text(
+        "v,tau\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(v.tolist(), torque.tolist(), strict=True))
+    )
+    (folder / "e.yaml").write_text(
+        f"joint: {{name: {json.dumps(joint)}}}\nsignals:\n  velocity: {{column: v, unit: rad/s}}\n  torque: {{column: tau, unit: N*m}}\n"
+        "runs:\n  - {files: d.csv, experiment: points}\n"
+    )
+    (folder / name).write_text(bristle.identify(folder / "e.yaml").to_json(), encoding="utf-8")
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def sessions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Results of a joint with a hostile name, and of the same with an eighth less viscous friction."""
+    folder = tmp_path_factory.mktemp("sessions")
+    return results(folder, "a.json", HOSTILE), results(folder, "b.json", HOSTILE, 1, 0.87 * TRUTH.alpha_2)
+
+
+def run(*arguments: object) -> tuple[int, str, list[str]]:
+    """Run `bristle` with these arguments in this process: exit code, output, lines on stderr."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patch.setattr(sys, "argv", ["bristle", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+    assert isinstance(stop.value.code, int)
+    return stop.value.code, out.getvalue(), [line for line in err.getvalue().splitlines() if line.strip()]
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    """Bytes of everything below a folder."""
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_what_was_written_is_read_back(sessions: tuple[Path, Path]) -> None:
+    """Every estimate and covariance of results.json comes back to the last digit."""
+    document = json.loads(sessions[0].read_text(encoding="utf-8"))["joints"][HOSTILE]["static"]
+    joint = reading.read_session(sessions[0])[HOSTILE]
+    assert [fit.source for fit in joint.fits] == ["static +", "static -"]
+    for fit, (d, written) in zip(joint.fits, document.items(), strict=True):
+        assert {n.rstrip("+-"): e.value for n, e in fit.parameters.items()} == {
+            n: p["value"] for n, p in written["parameters"].items()
+        }
+        assert all(n.endswith(d) for n in (*fit.parameters, *fit.names))
+        assert fit.covariance.tolist() == written["covariance"]
+        assert fit.freedom == written["degrees_of_freedom"]
+    assert joint.inputs
+
+
+class Elements(HTMLParser):
+    """The elements of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.found: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep its name."""
+        assert not [name for name, _ in attrs if name.startswith("on")]
+        self.found.add(tag)
+
+
+def test_the_command_says_what_changed_and_writes_a_page(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+    """The fall of alpha_2 in both directions is named; page, figure and tables land, the same bytes twice, and a hostile name stays text."""
+    code, out, said = run("compare", *sessions, "-o", tmp_path / "out")
+    assert (code, said) == (0, [])
+    assert "parameters changed beyond their joint uncertainty: " in out
+    assert "alpha_2+ (-1" in out
+    assert "alpha_2- (-1" in out
+    assert "alpha_2 fell in both directions; a warmer or thinner lubricant may do that" in out
+    first = tree(tmp_path / "out")
+    assert {"index.html", "tables/changes.csv", "tables/sets.csv"} < set(first)
+    assert sum(name.endswith(".png") for name in first) == 1
+    page = first["index.html"].decode()
+    assert "<script" not in page.lower()
+    assert "script" not in Elements(page).found
+    assert b"nan" not in first["tables/changes.csv"].lower()
+    assert run("compare", *sessions, "-o", tmp_path / "out")[0] == 0
+    assert tree(tmp_path / "out") == first
+    assert "Example: bristle compare" in run("compare", "--help")[1]
+
+
+def spoilt(good: str, what: str) -> str:
+    """The good file with one thing wrong."""
+    document = json.loads(good)
+    joint = document["joints"][HOSTILE]
+    fit = joint["static"]["+"]
+    if what == "schema":
+        document["schema"] = "bristle-results/2"
+    elif what == "covariance":
+        fit["covariance"].pop()
+    elif what == "negative":
+        fit["parameters"]["alpha_0"]["standard_error"] = -1.0
+    elif what == "interval":
+        fit["parameters"]["alpha_0"]["interval"].reverse()
+    elif what == "missing":
+        del joint["static"]
+    elif what == "kind":
+        joint["kind"] = "prismatic"
+    elif what == "joint":
+        document["joints"] = {"other": joint}
+    elif what == "far":
+        fit["parameters"]["alpha_0"]["standard_error"] = 1e200
+    elif what == "unit":
+        fit["parameters"]["alpha_0"]["unit"] = "furlong"
+    return json.dumps(document)
+
+
+TEXTS = {
+    "empty": ("", "is no results file"),
+    "no JSON": ("{]", "is no results file"),
+    "a list": ("[1, 2]", "is no results file"),
+    "deep": ("[" * 100_000, "is no results file"),
+    "NaN": ('{"schema": NaN}', "NaN is no JSON"),
+    "huge number": ('{"schema": ' + "9" * 5000 + "}", "is no results file"),
+    "infinite": ('{"schema": 1e999}', "is no results file"),
+}
+SPOILT = {
+    "schema": "is no results file of schema bristle-results/1 (schema",
+    "covariance": "a covariance is not of the 4 parameters",
+    "negative": "a standard error is negative",
+    "interval": "an interval ends before it begins",
+    "missing": "static: Field required",
+    "far": "a value or standard error is beyond 1e+60",
+    "kind": "is revolute in one session and prismatic in the other",
+    "joint": "no joint is in both sessions",
+    "unit": "alpha_0+ is in N*m and in furlong",
+}
+
+
+@pytest.mark.parametrize("what", [*TEXTS, *SPOILT])
+def test_a_bad_file_is_one_sentence_and_nothing_is_written(
+    sessions: tuple[Path, Path], tmp_path: Path, what: str
+) -> None:
+    """A file that is no results file of this schema, or of another joint: exit 2, one line that names what is wrong, and no page."""
+    good = sessions[0].read_text(encoding="utf-8")
+    text, named = TEXTS[what] if what in TEXTS else (spoilt(good, what), SPOILT[what])
+    (tmp_path / "b.json").write_text(text, encoding="utf-8")
+    code, out, said = run("compare", sessions[0], tmp_path / "b.json", "-o", tmp_path / "out")
+    assert code == 2
+    assert len(said) == 1
+    assert said[0].startswith("bristle: ")
+    assert named in said[0]
+    assert "Traceback" not in out
+    assert list(tree(tmp_path)) == ["b.json"]
+
+
+def test_files_that_are_too_large_missing_binary_or_in_the_way(
+    sessions: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A missing file, a folder, bytes that are no UTF-8, one beyond the size limit, an output that is a file: exit 2 and one line each."""
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "file").write_text("mine")
+    for second, output, named in (
+        (tmp_path / "none.json", tmp_path / "out", "none.json"),
+        (tmp_path, tmp_path / "out", str(tmp_path)),
+        (tmp_path / "binary", tmp_path / "out", "is no results file"),
+        (sessions[1], tmp_path / "file", "file"),
+    ):
+        code, _, said = run("compare", sessions[0], second, "-o", output)
+        assert (code, len(said)) == (2, 1), said
+        assert named in said[0]
+    monkeypatch.setattr(reading, "LARGEST", 1000)
+    code, _, said = run("compare", *sessions, "-o", tmp_path / "out")
+    assert (code, len(said)) == (2, 1)
+    assert "a results file has at most 1000" in said[0]
+    assert set(tree(tmp_path)) == {"binary", "file"}
+
+
+def test_control_characters_of_a_file_reach_neither_terminal_nor_figure(
+    sessions: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """Names, units and stages that hold escape sequences are shown without them; a covariance that is none makes no set, and no defect."""
+    for k, path in enumerate(sessions):
+        document = json.loads(path.read_text(encoding="utf-8"))
+        joint = document["joints"].pop(HOSTILE)
+        fit = joint["static"].pop("+")
+        fit["parameters"] = {f"a\x1b[31m{n}": {**p, "unit": "\x1b]0;N*m"} for n, p in fit["parameters"].items()}
+        fit["free"] = [f"a\x1b[31m{n}" for n in fit["free"]]
+        joint["static"]["\x1b[2J"] = fit
+        joint["static"]["-"]["covariance"] = [[-1e308] * 4] * 4
+        joint["static"]["-"]["parameters"]["alpha_0"]["interval"] = [-1e308, 1e308]
+        document["joints"]["\x1b[1mwrist"] = joint
+        (tmp_path / f"{k}.json").write_text(json.dumps(document), encoding="utf-8")
+    code, out, said = run("compare", tmp_path / "0.json", tmp_path / "1.json", "-o", tmp_path / "out")
+    assert (code, said) == (0, [])
+    assert "\x1b" not in out
+    assert not [name for name, data in tree(tmp_path / "out").items() if name.endswith(".svg") and b"\x1b" in data]
+    with (tmp_path / "out" / "tables" / "sets.csv").open(encoding="utf-8") as file:
+        assert len(file.readlines()) == 2
+
+
+def test_older_files_without_models_are_read(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+    """What a later version added is not required: files of the schema from before are compared as well."""
+    document = json.loads(sessions[0].read_text(encoding="utf-8"))
+    del document["joints"][HOSTILE]["models"]
+    for fit in document["joints"][HOSTILE]["static"].values():
+        del fit["uncertainty"]
+    (tmp_path / "old.json").write_text(json.dumps(document), encoding="utf-8")
+    assert bristle.compare(tmp_path / "old.json", sessions[1]).changes

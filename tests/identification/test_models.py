@@ -1,0 +1,287 @@
+"""Friction models side by side: nested fits, the criteria's definition, leave-one-out, and advice that agrees with the fit."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as options
+from hypothesis import strategies as st
+
+from bristle.data.experiment import Experiment, load_experiment
+from bristle.data.record import Record
+from bristle.data.statistics import inflation
+from bristle.identification import models
+from bristle.identification.estimate import Joint, ModelComparison, ModelRow, TrackingFit
+from bristle.identification.model_choice import APART, COULOMB, LUGRE, ONE, STRIBECK, SYMMETRIC, VISCOUS, Candidate
+from bristle.identification.model_choice import compared as choose
+from bristle.identification.moving import fit_moving
+from bristle.identification.pipeline import identify_joint, measure
+from bristle.identification.tracking import fit_tracking
+from bristle.identification.trajectory import tracking
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout
+
+from .conftest import GRIPPER, curve
+
+OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
+FLAT = Lugre(0.02, 0.0, 0.04, 1.0, 6.0, 0.02)
+SPEEDS = np.geomspace(0.015, 0.8, 12)
+NOISE = 2e-4
+WOBBLE = np.array([1e-4, -1e-4, 1e-4])
+STEP = 2e-3
+J = 1.3e-3
+
+
+def points(folder: Path, plus: Lugre[float], minus: Lugre[float] | None, seed: int = 0, fit: str = "") -> Joint:
+    """The joint identified from points of these sets, with noise."""
+    rng = np.random.default_rng(seed)
+    v = np.concatenate([SPEEDS, -SPEEDS]) if minus else SPEEDS
+    torque = np.where(v > 0, curve(v, plus), curve(v, minus or plus)) + NOISE * rng.standard_normal(v.size)
+    return joint_of(folder, v, torque, fit)
+
+
+def joint_of(folder: Path, v: Array, torque: Array, fit: str = "") -> Joint:
+    """The joint identified from these points."""
+    (folder / "d.csv").write_text(
+        "v,tau\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(v.tolist(), torque.tolist(), strict=True))
+    )
+    (folder / "e.yaml").write_text(
+        f"joint: {{name: x}}\n{fit}signals:\n  velocity: {{column: v, unit: rad/s}}\n  torque: {{column: tau, unit: N*m}}\n"
+        "runs:\n  - {files: d.csv, experiment: points}\n"
+    )
+    return identify_joint(measure(folder / "e.yaml"))
+
+
+def row(compared: ModelComparison, model: str, directions: str) -> ModelRow:
+    """The row of one model."""
+    (found,) = (r for r in compared.rows if (r.model, r.directions) == (model, directions))
+    return found
+
+
+def used(compared: ModelComparison) -> ModelRow:
+    """The row to use."""
+    (found,) = (r for r in compared.rows if r.recommended)
+    return found
+
+
+def designs(v: Array) -> dict[tuple[str, str], Array]:
+    """The columns of the linear models, (n, m)."""
+    s, up = np.sign(v), v > 0
+    one = [s, v]
+    two = [np.where(up, s, 0), np.where(up, v, 0), np.where(up, 0, s), np.where(up, 0, v)]
+    return {
+        (COULOMB, SYMMETRIC): np.stack(one[:1], axis=1),
+        (VISCOUS, SYMMETRIC): np.stack(one, axis=1),
+        (COULOMB, APART): np.stack(two[::2], axis=1),
+        (VISCOUS, APART): np.stack(two, axis=1),
+    }
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_linear_models_are_least_squares_with_the_criteria_and_leave_one_out_by_their_definitions(
+    tmp_path: Path, seed: int
+) -> None:
+    """For each linear model: rms by lstsq, AICc and BIC from the maximised Gaussian likelihood, hold-out from refits without each point."""
+    joint = points(tmp_path, GRIPPER, OTHER, seed)
+    (compared,) = joint.models
+    v = np.concatenate([SPEEDS, -SPEEDS])
+    torque = np.concatenate([joint.static[d].torque for d in "+-"])
+    n, scores = v.size, {}
+    for (model, directions), columns in designs(v).items():
+        own = row(compared, model, directions)
+        rest = torque - columns @ np.linalg.lstsq(columns, torque, rcond=None)[0]
+        assert own.rms == pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-9)
+        assert own.parameters == columns.shape[1]
+        variance, k = np.mean(rest**2), columns.shape[1] + 1
+        likelihood = float(np.sum(-(rest**2) / (2 * variance) - 0.5 * np.log(2 * np.pi * variance)))
+        scores[own] = (2 * k - 2 * likelihood + 2 * k * (k + 1) / (n - k - 1), k * np.log(n) - 2 * likelihood)
+        out = [
+            torque[i] - columns[i] @ np.linalg.lstsq(np.delete(columns, i, 0), np.delete(torque, i), rcond=None)[0]
+            for i in range(n)
+        ]
+        assert own.hold_out == pytest.approx(100 * np.linalg.norm(out) / np.linalg.norm(torque), rel=1e-8)
+    first = next(iter(scores))
+    for own, (aicc, bic) in scores.items():
+        assert own.aicc is not None
+        assert first.aicc is not None
+        assert own.aicc - first.aicc == pytest.approx(aicc - scores[first][0], abs=1e-6)
+        assert own.bic - first.bic == pytest.approx(bic - scores[first][1], abs=1e-6)
+    assert min(r.bic for r in compared.rows) == 0
+    assert compared.effective == compared.n == n
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_model_with_more_terms_leaves_no_more(tmp_path: Path, seed: int) -> None:
+    """Coulomb within Coulomb + viscous within the Stribeck curve, and each symmetric one within that per direction."""
+    (compared,) = points(tmp_path, GRIPPER, OTHER, seed).models
+    for directions in (SYMMETRIC, APART):
+        left = [row(compared, m, directions).rms for m in (COULOMB, VISCOUS, STRIBECK)]
+        assert left == sorted(left, reverse=True)
+    for model in (COULOMB, VISCOUS, STRIBECK):
+        assert row(compared, model, APART).rms <= row(compared, model, SYMMETRIC).rms * (1 + 1e-9)
+    assert all(r.model != LUGRE for r in compared.rows)
+
+
+@pytest.mark.parametrize(
+    ("plus", "minus", "expected"),
+    [
+        (GRIPPER, OTHER, (STRIBECK, APART)),
+        (GRIPPER, GRIPPER, (STRIBECK, SYMMETRIC)),
+        (FLAT, FLAT._replace(alpha_2=0.06), (VISCOUS, APART)),
+        (FLAT, FLAT, (VISCOUS, SYMMETRIC)),
+        (GRIPPER, None, (STRIBECK, ONE)),
+    ],
+)
+def test_the_model_that_made_the_data_is_advised(
+    tmp_path: Path, plus: Lugre[float], minus: Lugre[float] | None, expected: tuple[str, str]
+) -> None:
+    """From clear data the advice is the model that made them, and the sentence names it."""
+    (compared,) = points(tmp_path, plus, minus).models
+    best = used(compared)
+    assert (best.model, best.directions) == expected
+    assert compared.sentence.startswith(f"Use {best.model}")
+    assert ("not identifiable" in compared.sentence) == (expected[0] != STRIBECK)
+
+
+@given(seed=st.integers(0, 10_000), alpha_1=st.sampled_from([0.0, 3e-4, 6e-4, 2e-3]))
+@options(max_examples=12, deadline=None)
+def test_advice_never_contradicts_the_fit(tmp_path_factory: pytest.TempPathFactory, seed: int, alpha_1: float) -> None:
+    """Whatever the data: the advised model has a Stribeck term if and only if the fit keeps one, and is the best of those by BIC."""
+    p = GRIPPER._replace(alpha_1=alpha_1)
+    joint = points(tmp_path_factory.mktemp("x"), p, None, seed)
+    (compared,) = joint.models
+    kept = joint.static["+"].parameters["alpha_1"].value is not None
+    best = used(compared)
+    assert (best.model == STRIBECK) == kept
+    assert ("not identifiable" in compared.sentence) == (not kept)
+    assert best.bic == min(r.bic for r in compared.rows if r.candidate)
+
+
+def test_too_few_points_are_said(tmp_path: Path) -> None:
+    """Three speeds of one direction: no Stribeck curve, said; and one speed alone gives no comparison that needs two."""
+    v = np.array([0.1, 0.3, 0.6])
+    (compared,) = joint_of(tmp_path, v, curve(v, FLAT) + WOBBLE).models
+    assert {r.model for r in compared.rows} == {COULOMB, VISCOUS}
+    assert any("Too few" in x and STRIBECK in x for x in compared.left_out)
+    assert row(compared, VISCOUS, ONE).aicc is None
+    v = np.array([0.1, 0.1 + 1e-9, 0.1 + 2e-9])
+    found = joint_of(tmp_path, v, curve(v, FLAT) + WOBBLE).models
+    assert [r.model for x in found for r in x.rows] == [COULOMB]
+
+
+def run(p: Lugre[float] | Pair[float], offset: float = 0.0, seed: int = 0) -> Record:
+    """A moving run of LuGre, an inertia and an offset, with noise."""
+    t = np.arange(0.0, 6.0, STEP)
+    lines = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0))
+    v = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
+    acceleration = np.gradient(v, t)
+    noise = 2e-5 * np.random.default_rng(seed).standard_normal(t.size)
+    torque = rollout(v, STEP, p).torque + J * acceleration + offset + noise
+    return Record(file=f"run{seed}.csv", time=t, velocity=v, torque=torque, acceleration=acceleration)
+
+
+@pytest.fixture(scope="module", params=["separate", "symmetric"])
+def moved(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[ModelComparison, TrackingFit]:
+    """The comparison on a moving run of a joint that differs between directions, and its fit, per direction or symmetric."""
+    path = tmp_path_factory.mktemp("moving") / "e.yaml"
+    path.write_text(
+        f"joint: {{name: x}}\nfit: {{directions: {request.param}, decimation: 2}}\nsignals:\n  time: {{column: t, unit: s}}\n"
+        "  velocity: {column: v, unit: rad/s}\n  torque: {column: tau, unit: N*m}\nruns:\n  - {files: d.csv, experiment: tracking}\n"
+    )
+    experiment, records, held = load_experiment(path), [run(Pair(GRIPPER, OTHER))], [run(Pair(GRIPPER, OTHER), seed=1)]
+    alone = fitted(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
+    compared = models.of_moving(experiment, records, held, fit_moving(experiment, records, [], None)[0], alone)
+    assert compared is not None
+    return compared, alone
+
+
+def fitted(
+    experiment: Experiment, records: list[Record], held: list[Record], directions: tuple[str, ...]
+) -> TrackingFit:
+    """All parameters of moving runs, from near the truth."""
+    sets = {"both": GRIPPER, "+": GRIPPER, "-": OTHER}
+    asked = models.asked_regressors(experiment, directions, moving=True)
+    start = {n + d.replace("both", ""): x for d in directions for n, x in sets[d]._asdict().items()}
+    start |= {"inertia": J, "offset": 0.0} if "offset" in asked else {"inertia": J}
+    problem, test = (tracking(r, directions, asked, experiment.fit.decimation, None) for r in (records, held))
+    return fit_tracking(problem, start, "revolute", [("held", test)], starts=1).fit
+
+
+def test_symmetric_coulomb_with_an_offset_is_coulomb_per_direction(moved: tuple[ModelComparison, TrackingFit]) -> None:
+    """On moving runs the two are one model: the same residuals, parameters, criteria and hold-out error."""
+    compared, _ = moved
+    one, two = row(compared, COULOMB, SYMMETRIC), row(compared, COULOMB, APART)
+    assert one.parameters == two.parameters
+    assert one.rms == pytest.approx(two.rms, rel=1e-9)
+    assert one.bic == pytest.approx(two.bic, abs=1e-6)
+    assert one.hold_out == pytest.approx(two.hold_out, rel=1e-9)
+
+
+def test_moving_runs_compare_lugre_with_the_static_models(moved: tuple[ModelComparison, TrackingFit]) -> None:
+    """LuGre made the run, per direction: it is advised so, whichever fit was asked for; the fit that was done is not done again."""
+    compared, alone = moved
+    best = used(compared)
+    assert (best.model, best.directions) == (LUGRE, APART)
+    done = row(compared, LUGRE, APART if "alpha_0+" in alone.parameters else SYMMETRIC)
+    assert done.rms == pytest.approx(alone.rms, rel=1e-12)
+    assert done.hold_out == pytest.approx(alone.hold_out[0].relative_error, rel=1e-12)
+    assert done.parameters == len(alone.names) + 1
+    assert best.rms < 3e-5
+    assert best.hold_out is not None
+    assert best.hold_out < min(r.hold_out or 0.0 for r in compared.rows if r.model != LUGRE) / 10
+    assert len(compared.rows) == 8
+    assert 1 < compared.effective < compared.n
+    if done is best:
+        assert compared.effective == pytest.approx(compared.n / inflation(alone.residuals))
+
+
+def test_correlated_residuals_count_for_fewer(moved: tuple[ModelComparison, TrackingFit]) -> None:
+    """The criteria of two models differ by n' times the logarithm of their residuals' ratio, plus the terms of their parameters; n' = effective."""
+    compared, _ = moved
+    a, b = row(compared, VISCOUS, SYMMETRIC), row(compared, STRIBECK, SYMMETRIC)
+    n = compared.effective
+    assert b.bic - a.bic == pytest.approx(
+        2 * n * np.log(b.rms / a.rms) + (b.parameters - a.parameters) * np.log(n), abs=1e-6
+    )
+
+
+def test_a_bristle_that_the_motion_does_not_show_is_not_advised(moved: tuple[ModelComparison, TrackingFit]) -> None:
+    """Without any sigma_0 LuGre is no candidate, however low its BIC, and the sentence says why."""
+    compared, alone = moved
+    blind = {n: replace(e, value=None) if n.startswith("sigma_0") else e for n, e in alone.parameters.items()}
+    found = [
+        Candidate(
+            model=r.model,
+            directions=r.directions,
+            parameters=r.parameters,
+            residuals=np.full(compared.n, r.rms),
+            hold_out=None,
+        )
+        for r in compared.rows
+    ]
+    judged = choose("moving runs", found, "", 1.0, 1.0, {}, replace(alone, parameters=blind), ())
+    assert judged is not None
+    assert used(judged).model == STRIBECK
+    assert "does not show LuGre's bristle" in judged.sentence
+    assert min(judged.rows, key=lambda r: r.bic).model == LUGRE
+
+
+def test_a_term_that_the_fit_refused_is_not_advised_however_low_its_bic(tmp_path: Path) -> None:
+    """Where the fit keeps no Stribeck term but a criterion would, the advice stays with the fit and says by how much the criterion differs."""
+    static = points(tmp_path, FLAT, None).static
+    assert static["+"].parameters["alpha_1"].value is None
+    sizes = {COULOMB: 3.0, VISCOUS: 1.0, STRIBECK: 0.5}
+    found = [
+        Candidate(model=m, directions=ONE, parameters=k, residuals=np.full(50, x), hold_out=None)
+        for (m, x), k in zip(sizes.items(), (1, 2, 4), strict=True)
+    ]
+    judged = choose("points", found, "", 1.0, 100.0, static, None, ())
+    assert judged is not None
+    assert used(judged).model == VISCOUS
+    assert f"would lower the BIC by {used(judged).bic:.1f}" in judged.sentence
+    assert used(judged).bic == pytest.approx(50 * np.log(4) - 2 * np.log(50))
