@@ -1,0 +1,167 @@
+"""Fisher information: closed forms, two routes to one matrix, and what is not seen is called so."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bristle.analysis.information import (
+    STATIC,
+    Information,
+    covariance,
+    directions,
+    gram,
+    motion_information,
+    motion_jacobian,
+    names_of,
+    static_information,
+    static_jacobian,
+)
+from bristle.bench import steady_points
+from bristle.edro import TABLE_1
+from bristle.identification.batch import solve_batch
+from bristle.identification.static import default_range
+from bristle.identification.uncertainty import covariance as fitted_covariance
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout
+
+FEW = settings(max_examples=40, deadline=None)
+PAIR = TABLE_1["gripper rotation"]
+P = PAIR.positive
+V = np.geomspace(0.15 * P.v_s, 0.8, 12)
+NOISE = 2e-4
+
+
+def test_static_jacobian_has_its_closed_form() -> None:
+    """The derivatives of (9) are sgn(v), exp(-(v / v_s)**2) sgn(v), v, and 2 alpha_1 v**2 / v_s**3 exp(-(v / v_s)**2) sgn(v)."""
+    v = np.concatenate([V, -V])
+    s, peak = np.sign(v), np.exp(-((v / P.v_s) ** 2))
+    exact = np.column_stack([s, s * peak, v, 2 * P.alpha_1 * v**2 / P.v_s**3 * peak * s])
+    np.testing.assert_allclose(static_jacobian(v, P), exact, rtol=1e-12, atol=1e-15)
+
+
+def test_information_is_the_inverse_of_a_fits_covariance() -> None:
+    """With the scatter that a fit leaves, the inverse of the information is the covariance that the fit itself reports."""
+    jacobian = static_jacobian(V, P)
+    cost = 3e-7
+    own, _ = fitted_covariance(jacobian, cost)
+    errors, correlation = covariance(static_information(V, P, np.sqrt(cost / (V.size - 4))))
+    np.testing.assert_allclose(errors, np.sqrt(np.diag(own)), rtol=1e-9)
+    np.testing.assert_allclose(correlation, own / np.outer(errors, errors), atol=1e-9)
+
+
+def test_expected_errors_are_those_that_fits_show() -> None:
+    """2000 simulated fits scatter as the information says, each parameter within a tenth."""
+    torques = steady_points(P, V, NOISE, np.random.default_rng(0), 2000)
+    theta, _ = solve_batch(V, torques.T, default_range(V))
+    spread = theta.std(axis=1)
+    expected = covariance(static_information(V, P, NOISE))[0]
+    order = [0, 2, 1, 3]  # the fit has alpha_2 before alpha_1
+    np.testing.assert_allclose(spread[order], expected, rtol=0.1)
+
+
+@FEW
+@given(st.lists(st.floats(0.005, 2.0), min_size=1, max_size=8), st.lists(st.floats(0.005, 2.0), min_size=1, max_size=8))
+def test_information_adds_up(first: list[float], second: list[float]) -> None:
+    """Information of two sets of velocities is that of all of them, whatever their order."""
+    whole = static_information(np.array(second + first), P, NOISE)
+    parts = static_information(np.array(first), P, NOISE) + static_information(np.array(second), P, NOISE)
+    np.testing.assert_allclose(whole, parts, rtol=1e-9)
+
+
+@FEW
+@given(st.floats(1e-3, 1e3), st.integers(2, 9))
+def test_errors_go_with_the_noise_and_with_the_root_of_the_count(noise: float, times: int) -> None:
+    """Standard errors are proportional to the noise, and fall with the square root of repetitions."""
+    base, _ = covariance(static_information(V, P, 1.0))
+    more, _ = covariance(static_information(np.tile(V, times), P, noise))
+    np.testing.assert_allclose(more, base * noise / np.sqrt(times), rtol=1e-6)
+
+
+def test_noise_of_each_point_weighs_it() -> None:
+    """A point of infinite noise is no point."""
+    noise = np.full(V.size, NOISE)
+    noise[3] = np.inf
+    np.testing.assert_allclose(
+        static_information(V, P, noise), static_information(np.delete(V, 3), P, NOISE), rtol=1e-12
+    )
+
+
+def test_directions_of_a_pair_do_not_mix() -> None:
+    """Of a pair the positive velocities see the positive set alone, and the other way round."""
+    matrix = static_information(np.concatenate([V, -V]), PAIR, NOISE)
+    assert names_of(PAIR, STATIC)[:5] == ("alpha_0+", "alpha_1+", "alpha_2+", "v_s+", "alpha_0-")
+    assert not matrix[:4, 4:].any()
+    np.testing.assert_allclose(matrix[:4, :4], static_information(V, P, NOISE), rtol=1e-12)
+    np.testing.assert_allclose(matrix[4:, 4:], static_information(-V, PAIR.negative, NOISE), rtol=1e-12)
+
+
+def test_steady_motion_tells_what_constant_velocities_tell() -> None:
+    """Along a constant velocity with a settled bristle a motion's information is that of its samples as static points; sigma is not seen."""
+    for v in (0.5 * P.v_s, 3 * P.v_s, -P.v_s):
+        moving = motion_information(np.full(50, v), 1e-3, P, NOISE)
+        static = static_information(np.full(50, v), P, NOISE)
+        np.testing.assert_allclose(moving[:4, :4], static, rtol=1e-8)
+        assert np.abs(moving[4:]).max() <= 1e-9 * np.abs(static).max()
+
+
+def test_motion_jacobian_is_the_derivative_of_the_torque() -> None:
+    """Each column is the central difference of the simulated torque, and an extra column is itself."""
+    t = 1e-3 * np.arange(3001)
+    v, a = 0.3 * np.cos(6 * t), -1.8 * np.sin(6 * t)
+    jacobian = motion_jacobian(v, 1e-3, P, {"inertia": a})
+    np.testing.assert_array_equal(jacobian[:, 6], a)
+    for k, name in enumerate(Lugre._fields):
+        h = 1e-5 * P[k]
+        up, down = (rollout(v, 1e-3, P._replace(**{name: P[k] + s * h})).torque for s in (1, -1))
+        np.testing.assert_allclose(jacobian[:, k], (up - down) / (2 * h), atol=1e-5 * np.abs(jacobian[:, k]).max())
+
+
+def test_slow_velocities_see_only_a_sum() -> None:
+    """Where all speeds are far below v_s, alpha_0 and alpha_1 are seen as a sum only, and that is said."""
+    v = np.linspace(1e-3, 2e-3, 10) * P.v_s
+    said = directions(static_information(v, P._replace(v_s=P.v_s), NOISE), STATIC)
+    assert any("alpha_0" in s and "alpha_1" in s and "only as a sum" in s for s in said)
+
+
+@FEW
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_covariance_is_the_inverse(size: int, seed: int) -> None:
+    """Of any information that has an inverse, errors and correlation are those of the inverse, in any units."""
+    rng = np.random.default_rng(seed)
+    matrix = gram(rng.normal(size=(size + 5, size)), 1.0)
+    units = 10 ** rng.uniform(-6, 6, size)
+    errors, correlation = covariance(matrix * np.outer(units, units))
+    inverse = np.linalg.inv(matrix)
+    np.testing.assert_allclose(errors * units, np.sqrt(np.diag(inverse)), rtol=1e-7)
+    np.testing.assert_allclose(correlation, inverse / np.sqrt(np.outer(np.diag(inverse), np.diag(inverse))), atol=1e-6)
+
+
+def test_what_is_not_seen_has_no_error_bound() -> None:
+    """A column of zeros, and two equal columns, have infinite standard errors; a column apart from them keeps its own."""
+    rng = np.random.default_rng(1)
+    x, y = rng.normal(size=(2, 30))
+    matrix = gram(np.column_stack([x, y, y, np.zeros(30)]), 1.0)
+    info = Information(names=("a", "b", "c", "d"), point=np.ones(4), matrix=matrix)
+    assert info.standard_errors[1:].tolist() == [np.inf] * 3
+    assert np.isfinite(info.standard_errors[0])
+    assert np.isfinite(info.correlation).all()
+    assert info.unseen[0] == "Nothing is seen of d."
+    assert "b" in info.unseen[1]
+    assert "c" in info.unseen[1]
+    assert "only as a sum" in info.unseen[1]
+    with pytest.raises(ValueError, match="read-only"):
+        info.matrix[0, 0] = 0.0
+
+
+def test_v_s_is_not_seen_without_its_peak() -> None:
+    """With alpha_1 = 0 nothing depends on v_s, in a motion as at constant velocities."""
+    flat = P._replace(alpha_1=0.0)
+    t = 1e-3 * np.arange(2001)
+    for matrix in (
+        static_information(V, flat, NOISE),
+        motion_information(np.cos(6 * t), 1e-3, flat, NOISE),
+        motion_information(np.cos(6 * t), 1e-3, Pair(flat, PAIR.negative), NOISE)[:6, :6],
+    ):
+        assert covariance(matrix)[0][3] == np.inf
+    assert np.isfinite(covariance(static_information(V, P, NOISE))[0]).all()

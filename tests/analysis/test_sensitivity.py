@@ -1,0 +1,359 @@
+"""Local sensitivity, its map and its tornado: finite differences, identities of the equations, the notes' figures; and the command."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bristle
+from bristle import api
+from bristle.analysis import exploring
+from bristle.analysis.explored_joint import of_joint
+from bristle.analysis.information import names_of
+from bristle.analysis.sensitivity import (
+    Motion,
+    claimed,
+    grid,
+    local,
+    motion,
+    ranked,
+    replaced,
+    rms,
+    sensitivity_map,
+    tornado,
+)
+from bristle.data.experiment import load_experiment
+from bristle.edro import TABLE_1
+from bristle.identification.pipeline import identify_joint, measure
+from bristle.model import functions
+from bristle.model.arrays import Array, evaluate
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout
+from bristle.report.sensitivity_section import text
+
+from ..conftest import FEW as TOO_FEW
+from ..conftest import TRUTH, run, speeds, tree, write
+
+FEW = settings(max_examples=25, deadline=None)
+PAIR = TABLE_1["gripper rotation"]
+P = PAIR.positive
+PAPER = motion(1.0, 0.5)
+SLOW_SMALL = motion(0.02, 0.2)
+STEP = 1e-4
+"""Relative, of the finite differences."""
+"""Total shares in the order of `Lugre`, as the notes have them."""
+NOTES: Mapping[Motion, tuple[str, ...]] = {
+    PAPER: ("0.18", "0.0007", "0.83", "0.0014", "0.015", "0.008"),
+    SLOW_SMALL: ("0.74", "0.20", "0.03", "0.03", "0.36", "0.005"),
+}
+
+
+def moved(p: Lugre[float] | Pair[float], name: str, share: float) -> Lugre[float] | Pair[float]:
+    """The parameters with one of them larger by a share, in both directions."""
+    if isinstance(p, Pair):
+        return Pair(*(one._replace(**{name: getattr(one, name) * (1 + share)}) for one in p))
+    return p._replace(**{name: getattr(p, name) * (1 + share)})
+
+
+@pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
+def test_shares_are_the_notes_figures(at: Motion) -> None:
+    """Over 10 s at 1 kHz from an undeflected bristle, every share rounds to the figure that the notes give."""
+    for figure, share in zip(NOTES[at], local(P, at).shares(), strict=True):
+        digits = len(figure.partition(".")[2])
+        assert f"{share:.{digits}f}" == figure
+
+
+def test_the_claim_holds_for_the_papers_motion_and_not_for_small_ones() -> None:
+    """Alpha_2 and alpha_0 rank first for 1 rad at 0.5 Hz; for 0.02 rad at 0.2 Hz sigma_0 comes before alpha_2."""
+    assert local(P, PAPER).ranking[:2] == ("alpha_2", "alpha_0")
+    assert claimed(local(P, PAPER).shares())
+    assert local(P, SLOW_SMALL).ranking[:2] == ("alpha_0", "sigma_0")
+    assert not claimed(local(P, SLOW_SMALL).shares())
+
+
+@pytest.mark.parametrize("p", [P, PAIR], ids=["one set", "a pair"])
+@pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
+def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | Pair[float], at: Motion) -> None:
+    """Each total derivative equals the extrapolated central difference of the whole simulated torque to 1e-6 of its norm."""
+    velocity, found = at.course.velocity, local(p, at)
+    for k, name in enumerate(Lugre._fields):
+
+        def slope(h: float, name: str = name) -> Array:
+            """The central difference with relative steps of h."""
+            up, down = (rollout(velocity, at.period, moved(p, name, s * h), 0.0).torque for s in (1, -1))
+            return np.asarray((up - down) / (2 * h))
+
+        difference = (4 * slope(STEP / 2) - slope(STEP)) / 3
+        assert np.linalg.norm(difference - found.total[:, k]) <= 1e-6 * np.linalg.norm(found.total[:, k])
+
+
+@pytest.mark.parametrize("p", [P, PAIR], ids=["one set", "a pair"])
+def test_partial_derivatives_are_differences_at_fixed_z(p: Lugre[float] | Pair[float]) -> None:
+    """Each partial derivative equals the central difference of T_f (3)-(5) with z held as the simulation has it."""
+    velocity, found = PAPER.course.velocity, local(p, PAPER)
+    z = rollout(velocity, PAPER.period, p, 0.0).z
+    for k, name in enumerate(Lugre._fields):
+
+        def torque(share: float, name: str = name) -> Array:
+            """T_f at this z with one parameter larger by a share."""
+            q = moved(p, name, share)
+            acting = q if isinstance(q, Lugre) else evaluate(functions.active(), z, velocity, *q.positive, *q.negative)
+            return evaluate(functions.torque(), z, velocity, *acting)[0]
+
+        difference = (torque(STEP) - torque(-STEP)) / (2 * STEP)
+        np.testing.assert_allclose(found.partial[:, k], difference, atol=1e-7 * np.abs(found.partial[:, k]).max())
+
+
+positive = st.floats(0.3, 3.0)
+sets = st.builds(lambda *x: Lugre(*(a * b for a, b in zip(P, x, strict=True))), *[positive] * 6)
+motions = st.builds(Motion, st.floats(0.003, 2.0), st.floats(0.1, 3.0), st.just(2.0), st.just(2e-3))
+
+
+@FEW
+@given(sets, motions)
+def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: Motion) -> None:
+    """T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do: their derivatives add up to T_f itself (Euler), total and partial."""
+    found = local(p, at)
+    own = [k for k, name in enumerate(Lugre._fields) if name != "v_s"]
+    size = np.abs(found.torque).max()
+    np.testing.assert_allclose(found.total[:, own].sum(axis=1), found.torque, atol=1e-9 * size)
+    np.testing.assert_allclose(found.partial[:, own].sum(axis=1), found.torque, atol=1e-9 * size)
+
+
+@FEW
+@given(sets, motions, positive, positive, positive)
+def test_shares_do_not_depend_on_units(p: Lugre[float], at: Motion, mass: float, length: float, rate: float) -> None:
+    """In other units of torque, angle and time every share is the same."""
+    units = (mass, mass, mass / (length * rate), length * rate, mass / length, mass / (length * rate))
+    other = Lugre(*(x * u for x, u in zip(p, units, strict=True)))
+    scaled = Motion(at.amplitude * length, at.frequency * rate, at.duration / rate, at.period / rate)
+    np.testing.assert_allclose(local(other, scaled).shares(), local(p, at).shares(), rtol=1e-6, atol=1e-12)
+
+
+def test_a_pair_of_equal_sets_is_one_set() -> None:
+    """Both directions alike: the same torque and the same derivatives as one set has."""
+    one, two = local(P, PAPER), local(Pair(P, P), PAPER)
+    for name in ("torque", "partial", "total"):
+        np.testing.assert_allclose(getattr(two, name), getattr(one, name), atol=1e-9)
+
+
+def test_fast_sliding_leaves_the_steady_derivatives() -> None:
+    """While the joint slides fast, the total derivative by alpha_0 is its sign times alpha_0, that by sigma_0 nothing: not so at fixed z."""
+    found = local(P, PAPER)
+    fast = (np.abs(found.velocity) > 10 * P.v_s) & (found.time > 1.0)
+    np.testing.assert_allclose(found.total[fast, 0], P.alpha_0 * np.sign(found.velocity[fast]), rtol=2e-3)
+    assert np.abs(found.total[fast, 4]).max() < 1e-2 * P.alpha_0
+    partial = P.sigma_1 * np.abs(found.velocity[fast]) * np.sign(found.velocity[fast])
+    np.testing.assert_allclose(found.partial[fast, 0], partial, rtol=2e-3)
+
+
+def test_the_map_holds_the_motion() -> None:
+    """The motion's own amplitude and frequency are on the map, with the shares of its last period."""
+    found = sensitivity_map(P, *grid(PAPER))
+    i, j = np.argmin(np.abs(found.amplitudes - 1.0)), np.argmin(np.abs(found.frequencies - 0.5))
+    assert (found.amplitudes[i], found.frequencies[j]) == (1.0, 0.5)
+    np.testing.assert_allclose(found.shares[i, j], local(P, PAPER).shares(last=2000), rtol=1e-3)
+    assert Lugre._fields[found.first[i, j]] == "alpha_2"
+    assert found.claim[i, j]
+
+
+def test_the_map_has_the_three_regimes() -> None:
+    """On the gripper's map fast wide motions are alpha_2's, slow wide ones alpha_0's, tiny ones sigma_0's, where the claim does not hold."""
+    found = sensitivity_map(P, *grid(PAPER))
+    first = np.array(Lugre._fields)[found.first]
+    assert (first[-1, -1], first[6, 0], first[0, 0]) == ("alpha_2", "alpha_0", "sigma_0")
+    assert not found.claim[:2].any()
+    assert 0 < found.claim.sum() < found.claim.size
+    for i, j in ((0, 0), (6, 4), (12, 8)):
+        assert found.claim[i, j] == (set(ranked(found.shares[i, j])[:2]) == {"alpha_0", "alpha_2"})
+
+
+def test_a_bristle_that_only_bends_is_a_spring() -> None:
+    """Where the amplitude is far below the bristle's reach and the motion slow, T = sigma_0 q: sigma_0's share is one, the others' nothing."""
+    shares = sensitivity_map(P, np.array([1e-6]), np.array([1e-3])).shares[0, 0]
+    assert shares[4] == pytest.approx(1.0, abs=1e-3)
+    assert np.delete(shares, 4).max() < 1e-3
+
+
+def test_tornado_of_closed_forms() -> None:
+    """Breakaway moves by the widths of alpha_0's and alpha_1's intervals alone; steady torque at top speed by that of alpha_2 times the speed."""
+    intervals = {name: (0.9 * x, 1.2 * x) for name, x in P._asdict().items()}
+    charts = {chart.output: chart for chart in tornado(P, intervals, PAPER)}
+    widths = {name: {s.parameter: s.width for s in chart.swings} for name, chart in charts.items()}
+    broken = widths["breakaway torque"]
+    assert charts["breakaway torque"].value == pytest.approx(P.alpha_0 + P.alpha_1)
+    assert broken["alpha_0"] == pytest.approx(0.3 * P.alpha_0)
+    assert broken["alpha_1"] == pytest.approx(0.3 * P.alpha_1)
+    assert max(broken[name] for name in ("alpha_2", "v_s", "sigma_0", "sigma_1")) == 0
+    assert widths["steady torque at top speed"]["alpha_2"] == pytest.approx(0.3 * P.alpha_2 * np.pi)
+    reach = (P.alpha_0 + P.alpha_1) / P.sigma_0
+    assert widths["deflection at breakaway"]["sigma_0"] == pytest.approx(reach / 0.9 - reach / 1.2)
+    whole = charts["RMS friction torque of the settled motion"]
+    assert whole.value == pytest.approx(float(rms(local(P, PAPER).torque[-2000:])))
+    assert [s.width for s in whole.swings] == sorted((s.width for s in whole.swings), reverse=True)
+
+
+def test_tornado_agrees_with_the_derivatives() -> None:
+    """For narrow intervals the RMS torque moves as its own derivative says, <T p dT/dp> / RMS, of one set and of each of a pair's."""
+    found = local(P, PAPER)
+    narrow = {name: (x * (1 - 1e-4), x * (1 + 1e-4)) for name, x in P._asdict().items()}
+    whole = tornado(P, narrow, PAPER)[0]
+    for s in whole.swings:
+        k = Lugre._fields.index(s.parameter)
+        slope = float(np.mean((found.torque * found.total[:, k])[-2000:])) / whole.value
+        assert s.at_high - s.at_low == pytest.approx(2e-4 * slope, rel=1e-5, abs=1e-15)
+
+
+def test_replaced_moves_one_parameter() -> None:
+    """A name moves its own set's parameter and nothing else; a bare one of a pair both sets'."""
+    values = dict(zip(names_of(PAIR), (*PAIR.positive, *PAIR.negative), strict=True))
+    for name in values:
+        found = replaced(PAIR, name, 9.0)
+        assert isinstance(found, Pair)
+        assert dict(zip(names_of(PAIR), (*found.positive, *found.negative), strict=True)) == values | {name: 9.0}
+    both = replaced(PAIR, "v_s", 9.0)
+    assert isinstance(both, Pair)
+    assert (both.positive.v_s, both.negative.v_s, both.positive.alpha_0) == (9.0, 9.0, P.alpha_0)
+    assert replaced(P, "v_s", 9.0) == P._replace(v_s=9.0)
+
+
+@FEW
+@given(st.floats(1e-4, 1e3), st.floats(1e-3, 1e3))
+def test_a_motion_has_whole_windows(amplitude: float, frequency: float) -> None:
+    """Whatever is asked for, at least two periods are seen, with at least 200 samples each, and no more than some 400 000 samples."""
+    found = motion(amplitude, frequency)
+    assert found.duration * frequency >= 2 * (1 - 1e-9)
+    assert 1 / (frequency * found.period) >= 200 * (1 - 1e-9)
+    assert found.duration / found.period <= 4e5
+    assert found.top_speed == pytest.approx(2 * np.pi * amplitude * frequency)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "frequency"), [(0.0, 1.0), (-1.0, 1.0), (1.0, 0.0), (np.inf, 1.0), (1.0, np.nan)]
+)
+def test_a_motion_that_is_none_is_refused(amplitude: float, frequency: float) -> None:
+    """Amplitude and frequency are positive and finite."""
+    with pytest.raises(ValueError, match="expected a positive number"):
+        motion(amplitude, frequency)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A joint of points in both directions, with its explored page beside it."""
+    path = tmp_path_factory.mktemp("sensitivity")
+    write(path, speeds(), stem="e")
+    return path
+
+
+@pytest.fixture(scope="module")
+def known(folder: Path) -> exploring.Exploration:
+    """The same joint, explored without Sobol indices."""
+    return bristle.sensitivity(folder / "e.yaml", samples=0)
+
+
+def test_a_joint_of_points_has_an_assumed_bristle(known: exploring.Exploration) -> None:
+    """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval; what was fitted is what is used."""
+    assert {name.rstrip("+-") for name in known.model.assumed} == {"sigma_0", "sigma_1"}
+    assert {name.rstrip("+-") for name in known.box} == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
+    assert any("sigma_0" in s and "assumed" in s for s in known.assumptions)
+    p = known.model.p
+    first = p if isinstance(p, Lugre) else p.positive
+    np.testing.assert_allclose(first[:4], TRUTH[:4], rtol=0.05)
+    assert known.motion.top_speed == pytest.approx(0.4, rel=0.05)
+
+
+def test_expected_errors_of_constant_velocities_are_the_fits_own(known: exploring.Exploration) -> None:
+    """The information of the joint's own constant velocities gives the standard errors that its static fit has."""
+    static = known.expected[1]
+    assert static.what == "the constant velocities"
+    for name, error in zip(static.information.names, static.information.standard_errors, strict=True):
+        assert static.errors[name] == pytest.approx(error, rel=1e-6)
+
+
+def test_the_text_says_what_was_found(known: exploring.Exploration) -> None:
+    """Six parameters with three shares each, a sentence on the claim, and every assumption."""
+    lines = text(known)
+    assert sum(line.split()[0] in Lugre._fields for line in lines[2:8]) == 6
+    assert sum(line.startswith("The paper's claim") for line in lines) == 1
+    assert len([line for line in lines if "assumed" in line]) >= 2
+
+
+def test_nothing_known_is_refused(tmp_path: Path) -> None:
+    """A joint of which no friction was fitted has no sensitivity."""
+    loaded = load_experiment(write(tmp_path, TOO_FEW))
+    with pytest.raises(ValueError, match="nothing is known of its friction over velocity"):
+        of_joint(loaded, identify_joint(measure(loaded)))
+
+
+def test_the_command_writes_a_page(folder: Path, known: exploring.Exploration, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command prints what was found and writes index.html with a table and a figure of each kind."""
+    monkeypatch.setattr(api, "explore", lambda *_: known)
+    ran = run("sensitivity", folder / "e.yaml", "-o", folder / "out", "--samples", 0)
+    assert (ran.code, ran.said) == (0, [])
+    assert "The paper's claim" in ran.out
+    made = {path.relative_to(folder / "out").as_posix() for path in (folder / "out").rglob("*.*")}
+    figures = ("time", "shares", "first", "map", "tornado", "correlation-1", "correlation-2")
+    assert {f"figures/{name}.png" for name in figures} | {"index.html"} <= made
+    assert {f"tables/{name}.csv" for name in ("shares", "map", "tornado", "information", "formulas")} <= made
+    page = (folder / "out" / "index.html").read_text(encoding="utf-8")
+    assert "nan" not in page.lower().replace("nanum", "")
+    assert "in the friction of wrist" in page
+
+
+def test_symbolic_prints_formulas_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With --symbolic the derivatives are printed, the comparison with (19) last, and no file is made."""
+    monkeypatch.chdir(tmp_path)
+    ran = run("sensitivity", "--symbolic")
+    assert ran.code == 0
+    assert "sigma_0*sigma_1*z*abs(v) / g**2" in ran.out
+    assert "It is not dT_f/dalpha_0" in ran.out
+    assert not tree(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--amplitude", "0.5"), "amplitude: got '0.5'; expected a number with its unit"),
+        (("--amplitude", "5 mm"), "amplitude: unit 'mm' is no unit of rad"),
+        (("--amplitude", "-1 rad"), "amplitude: got -1; expected a positive number"),
+        (("--frequency", "3 rad/s"), "frequency: unit 'rad/s' is no unit of Hz"),
+        (("--frequency", "0 Hz"), "frequency: got 0; expected a positive number"),
+        (("--samples", "100"), "samples: got 100; expected a power of two"),
+        (("--samples", "16"), "samples: got 16; expected a power of two, at least 32"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(folder: Path, arguments: tuple[str, str], said: str) -> None:
+    """Exit code 2, one line on stderr that says what was got and what was expected, and no folder made."""
+    ran = run("sensitivity", folder / "e.yaml", "-o", folder / "bad", *arguments)
+    assert (ran.code, len(ran.said)) == (2, 1)
+    assert said in ran.said[0]
+    assert not (folder / "bad").exists()
+
+
+def test_an_interrupt_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while the map is computed ends with 130 and no folder."""
+
+    def interrupted(*_: object) -> None:
+        """What Ctrl-C does."""
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(exploring, "sensitivity_map", interrupted)
+    ran = run("sensitivity", folder / "e.yaml", "-o", folder / "broken", "--samples", 0)
+    assert ran.code == 130
+    assert not (folder / "broken").exists()
+
+
+def test_the_page_of_the_documentation_has_these_numbers() -> None:
+    """The table in docs/sensitivity.md is what the command prints, digit for digit."""
+    lines = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8").splitlines()
+    rows = {cells[1].strip(): cells[2:8] for line in lines if len(cells := line.split("|")) == 9}
+    shares = {
+        "1 rad, 0.5 Hz": local(P, PAPER).shares(),
+        "the same, its last period": local(P, PAPER).shares(last=2000),
+        "0.02 rad, 0.2 Hz": local(P, SLOW_SMALL).shares(),
+    }
+    for name, own in shares.items():
+        assert [cell.strip() for cell in rows[name]] == [f"{share:.2g}" for share in own]

@@ -1,0 +1,405 @@
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.axes import Axes
+
+from bristle import edro
+from bristle.analysis import sobol
+from bristle.analysis.box import box_of, joints_at, ordered
+from bristle.analysis.periodic import rms_torque
+from bristle.analysis.sobol import Global, global_sensitivity, indices
+from bristle.compensation.subject import Subject
+from bristle.control.adaptation import Adaptation
+from bristle.control.closed import simulate
+from bristle.control.compensator import Compensator
+from bristle.control.wiring import Wiring
+from bristle.identification.estimate import Estimate
+from bristle.model import functions
+from bristle.model.arrays import Array, evaluate
+from bristle.model.parameters import Kind, Lugre, Pair
+from bristle.model.rollout import rollout
+from bristle.report.sobol_figures import sobol_figure, sobol_frame, sobol_sentences
+from bristle.report.style import render_as
+
+PAIR = edro.TABLE_1["gripper rotation"]
+GRIPPER = PAIR.positive
+SUBJECT = Subject(
+    name="gripper rotation", kind="revolute", plant=PAIR, model=PAIR, J=edro.inertia(PAIR), gains=edro.PID_GAINS, amplitude=0.2, frequency=2.0,
+    slow=0.5, period=1e-3, adaptation=Adaptation(), start={}, simulated=True,
+)  # fmt: skip  # a list of values
+BOX = {"alpha_0": (0.015, 0.025), "alpha_1": (0.001, 0.01), "alpha_2": (0.03, 0.05)}
+
+
+def ishigami(x: Array) -> Array:
+    """The function sin a + 7 sin(b)**2 + 0.1 c**4 sin a, (n, 3) -> (n,)."""
+    a, b, c = x.T
+    return np.asarray(np.sin(a) + 7 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a))
+
+
+def ishigami_exact() -> tuple[Array, Array]:
+    """First-order and total indices of `ishigami` over [-pi, pi]**3, in closed form (Ishigami and Homma, 1990)."""
+    b, pi = 0.1, np.pi
+    alone = np.array([(1 + b * pi**4 / 5) ** 2 / 2, 49 / 8, 0.0])
+    together = 8 * b**2 * pi**8 / 225
+    whole = alone.sum() + together
+    return alone / whole, (alone + np.array([1.0, 0.0, 1.0]) * together) / whole
+
+
+def shares(found: sobol.Indices) -> tuple[Array, Array]:
+    """First-order and total indices of one output."""
+    return np.array([e.first for e in found.effects]), np.array([e.total for e in found.effects])
+
+
+def repeated(pair: Pair[float], count: int = 1) -> Pair[Array]:
+    """The same joint so many times."""
+    return Pair(*(Lugre(*(np.full(count, x) for x in p)) for p in pair))
+
+
+@pytest.fixture(autouse=True)
+def _few_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loops, which are slow, get the fewest samples."""
+    monkeypatch.setattr(sobol, "_TICKS", 1)
+
+
+@pytest.fixture(scope="module")
+def found() -> Global:
+    """The gripper over a box of three parameters, with few loops."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sobol, "_TICKS", 1)
+        return global_sensitivity(GRIPPER, BOX, SUBJECT, samples=1024)
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_ishigami(seed: int) -> None:
+    """At N = 8192 every index of Ishigami's function is within 0.01 of its exact value, and within its own confidence interval."""
+    (own,) = indices(ishigami, dict.fromkeys("abc", (-np.pi, np.pi)), 8192, seed)
+    for index, half, exact in zip(
+        shares(own),
+        ([e.first_half for e in own.effects], [e.total_half for e in own.effects]),
+        ishigami_exact(),
+        strict=True,
+    ):
+        assert index == pytest.approx(exact, abs=0.01)
+        assert (np.abs(index - exact) <= half).all()
+        assert 0.015 < np.array(half).max() < 0.05  # 1.96 standard errors of so many samples
+    assert own.samples == 8192
+    assert own.evaluations == 8192 * 5
+    assert own.mean == pytest.approx(3.5, abs=0.01)
+
+
+@pytest.mark.parametrize("order", [(2, 0, 1), (1, 0, 2)])
+def test_permuted_names_permute_the_indices(order: tuple[int, ...]) -> None:
+    """Parameters that change places take their indices with them."""
+    back = np.argsort(order)
+    (own,) = indices(lambda x: ishigami(x[:, back]), {"abc"[k]: (-np.pi, np.pi) for k in order}, 8192)
+    assert [e.parameter for e in own.effects] == ["abc"[k] for k in order]
+    for index, exact in zip(shares(own), ishigami_exact(), strict=True):
+        assert index == pytest.approx(exact[list(order)], abs=0.01)
+
+
+def test_steady_friction_is_additive() -> None:
+    """The steady torque is linear in all alphas: each makes its own variance, slope**2 width**2 / 12, alone and in total, at every speed at once."""
+    speeds = np.array([0.01, 0.1, 1.0])
+
+    def torque(x: Array) -> Array:
+        """(n, 3) -> (n, speeds)."""
+        return evaluate(functions.steady_torque(), speeds, *x.T[:, :, None], GRIPPER.v_s)[0]
+
+    width = np.array([high - low for low, high in BOX.values()])
+    slopes = np.array(evaluate(functions.steady_jacobian(), speeds, *GRIPPER[:4])[:3])
+    for own, slope in zip(indices(torque, BOX, 8192), slopes.T, strict=True):
+        exact = (slope * width) ** 2 / np.sum((slope * width) ** 2)
+        for index in shares(own):
+            assert index == pytest.approx(exact, abs=0.01)
+        assert own.deviation == pytest.approx(np.sqrt(np.sum((slope * width) ** 2) / 12), rel=1e-3)
+
+
+def test_breakaway_torque_is_additive(found: Global) -> None:
+    """alpha_0 + alpha_1 of independent uniform parameters: S_i = Var_i / sum Var within 0.01, nothing of alpha_2, and the mean of the sum."""
+    own = found.outputs[1].indices
+    assert own is not None
+    variance = np.array([0.01**2, 0.009**2, 0.0])
+    for index in shares(own):
+        assert index == pytest.approx(variance / variance.sum(), abs=0.01)
+    assert own.mean == pytest.approx(0.02 + 0.0055, rel=1e-4)
+
+
+def test_a_wide_interval_is_drawn_by_its_logarithm() -> None:
+    """Over four decades log(x) has the variance of a uniform one; over less than one decade x itself is uniform."""
+    box = {"x": (1e-2, 1e2), "y": (1.0, 9.0)}
+    (own,) = indices(lambda p: np.log(p[:, 0]) + p[:, 1], box, 8192)
+    variance = np.array([np.log(1e4) ** 2, 64.0])
+    assert shares(own)[0] == pytest.approx(variance / variance.sum(), abs=0.01)
+    assert own.mean == pytest.approx(5.0, abs=0.01)
+    assert own.deviation**2 == pytest.approx(variance.sum() / 12, rel=1e-2)
+
+
+def test_shares_are_shares(found: Global) -> None:
+    """First-order indices sum to no more than one, and no total is below its first order, both within confidence."""
+    for output in found.outputs:
+        own = output.indices
+        assert own is not None
+        first, total = shares(own)
+        half = np.array([e.first_half for e in own.effects])
+        assert first.sum() <= 1 + np.sqrt(np.sum(half**2))
+        assert (total >= first - half).all()
+        assert (first + half >= 0).all()
+
+
+def test_same_seed_same_result_whatever_the_order(found: Global) -> None:
+    """A seed fixes samples and bootstrap, zero too, and the order of the box changes nothing; another seed gives other numbers."""
+    again = global_sensitivity(Pair(GRIPPER, GRIPPER), dict(reversed(BOX.items())), SUBJECT, samples=1024)
+    assert again == found
+    functions_of = [indices(ishigami, dict.fromkeys("abc", (0.0, 1.0)), 64, seed) for seed in (0, 0, 1)]
+    assert functions_of[0] == functions_of[1] != functions_of[2]
+
+
+def test_each_output_says_how_often_it_was_tried(found: Global) -> None:
+    """Torque and breakaway get all samples, the loops as many as they can afford; each is a power of two, times p + 2."""
+    owns = [output.indices for output in found.outputs]
+    assert [own and own.samples for own in owns] == [1024, 1024, 32]
+    assert [own and own.evaluations for own in owns] == [5120, 5120, 160]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "ticks", "samples"), [(6, 4000, 256), (12, 4000, 128), (6, 10**7, 32), (1, 100, 16384)]
+)
+def test_loops_are_afforded(monkeypatch: pytest.MonkeyPatch, parameters: int, ticks: int, samples: int) -> None:
+    """With the default budget six parameters get 256 samples at the paper's reference; a long run gets the fewest, not none."""
+    monkeypatch.undo()
+    assert sobol._affordable(parameters, ticks) == samples
+
+
+def test_rms_torque_explained_by_its_closed_form() -> None:
+    """A stiff joint without Stribeck has T = alpha_0 sgn v + alpha_2 v: its RMS over a sine in closed form, for many joints at once."""
+    alpha_0, alpha_2 = np.linspace(0.01, 0.03, 40), np.linspace(0.05, 0.02, 40)
+    one = np.ones(40)
+    p = Lugre(alpha_0, 0 * one, alpha_2, one, 1e7 * one, 0 * one)
+    V = 2 * np.pi * 0.5
+    exact = np.sqrt(alpha_0**2 + 4 / np.pi * alpha_0 * alpha_2 * V + (alpha_2 * V) ** 2 / 2)
+    assert rms_torque(Pair(p, p), 1.0, 0.5) == pytest.approx(exact, rel=3e-4)
+    assert rms_torque(Pair(p, p), 1.0, 0.5, samples=2000) == pytest.approx(exact, rel=3e-6)
+
+
+def test_a_narrow_stribeck_peak_is_not_missed() -> None:
+    """A peak that lasts less than a sample is there: nodes lie as close as the smallest v_s asks for; as a rollout of a hundred times the samples."""
+    p, n = Lugre(0.02, 0.2, 0.001, 0.01, 500.0, 0.0), 20_000
+    v = 2 * np.pi * 0.5 * np.cos(2 * np.pi * np.arange(2 * n + 1) / n)
+    whole = rollout(v, 2 / n, p).torque[-n:]
+    assert rms_torque(repeated(Pair(p, p)), 1.0, 0.5) == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-3)
+
+
+def test_rms_torque_of_a_spring() -> None:
+    """Far below breakaway the joint is a spring with a damper: T = sigma_0 q + (sigma_1 + alpha_2) v."""
+    p = Lugre(1e3, 1.0, 0.1, 0.05, 5.0, 0.2)
+    A, w = 0.01, 2 * np.pi
+    exact = A * np.hypot(5.0, 0.3 * w) / np.sqrt(2)
+    assert rms_torque(repeated(Pair(p, p)), A, 1.0) == pytest.approx(exact, rel=3e-4)
+
+
+@pytest.mark.parametrize("name", edro.TABLE_1)
+@pytest.mark.parametrize(("amplitude", "frequency", "periods"), [(1.0, 0.5, 3), (0.02, 0.2, 6), (1e-3, 0.2, 60)])
+def test_rms_torque_is_that_of_the_rollout(name: str, amplitude: float, frequency: float, periods: int) -> None:
+    """Both sets of a joint, sliding or not: a rollout that went on until it was periodic has the same RMS to 2e-4."""
+    pair, n = edro.TABLE_1[name], 2000
+    k = np.arange(periods * n + 1)
+    v = 2 * np.pi * frequency * amplitude * np.cos(2 * np.pi * k / n)
+    z0 = None if amplitude > 0.01 else 0.0  # an elastic bristle forgets nothing: from the middle it has less far to go
+    whole = rollout(v, 1 / (n * frequency), pair, z0).torque[-n:]
+    found = rms_torque(repeated(pair, 3), amplitude, frequency)
+    assert found == pytest.approx(np.sqrt(np.mean(whole**2)), rel=2e-4)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.1, 10.0), st.floats(1e-3, 3.0), st.floats(0.05, 5.0))
+def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: float) -> None:
+    """T_f is of degree one in all parameters but v_s, and directions may be exchanged; no joint of a batch sees another."""
+    scaled = [p._replace(**{n: factor * x for n, x in p._asdict().items() if n != "v_s"}) for p in PAIR]
+    both = Pair(*(Lugre(*(np.array(x) for x in zip(p, q, strict=True))) for p, q in zip(PAIR, scaled, strict=True)))
+    plain, more = rms_torque(both, amplitude, frequency)
+    assert more == pytest.approx(factor * plain, rel=1e-9)
+    swapped = rms_torque(Pair(*reversed(both)), amplitude, frequency)
+    assert swapped == pytest.approx([plain, more], rel=1e-3)
+    assert rms_torque(repeated(PAIR), amplitude, frequency) == pytest.approx(plain, rel=1e-12)
+
+
+def test_the_compensator_keeps_the_nominal_model() -> None:
+    """Over a box that is next to nothing the loop is that of the nominal plant with the nominal model, whatever the subject's own are."""
+    p = GRIPPER._replace(alpha_0=0.05)
+    own = global_sensitivity(p, {"alpha_2": (0.0393999, 0.0394001)}, SUBJECT, samples=32).outputs[2].indices
+    case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
+    run = simulate(Wiring(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
+    assert own is not None
+    assert own.mean == pytest.approx(run.rms_error(0.5).item(), rel=1e-4)
+
+
+def test_the_plant_is_drawn() -> None:
+    """A plant with more viscous friction than its model has a larger error: over a box above the model, that explains all of the variance."""
+    own = global_sensitivity(GRIPPER, {"alpha_2": (0.05, 0.08)}, SUBJECT, samples=32).outputs[2].indices
+    assert own is not None
+    exact = global_sensitivity(GRIPPER, {"alpha_2": (0.0394, 0.03941)}, SUBJECT, samples=32).outputs[2].indices
+    assert exact is not None
+    assert own.mean > 1.2 * exact.mean
+    assert own.effects[0].total == pytest.approx(1.0, abs=0.2)
+
+
+def test_loops_have_settled() -> None:
+    """At the paper's reference the error of the period that counts is within 1 % of that four periods later, at corners of a box of 20 %."""
+    cases = [
+        SUBJECT.case(plant=Pair(*(p._replace(alpha_0=a * p.alpha_0, alpha_2=b * p.alpha_2) for p in PAIR)))
+        for a, b in ((0.8, 0.8), (1.2, 0.8), (0.8, 1.2), (1.2, 1.2))
+    ]
+    course = replace(SUBJECT, amplitude=1.0, frequency=0.5).sine(0.5, 12.0)
+    error = simulate(Wiring(compensator=SUBJECT.compensator), cases, course, 1e-3).error
+    counted, later = (np.sqrt(np.mean(error[:, k * 2000 : (k + 1) * 2000] ** 2, axis=1)) for k in (1, 5))
+    assert counted == pytest.approx(later, rel=0.01)
+
+
+def test_one_direction_alone_is_drawn() -> None:
+    """A name with its sign moves that set only: half of it reaches the breakaway torque, which is the mean of both."""
+    box = {"alpha_0+": (0.01, 0.03), "alpha_1": (0.0, 0.01)}
+    own = global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1].indices
+    assert own is not None
+    assert shares(own)[0] == pytest.approx([0.5, 0.5], abs=0.01)
+    assert own.mean == pytest.approx((0.02 + PAIR.negative.alpha_0) / 2 + 0.005, rel=1e-4)
+    sets = joints_at(PAIR, ordered(box), np.array([[0.011, 0.002]]))
+    assert sets.negative.alpha_0 == PAIR.negative.alpha_0
+    drawn = [float(x[0]) for x in (sets.positive.alpha_0, sets.positive.alpha_1, sets.negative.alpha_1)]
+    assert drawn == [0.011, 0.002, 0.002]
+
+
+def test_an_output_that_nothing_changes_has_no_indices() -> None:
+    """sigma_1 has no part in the breakaway torque: None, with the reason, where shares of no variance do not exist."""
+    found = global_sensitivity(GRIPPER, {"sigma_1": (0.01, 0.02)}, SUBJECT, samples=32)
+    torque, breakaway, _ = found.outputs
+    assert torque.indices is not None
+    assert breakaway.indices is None
+    assert breakaway.reason == "None of the parameters drawn changes it."
+    (flat,) = indices(lambda x: 3.0 + 0 * x[:, 0], {"x": (0.0, 1.0)}, 32)
+    assert (flat.effects, flat.mean, flat.deviation) == ((), 3.0, 0.0)
+
+
+def test_loops_that_cannot_be_run_say_so() -> None:
+    """A period that the loop does not bear, or a plant with which it diverges: no indices of the loop, with the reason; the others stand."""
+    long = global_sensitivity(GRIPPER, BOX, replace(SUBJECT, period=0.05, frequency=0.2, amplitude=1.0), samples=32)
+    assert long.outputs[2].indices is None
+    assert "shorten the period" in long.outputs[2].reason
+    braked = replace(SUBJECT, compensator=Compensator(name="lugre-feedback"))
+    lost = global_sensitivity(GRIPPER._replace(alpha_2=3.0), BOX, braked, samples=32)
+    assert lost.outputs[2].indices is None
+    assert "diverges with 160 of the 160 plants" in lost.outputs[2].reason
+    for found in (long, lost):
+        assert [output.indices is not None for output in found.outputs[:2]] == [True, True]
+
+
+def test_progress_counts_up() -> None:
+    """Progress is told before each batch, with one total, from none done to all but one; all is done where it ends."""
+    told: list[tuple[str, int, int]] = []
+    global_sensitivity(GRIPPER, BOX, SUBJECT, samples=512, progress=lambda *x: told.append(x))
+    assert [done for _, done, _ in told] == list(range(told[0][2]))
+    assert {total for _, _, total in told} == {5}
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: indices(ishigami, {}, 64), "box is empty"),
+        (lambda: indices(ishigami, {"a": (1.0, 1.0)}, 64), "low < high"),
+        (lambda: indices(ishigami, {"a": (0.0, np.inf)}, 64), "finite"),
+        (lambda: indices(ishigami, {"a": (0.0, 1.0)}, 100), "power of two"),
+        (lambda: indices(ishigami, {"a": (0.0, 1.0)}, 0), "power of two"),
+        (lambda: indices(ishigami, {"a": (0.0, 1.0)}, 64, -1), "seed"),
+        (lambda: indices(lambda x: x[:1, 0], {"a": (0.0, 1.0)}, 64), "shape"),
+        (lambda: indices(lambda x: x[:, :, None], {"a": (0.0, 1.0)}, 64), "shape"),
+        (lambda: indices(lambda x: x[:, 0] * np.nan, {"a": (0.0, 1.0)}, 64), "not finite"),
+        (lambda: global_sensitivity(GRIPPER, BOX, SUBJECT, samples=16), "at least 32"),
+        (lambda: global_sensitivity(GRIPPER, BOX, SUBJECT, samples=1000), "power of two"),
+        (lambda: global_sensitivity(GRIPPER, {"J": (0.0, 1.0)}, SUBJECT), "'J'"),
+        (lambda: global_sensitivity(GRIPPER, {**BOX, "alpha_0+": (0.1, 1.0)}, SUBJECT), "alpha_0"),
+        (lambda: global_sensitivity(GRIPPER, {"v_s": (0.0, 1.0)}, SUBJECT), "low end of 0"),
+        (lambda: global_sensitivity(GRIPPER, {"alpha_1": (-0.1, 1.0)}, SUBJECT), "low end of -0.1"),
+    ],
+)
+def test_bad_input_is_refused(call: Callable[[], object], said: str) -> None:
+    """One sentence says what was got and what was expected."""
+    with pytest.raises(ValueError, match=said) as refused:
+        call()
+    assert "\n" not in str(refused.value)
+
+
+def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A missing SALib is said at once, before anything is simulated, with the command that installs it."""
+    monkeypatch.setitem(sys.modules, "SALib", None)
+    told: list[object] = []
+    with pytest.raises(ValueError, match=r"pip install 'bristle\[sensitivity\]'"):
+        global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
+    assert not told
+
+
+def test_the_box_of_a_fit() -> None:
+    """95 % intervals as they are, cut where they reach what cannot be; no box, but a sentence, where there is none; other parameters left out."""
+    intervals: dict[str, tuple[float, tuple[float, float] | None]] = {
+        "alpha_0+": (0.02, (0.01, 0.03)), "alpha_1+": (0.005, (-0.01, 0.02)), "v_s": (0.07, (-0.1, 0.2)),
+        "sigma_0": (6.0, (3.0, np.inf)), "sigma_1": (0.02, None), "inertia": (0.1, (0.0, 0.2)),
+    }  # fmt: skip  # a table
+    estimates = {name: Estimate(value=x, unit="-", interval=own) for name, (x, own) in intervals.items()}
+    estimates["alpha_2"] = Estimate(value=None, unit="-")
+    box, said = box_of(estimates)
+    assert box == {"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)}
+    assert [sentence.split(":")[0] for sentence in said] == ["alpha_1+", "v_s", "sigma_0", "sigma_1"]
+    assert [span.parameter for span in ordered(box)] == ["alpha_0+", "alpha_1+", "v_s"]
+
+
+def bars(ax: Axes) -> list[float]:
+    """Heights of the bars of a panel, first orders first."""
+    return [bar.get_height() for container in ax.containers for bar in getattr(container, "patches", ())]
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_the_figure_shows_the_indices(found: Global, kind: Kind) -> None:
+    """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force; whiskers are inside."""
+    figure = sobol_figure(found, kind, name="<a> & $b$", simulated=True)
+    for ax, output in zip(figure.axes, found.outputs, strict=True):
+        own = output.indices
+        assert own is not None
+        assert bars(ax) == [*shares(own)[0], *shares(own)[1]]
+        assert f"{own.samples} samples" in ax.texts[0].get_text()
+        assert [label.get_text() for label in ax.get_xticklabels()] == ["α₀", "α₁", "α₂"]
+        low, high = ax.get_ylim()
+        assert low < min(e.first - e.first_half for e in own.effects)
+        assert high > max(e.total + e.total_half for e in own.effects)
+    assert (" N;" in figure.axes[0].texts[0].get_text()) == (kind == "prismatic")
+    assert ("force" in figure.axes[1].texts[0].get_text()) == (kind == "prismatic")
+    assert "SIMULATED" in figure.axes[0].get_title(loc="left")
+    assert render_as(figure, "png")
+
+
+def test_the_figure_says_what_there_is_not(found: Global) -> None:
+    """A panel without indices says why, and the legend stands in one that has them."""
+    outputs = (replace(found.outputs[0], indices=None, reason="Nothing is known."), *found.outputs[1:])
+    figure = sobol_figure(replace(found, outputs=outputs), "revolute", name="x", simulated=False)
+    assert "Nothing is known." in [text.get_text() for text in figure.axes[0].texts]
+    assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
+    nothing = tuple(replace(output, indices=None, reason="None.") for output in outputs)
+    assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
+    assert sobol_frame(replace(found, outputs=nothing), "revolute").empty
+
+
+def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
+    """One row for each output and parameter; the sentences name the largest first, what was drawn, the seed, and that it is simulated."""
+    frame = sobol_frame(found, "revolute")
+    effects = [e for output in found.outputs if output.indices for e in output.indices.effects]
+    assert frame["total"].tolist() == [e.total for e in effects]
+    assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3
+    assert frame["unit"].tolist()[:3] == ["N*m", "N*m", "N*m*s/rad"]
+    said = sobol_sentences(found, "revolute")
+    assert said[1].startswith("Breakaway torque: total index α₀ 0.55 ± ")
+    assert "α₂" not in said[1]
+    assert "1024 samples" in said[1]
+    assert "Seed 0." in said[3]
+    assert "SIMULATED" in said[4]

@@ -1,0 +1,187 @@
+"""The printed formulas: evaluated, they are CasADi's derivatives; as trees, like formulas are equal and unlike ones are not."""
+
+import ast
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bristle.analysis.symbolic import LATEX, Tree, abbreviated, formulas, tree_of, written
+from bristle.edro import TABLE_1
+from bristle.model import functions
+from bristle.model.parameters import Lugre
+
+FEW = settings(max_examples=40, deadline=None)
+FORMULAS = formulas()
+GRIPPER = TABLE_1["gripper rotation"].positive
+CALLS: dict[str, Callable[[float], float]] = {"abs": abs, "exp": math.exp, "sign": lambda x: float((x > 0) - (x < 0))}
+OPERATORS: dict[type, Any] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Pow: operator.pow, ast.USub: operator.neg,
+}  # fmt: skip  # a table
+
+
+def value(text: str, names: Mapping[str, float]) -> float:
+    """A printed formula at some values: names, numbers, + - * / **, and the three functions; nothing else is allowed."""
+
+    def at(node: ast.AST) -> float:
+        """The value of one node."""
+        if isinstance(node, ast.Expression):
+            return at(node.body)
+        if isinstance(node, ast.BinOp):
+            return float(OPERATORS[type(node.op)](at(node.left), at(node.right)))
+        if isinstance(node, ast.UnaryOp):
+            return float(OPERATORS[type(node.op)](at(node.operand)))
+        if isinstance(node, ast.Call):
+            assert isinstance(node.func, ast.Name)
+            return CALLS[node.func.id](at(node.args[0]))
+        if isinstance(node, ast.Name):
+            return names[node.id]
+        assert isinstance(node, ast.Constant)
+        assert isinstance(node.value, int | float)
+        return float(node.value)
+
+    return at(ast.parse(text, mode="eval"))
+
+
+def python_of(latex: str) -> str:
+    """The LaTeX that bristle writes as Python: from the inside out, so that braces never nest."""
+    text = latex.replace(r"\,", "*").replace(r"\left|", "abs(").replace(r"\right|", ")")
+    text = text.replace(r"\left(", "(").replace(r"\right)", ")").replace(r"\operatorname{sgn}", "sign")
+    text = re.sub(r"\\(alpha|sigma)", r"\1", text)
+    for _ in range(20):
+        text = re.sub(r"\be\^\{([^{}]*)\}", r"exp(\1)", text)
+        text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"((\1)/(\2))", text)
+        text = re.sub(r"\^\{(\d+)\}", r"**\1", text)
+    return text
+
+
+def point(z: float, v: float, p: Lugre[float]) -> dict[str, float]:
+    """Values by name."""
+    return {"z": z, "v": v, **p._asdict()}
+
+
+positive = st.floats(0.05, 5.0)
+sets = st.builds(Lugre, *[positive] * 6)
+deflections = st.floats(-2.0, 2.0)
+velocities = st.floats(-3.0, 3.0).filter(lambda v: abs(v) > 1e-3)
+
+
+@FEW
+@given(deflections, velocities, sets)
+def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) -> None:
+    """Each printed derivative of T_f, as text and as LaTeX, has the value of CasADi's own function anywhere."""
+    _, *slopes = (float(x) for x in functions.torque_sensitivity()(z, v, *p))
+    for name, slope in zip(("z", *Lugre._fields), slopes, strict=True):
+        tree = FORMULAS.partial[name]
+        for text in (written(tree), python_of(written(tree, LATEX))):
+            assert value(text, point(z, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+
+
+@FEW
+@given(velocities, sets)
+def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
+    """Each printed derivative of the steady torque has the value of CasADi's; those by sigma_0 and sigma_1 are zero."""
+    slopes = [float(x) for x in functions.steady_jacobian()(v, *p[:4])]
+    for name, slope in zip(Lugre._fields, [*slopes, 0.0, 0.0], strict=True):
+        assert value(written(FORMULAS.steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+
+
+@FEW
+@given(deflections, velocities, sets)
+def test_abbreviations_keep_the_value(z: float, v: float, p: Lugre[float]) -> None:
+    """With g for g(v) each formula keeps its value, and g is the Stribeck curve (5)."""
+    names = point(z, v, p)
+    g = value(written(FORMULAS.stribeck), names)
+    assert g == pytest.approx(p.alpha_0 + p.alpha_1 * math.exp(-((v / p.v_s) ** 2)), rel=1e-12)
+    for tree in (FORMULAS.torque, *FORMULAS.partial.values()):
+        short = written(abbreviated(tree, FORMULAS.stribeck))
+        assert value(short, names | {"g": g}) == pytest.approx(value(written(tree), names), rel=1e-9, abs=1e-12)
+
+
+def test_the_printed_law_is_another_derivative() -> None:
+    """(19) as printed is dT_f / dalpha_1 term by term, and at the notes' point both are 0.0149170 where dT_f / dalpha_0 is 0.0177452."""
+    assert FORMULAS.printed_is == ("alpha_1",)
+    assert FORMULAS.printed == FORMULAS.partial["alpha_1"] != FORMULAS.partial["alpha_0"]
+    at = point(0.003, 0.03, GRIPPER)
+    assert value(written(FORMULAS.printed), at) == pytest.approx(0.0149170, abs=5e-8)
+    assert value(written(FORMULAS.partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
+
+
+def test_formulas_are_readable() -> None:
+    """The formulas read as one would write them by hand."""
+    short = {name: written(abbreviated(tree, FORMULAS.stribeck)) for name, tree in FORMULAS.partial.items()}
+    assert short["alpha_0"] == "sigma_0*sigma_1*z*abs(v) / g**2"
+    assert short["alpha_2"] == "v"
+    assert short["sigma_0"] == "z - sigma_1*z*abs(v) / g"
+    assert written(FORMULAS.steady["alpha_0"]) == "sign(v)"
+    assert written(FORMULAS.stribeck) == "alpha_0 + alpha_1*exp(-(v / v_s)**2)"
+
+
+def test_latex_braces_are_balanced() -> None:
+    """Every LaTeX formula closes what it opens, in order."""
+    for tree in (FORMULAS.torque, FORMULAS.printed, *FORMULAS.partial.values(), *FORMULAS.steady.values()):
+        text, depth = written(tree, LATEX), 0
+        for character in text:
+            depth += (character == "{") - (character == "}")
+            assert depth >= 0
+        assert depth == 0
+        assert text.count(r"\left") == text.count(r"\right")
+
+
+NAMES = ("a", "b")
+X, Y = ca.SX.sym("a"), ca.SX.sym("b")
+leaves = st.sampled_from([X, Y, ca.SX(1.0), ca.SX(2.0), ca.SX(0.5)])
+
+
+def grown(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Larger expressions of smaller ones, defined and moderate where the names are positive and near one."""
+    two = st.tuples(parts, parts)
+    return st.one_of(
+        two.map(lambda xy: xy[0] + xy[1]), two.map(lambda xy: xy[0] * xy[1]), two.map(lambda xy: xy[0] - xy[1]),
+        two.map(lambda xy: xy[0] / (1 + xy[1] ** 2)), parts.map(lambda x: x**2), parts.map(lambda x: -x),
+        parts.map(ca.fabs), parts.map(lambda x: ca.exp(-(x**2))), parts.map(lambda x: 1 / (2 + ca.fabs(x))),
+    )  # fmt: skip  # a list of ways
+
+
+def tree(expression: Any) -> Tree:
+    """The tree of an expression of a and b."""
+    return tree_of(ca.Function("f", [X, Y], [ca.densify(expression)], [*NAMES], ["y"]))
+
+
+@FEW
+@given(st.recursive(leaves, grown, max_leaves=8), st.floats(0.5, 1.5), st.floats(0.5, 1.5))
+def test_any_expression_keeps_its_value(expression: Any, a: float, b: float) -> None:
+    """Whatever is collected, reordered and written has the value of the CasADi expression, as text and as LaTeX."""
+    exact = float(ca.Function("f", [X, Y], [expression])(a, b))
+    found = tree(expression)
+    for text in (written(found), python_of(written(found, LATEX))):
+        assert value(text, {"a": a, "b": b}) == pytest.approx(exact, rel=1e-9, abs=1e-9)
+
+
+def test_numbers_are_raised_with_their_factors() -> None:
+    """A number within a power is raised as well: (2 a b)**2 is 4 a**2 b**2, and 1 / (2 a) has the 2 below."""
+    assert written(tree((2 * X * Y) ** 2)) == "4*a**2*b**2"
+    assert written(tree(1 / (2 * X))) == "1 / (2*a)"
+    assert written(tree(1 / (4 * X * X))) == "1 / (4*a**2)"
+
+
+@FEW
+@given(st.recursive(leaves, grown, max_leaves=4), st.recursive(leaves, grown, max_leaves=4))
+def test_order_does_not_matter(first: Any, second: Any) -> None:
+    """Sums and products are the same tree either way round, and what is taken off itself is nothing."""
+    assert tree(first + second) == tree(second + first)
+    assert tree(first * second) == tree(second * first)
+    assert written(tree(first - first)) == "0"
+
+
+def test_what_cannot_be_written_is_refused() -> None:
+    """An operation that has no place in a formula raises ValueError with its number."""
+    with pytest.raises(ValueError, match="cannot be written"):
+        tree(ca.atan2(X, Y))
