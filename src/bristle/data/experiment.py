@@ -21,6 +21,7 @@ from bristle.data.options import (
     Inertia,
     Joint,
     MotorConstants,
+    PlanOptions,
     RunFiles,
     RunKind,
     SegmentLimits,
@@ -38,6 +39,7 @@ __all__ = [
     "Experiment",
     "FitOptions",
     "Inertia",
+    "PlanOptions",
     "Position",
     "Run",
     "Signal",
@@ -66,6 +68,7 @@ class Experiment(Model):
     segment_limits: SegmentLimits = Field(default=SegmentLimits(), alias="segments")
     fit: FitOptions = FitOptions()
     adapt: AdaptOptions = AdaptOptions()
+    plan: PlanOptions = PlanOptions()
     simulated: StrictBool = False
     assumptions: tuple[StrictStr, ...] = ()
     true_sets: dict[Literal["+", "-", "both"], TrueSet] = Field(default_factory=dict, alias="truth")

@@ -206,3 +206,38 @@ class TrueSet(Model):
     v_s: Annotated[float, quantity("v_s"), Field(gt=0)]
     sigma_0: Annotated[float, quantity("sigma_0"), Field(gt=0)] | None = None
     sigma_1: Annotated[float, quantity("sigma_1"), Field(ge=0)] | None = None
+
+
+class PlanOptions(Model):
+    """Limits of what `bristle plan` proposes, and how it is played; what is not given comes from the measured runs, and is said."""
+
+    position: tuple[Annotated[float, quantity("position")], Annotated[float, quantity("position")]] | None = None
+    """Lowest and highest position, rad."""
+    velocity: Speed | None = None
+    """Fastest speed, rad/s."""
+    minimum_velocity: Speed | None = None
+    """Slowest constant speed at which the drive does not stick and slip, rad/s."""
+    acceleration: Annotated[float, quantity("acceleration"), Field(gt=0)] | None = None
+    """Largest, rad/s**2."""
+    torque: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
+    """Largest of the drive, N*m."""
+    time: Seconds | None = None
+    """All of it, s; None: as long as it takes."""
+    hold: Seconds | None = None
+    """Time over which each constant velocity is averaged, s."""
+    frequency: Hertz | None = None
+    """Highest of the tracking motion, Hz."""
+    rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0
+    """At which the references are written, Hz."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "PlanOptions":
+        if self.position is not None and not self.position[0] < self.position[1]:
+            raise ValueError(
+                f"plan.position: got {self.position[0]:g} to {self.position[1]:g}; expected the smaller value first"
+            )
+        if self.velocity is not None and self.minimum_velocity is not None and self.minimum_velocity >= self.velocity:
+            raise ValueError(
+                f"plan.minimum_velocity: got {self.minimum_velocity:g}; expected less than plan.velocity, {self.velocity:g}"
+            )
+        return self

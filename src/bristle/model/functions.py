@@ -64,6 +64,14 @@ def loading_displacement() -> ca.Function:
 
 
 @cache
+def loading_slope() -> ca.Function:
+    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `loading_displacement` with the derivative by the torque as well."""
+    s = _symbols("T", "g0", "sigma_0")
+    y = law.loading_displacement(s["T"], Lugre(s["g0"], 0.0, 0.0, 1.0, s["sigma_0"], 0.0))
+    return _function("loading_slope", s, {"y": y, **_derivatives("y", y, s)})
+
+
+@cache
 def presliding_damping() -> ca.Function:
     """(sigma_0, J, damping_ratio) -> (sigma_1, sigma_1_sigma_0, sigma_1_J): (15) for any damping ratio, with its derivatives."""
     s = _symbols("sigma_0", "J", "damping_ratio")
@@ -84,6 +92,16 @@ def voltage() -> ca.Function:
     """(T, w, k_t, R) -> V: the voltage that drives torque T at velocity w, the inverse of (7)-(8), V."""
     s = _symbols("T", "w", "k_t", "R")
     return _function("voltage", s, {"V": motor.voltage(s["T"], s["w"], Motor(s["k_t"], s["R"], 0.0, 0.0))})
+
+
+@cache
+def faded_sine() -> ca.Function:
+    """(t, amplitude, frequency, phase, duration, rest) -> (x, x_t, x_tt): a sine that is faded in and out over `rest`, and its derivatives by t."""
+    s = _symbols("t", "amplitude", "frequency", "phase", "duration", "rest")
+    r = ca.fmin(ca.fmax(ca.fmin(s["t"], s["duration"] - s["t"]) / s["rest"], 0), 1)
+    x = s["amplitude"] * r**3 * (10 - 15 * r + 6 * r**2) * ca.sin(2 * ca.pi * s["frequency"] * s["t"] + s["phase"])
+    x_t = ca.jacobian(x, s["t"])
+    return _function("faded_sine", s, {"x": x, "x_t": x_t, "x_tt": ca.jacobian(x_t, s["t"])})
 
 
 @cache

@@ -8,8 +8,13 @@ from pathlib import Path, PurePosixPath
 
 MANIFEST = ".bristle-manifest"
 """Lists what the last report made in its folder, one relative path per line."""
-_OWN = (b'"schema": "bristle-results/', b"Software\0bristle", b"<dc:title>bristle</dc:title>")
-"""By which a file that bristle wrote is known, near its beginning: results, a PNG, an SVG."""
+_OWN = (
+    b'"schema": "bristle-results/',
+    b"Software\0bristle",
+    b"<dc:title>bristle</dc:title>",
+    b"time (s),experiment,run,position reference (",
+)
+"""By which a file that bristle wrote is known, near its beginning: results, a PNG, an SVG, a plan's references."""
 _HEAD = 4096
 
 

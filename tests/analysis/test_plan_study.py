@@ -1,0 +1,235 @@
+import io
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import bristle
+from bristle.analysis import plan_motion
+from bristle.analysis.information import STATIC
+from bristle.analysis.plan_study import Plan
+from bristle.edro import experiments
+from bristle.report.plan_section import lacking, text
+from bristle.report.plan_tables import comparison, references, to_csv
+
+from ..conftest import Ran, run, speeds, write
+
+PARTS = ("now", "with velocities", "with loading", "with motion")
+Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few motions are tried: what is tested holds for any number."""
+    monkeypatch.setattr(plan_motion, "TRIES", 3)
+    monkeypatch.setattr(plan_motion, "STEPS", 12)
+
+
+@pytest.fixture(scope="module")
+def gripper() -> Plan:
+    """The plan for gripper rotation of the embedded default, which all kinds of runs were made of."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plan_motion, "TRIES", 3)
+        patch.setattr(plan_motion, "STEPS", 40)
+        return bristle.plan(experiments()[0])
+
+
+def planned(folder: Path, options: str = "", *arguments: object, both: bool = True) -> Ran:
+    """`bristle plan` of an experiment of points with these options under `plan`."""
+    path = write(folder, speeds(both=both))
+    path.write_text(path.read_text() + f"plan: {{{options}}}\n")
+    return run("plan", path, "-o", folder / "next.csv", "--velocities", 4, *arguments)
+
+
+def assert_within(frame: pd.DataFrame, position: tuple[float, float], velocity: float, acceleration: float) -> None:
+    """Every reference keeps within its limits, and time goes on evenly."""
+    step = frame["time (s)"].diff().iloc[1:]
+    assert step.to_numpy() == pytest.approx(step.iloc[0])
+    for _, own in frame[frame["experiment"] != "presliding"].groupby((frame["run"].diff() != 0).cumsum()):
+        assert position[0] <= own[Q].min() <= own[Q].max() <= position[1]
+        assert own[V].abs().max() <= velocity
+        assert own[V].diff().abs().max() <= acceleration * step.iloc[0] * (1 + 1e-6)
+        assert own[T].isna().all()
+
+
+def test_now_is_what_was_identified(gripper: Plan) -> None:
+    """Standard errors before the plan are those of the joint fit, and each part of the plan makes none larger; all of it makes each smaller."""
+    fit = gripper.joint.moving
+    assert fit is not None
+    said = [fit.parameters[name].standard_error for name in gripper.start.names]
+    assert gripper.stages["now"] == pytest.approx(said, rel=1e-3)
+    assert tuple(gripper.stages) == PARTS
+    for before, after in pairwise(PARTS):
+        assert (gripper.stages[after] <= gripper.stages[before] * (1 + 1e-9)).all()
+    assert (gripper.stages["with motion"] < gripper.stages["now"]).all()
+
+
+def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
+    """Velocities shrink the four static parameters, loading sigma_0, and the motion sigma_1 and the inertia, by a tenth at least."""
+    at = dict(zip(gripper.start.names, range(13), strict=True))
+    shrunk = {after: gripper.stages[after] / gripper.stages[before] for before, after in pairwise(PARTS)}
+    for d in "+-":
+        assert shrunk["with velocities"][[at["v_s" + d], at["alpha_1" + d]]].max() < 0.9
+        assert shrunk["with loading"][at["sigma_0" + d]] < 0.9
+        assert shrunk["with motion"][at["sigma_1" + d]] < 0.9
+    assert shrunk["with motion"][at["inertia"]] < 0.9
+
+
+def test_planned_beats_plain_and_measured(gripper: Plan) -> None:
+    """The planned motion leaves smaller relative errors than a plain multisine, and than the motion of the embedded default, of its duration."""
+    rms = {x.name: float(np.linalg.norm(x.errors / gripper.start.estimate)) for x in gripper.motions}
+    assert set(rms) == {"planned", "plain multisine", "measured so far"}
+    assert rms["planned"] < min(rms["plain multisine"], rms["measured so far"])
+
+
+def test_designs_beat_spaced_velocities(gripper: Plan) -> None:
+    """For its own parameter each design is the best of the table, what is known included; simulated fits confirm it of v_s without."""
+    for own in gripper.directions:
+        for k, aim in enumerate(STATIC):
+            others = [own.designs["all"], *own.spaced.values()]
+            assert all(own.designs[aim].errors[k] <= 1.01 * x.errors[k] for x in others)
+        assert own.simulated["planned"][3] < min(own.simulated["log"][3], own.simulated["even"][3])
+    assert comparison(gripper)["way"].tolist() == ["predicted", "simulated"] * 6
+
+
+def test_references_are_read_back(gripper: Plan) -> None:
+    """The file is what pandas reads back, within every limit; runs are numbered in order, torque only where the joint is loaded."""
+    frame = pd.read_csv(io.StringIO(to_csv(gripper)))
+    pd.testing.assert_frame_equal(frame, references(gripper), rtol=1e-8)
+    limits = gripper.limits
+    assert list(frame.columns) == ["time (s)", "experiment", "run", Q, V, T]
+    assert_within(frame, limits.position, limits.velocity, limits.acceleration)
+    kinds = frame.drop_duplicates(["experiment", "run"]).query("experiment != 'move'")
+    assert kinds["experiment"].value_counts().to_dict() == {"ramp": 24, "presliding": 2, "tracking": 1}
+    assert sorted(kinds["run"]) == list(range(1, 28))
+    loaded = frame[frame["experiment"] == "presliding"]
+    assert loaded[[Q, V]].isna().all().all()
+    breakaway = max(p.alpha_0 + p.alpha_1 for p in gripper.start.sets)
+    assert 0.2 * breakaway < loaded[T].abs().max() < 0.81 * breakaway
+    assert frame["time (s)"].iloc[-1] == pytest.approx(gripper.duration - 1 / limits.rate)
+
+
+def test_planned_speeds_are_played(gripper: Plan) -> None:
+    """Each run of the file holds its planned velocity for the averaging time and more; together they are all that were planned."""
+    frame = references(gripper)
+    ramps = frame[frame["experiment"] == "ramp"]
+    held = []
+    for _, own in ramps.groupby("run"):
+        speed = own[V].abs().max()
+        assert (own[V].abs() == speed).sum() / gripper.limits.rate >= gripper.limits.hold
+        held.append(speed if own[V].max() == speed else -speed)
+    wanted = [(-1 if d.tag == "-" else 1) * v for d in gripper.directions for v in d.chosen.speeds]
+    assert sorted(held) == pytest.approx(sorted(wanted))
+
+
+def test_declared_limits_are_kept(tmp_path: Path) -> None:
+    """What the experiment file declares is what the references keep to, said by no assumption; the total time too."""
+    limits = (
+        "position: [-20 deg, 0.6 rad], velocity: 0.5 rad/s, minimum_velocity: 0.02 rad/s, acceleration: 4 rad/s**2, "
+        "torque: 0.2 N*m, time: 150 s, hold: 2 s, frequency: 3 Hz, rate: 50 Hz"
+    )
+    ran = planned(tmp_path, limits, "--velocities", 5)
+    assert ran.code == 0, ran.err
+    assert "give plan." not in ran.out
+    frame = pd.read_csv(tmp_path / "next.csv")
+    assert_within(frame, (-np.deg2rad(20), 0.6), 0.5, 4.0)
+    assert frame["time (s)"].iloc[-1] <= 150
+    assert frame["time (s)"].iloc[1] == 0.02
+    held = frame[frame["experiment"] == "ramp"].groupby("run")[V].apply(lambda v: v.abs().max())
+    assert held.size == 10
+    assert held.min() >= 0.02
+
+
+def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
+    """The page, its figures and tables are written, with the references; a second run replaces these by the same, for it knows its own file."""
+    ran = planned(tmp_path, "rate: 20 Hz", "--page", tmp_path / "page", "--for", "v_s")
+    assert ran.code == 0, ran.err
+    assert "for v_s" in ran.out
+    first = (tmp_path / "next.csv").read_bytes()
+    assert planned(tmp_path, "rate: 20 Hz", "--for", "v_s").code == 0
+    assert (tmp_path / "next.csv").read_bytes() == first
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert page.count("<svg") == 8
+    assert "nan" not in page.lower().replace("resonan", "")
+    assert len(list((tmp_path / "page" / "figures").glob("*.png"))) == 8
+    assert (tmp_path / "page" / "tables" / "intervals.csv").is_file()
+
+
+def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
+    """Points of one direction: bristle, inertia and the other direction are guesses that the plan names, never nan."""
+    path = write(tmp_path, speeds(both=False))
+    found = bristle.plan(path, velocities=4)
+    guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
+    assert guessed <= set(found.start.guessed)
+    said = " ".join(found.assumptions)
+    assert "Nothing is known of direction -" in said
+    assert "Inertia: a guess" in said
+    assert np.isinf(found.stages["now"][[found.start.names.index(n) for n in guessed]]).all()
+    assert "nan" not in text(found)
+    assert all(np.isfinite(errors).all() for errors in (found.stages["with motion"], found.start.estimate))
+
+
+def test_too_fast_a_slowest_speed_is_said(tmp_path: Path) -> None:
+    """Where constant velocities begin above v_s, the plan says that slower ones would show more."""
+    path = write(tmp_path, speeds())
+    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
+    assert any(
+        "slower runs would show the Stribeck region" in sentence
+        for sentence in lacking(bristle.plan(path, velocities=4))
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "arguments", "named"),
+    [
+        ("", ("--for", "gamma"), "got 'gamma' as what to plan for; expected one of alpha_0"),
+        ("", ("--velocities", "3"), "got 3 velocities; expected 4 to 1000"),
+        ("", ("--velocities", "x"), "--velocities"),
+        ("position: [1 rad, 0 rad]", (), "plan.position: got 1 to 0; expected the smaller value first"),
+        ("position: [0 rad, 0.001 rad]", (), "too short for a hold"),
+        ("velocity: 1 m", (), "plan.velocity: unit"),
+        ("minimum_velocity: 1 rad/s, velocity: 0.5 rad/s", (), "plan.minimum_velocity: got 1; expected less than"),
+        ("minimum_velocity: 1 rad/s", (), "the slowest constant speed, 1, is not below the fastest"),
+        ("torque: 1 mN*m", (), "the largest torque, 0.001, does not carry the joint"),
+        ("time: 5 s", (), "plan.time: 5 s are too few"),
+        ("speed: 1 rad/s", (), "unknown key 'plan.speed'"),
+    ],
+)
+def test_bad_input_is_refused(tmp_path: Path, options: str, arguments: tuple[str, ...], named: str) -> None:
+    """Exit code 2, one sentence that names what is wrong, and no file."""
+    ran = planned(tmp_path, options, *arguments)
+    assert ran.code == 2
+    assert len(ran.said) == 1
+    assert named in ran.said[0]
+    assert not (tmp_path / "next.csv").exists()
+
+
+def test_foreign_files_stay(tmp_path: Path) -> None:
+    """A file that bristle did not make is not written over, and said before anything is planned."""
+    (tmp_path / "next.csv").write_text("time,position\n0,0\n")
+    ran = planned(tmp_path)
+    assert ran.code == 2
+    assert "bristle did not make it" in ran.said[0]
+    assert (tmp_path / "next.csv").read_text() == "time,position\n0,0\n"
+
+
+def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while the motion is sought: exit code 130 and no file, whole or half."""
+
+    def interrupted(*_: object) -> None:
+        """As a user presses Ctrl-C."""
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(plan_motion, "best_motion", interrupted)
+    ran = planned(tmp_path, "", "--page", tmp_path / "page")
+    assert ran.code == 130
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["wrist.csv", "wrist.yaml"]
+
+
+def test_help_has_an_example() -> None:
+    """`bristle plan --help` shows a command to copy."""
+    ran = run("plan", "--help")
+    assert ran.code == 0
+    assert "Example: bristle plan" in ran.out
