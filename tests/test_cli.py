@@ -279,7 +279,7 @@ BAD = [
     *bad("unknown option", [("--colour",)], "--colour"),
     *bad("option without its value", [("report", "e.yaml", "-o")], "-o"),
     *bad("unknown command", [("fit", "e.yaml")], "'fit'"),
-    *bad("missing argument", [("identify",), ("validate",), ("inspect",)], "EXPERIMENT"),
+    *bad("missing argument", [("identify",), ("inspect",)], "EXPERIMENT"),
     *bad("missing argument", [("new",)], "DATA"),
     *bad("argument too many", [("identify", "e.yaml", "data.csv")], "data.csv"),
 ]  # fmt: skip  # a table
@@ -432,7 +432,8 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
 
 def test_validate_prints_a_verdict(tmp_path: Path) -> None:
     """On points of the model itself the full fit and the grid agree in each direction, and that is printed."""
-    ran = run("validate", write(tmp_path, speeds()))
+    short = ("--repetitions", "20", "--starts", "1", "-o", tmp_path / "out")
+    ran = run("validate", write(tmp_path, speeds()), *short)
     assert ran.code == 0
     for direction in "+-":
         assert f"wrist {direction}: Grid and full nonlinear fit agree" in ran.out

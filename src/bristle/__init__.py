@@ -10,10 +10,39 @@ Logs go in; a LuGre model with honest uncertainty and a report one can hand over
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bristle.api import Results, adapt, identify, inspect, write_adaptation
+    from bristle.api import (
+        Results,
+        adapt,
+        compare,
+        identify,
+        inspect,
+        plan,
+        sensitivity,
+        trial,
+        write_adaptation,
+        write_comparison,
+        write_plan,
+        write_sensitivity,
+        write_trial,
+    )
 
 __version__ = "0.1.0"
-__all__ = ["Results", "__version__", "adapt", "identify", "inspect", "write_adaptation"]
+__all__ = [
+    "Results",
+    "__version__",
+    "adapt",
+    "compare",
+    "identify",
+    "inspect",
+    "plan",
+    "sensitivity",
+    "trial",
+    "write_adaptation",
+    "write_comparison",
+    "write_plan",
+    "write_sensitivity",
+    "write_trial",
+]
 
 
 def __getattr__(name: str) -> object:

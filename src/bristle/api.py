@@ -6,6 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bristle import edro
+from bristle.analysis.compare import compare as compare_sessions
+from bristle.analysis.compared import Comparison
+from bristle.analysis.explored_joint import motion_of, of_gripper, of_joint
+from bristle.analysis.exploring import SAMPLES, Exploration, check_samples, explore
+from bristle.analysis.plan_study import VELOCITIES, Plan, check_plan
+from bristle.analysis.plan_study import plan as plan_next
+from bristle.analysis.trial import REPETITIONS, STARTS, run_trial
+from bristle.analysis.trial import check as check_trial
+from bristle.analysis.trial_cases import own_cases, sweep
+from bristle.analysis.trial_results import Trial
 from bristle.compensation.asked import asked_parts, of_experiment
 from bristle.compensation.replay import replays
 from bristle.compensation.study import Study, study
@@ -47,6 +57,12 @@ class Results:
         """One row per joint, direction and parameter: value, unit, standard error, interval, doubts."""
         return summary.to_frame(self.joints)
 
+    def uncertainty(self) -> "pd.DataFrame":
+        """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and what they let doubt."""
+        from bristle.report.uncertainty import uncertainty
+
+        return uncertainty(self.joints)
+
     def fit_report(self) -> str:
         """The fits as plain text."""
         return summary.fit_report(self.joints)
@@ -77,10 +93,13 @@ def _of_fits(joint: Joint) -> Iterator[tuple[str, str]]:
     yield from ((name, doubt) for name, doubts in stages.items() for doubt in doubts)
 
 
-def identify(*experiments: Source, progress: Progress | None = None, second_route: bool = False) -> Results:
+def identify(
+    *experiments: Source, progress: Progress | None = None, second_route: bool = False, uncertainty: bool = False
+) -> Results:
     """Identify the joints of one or more experiment files; with none, the embedded Ed-Ro (simulated).
 
     With `second_route` moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
+    With `uncertainty` each parameter of moving runs gets its intervals by profile and bootstrap too; those of static and presliding fits always do.
 
     Raises ValueError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
@@ -91,7 +110,10 @@ def identify(*experiments: Source, progress: Progress | None = None, second_rout
         if progress:
             progress(f"identifying {experiment.joint.name}", done, len(loaded))
         spent: dict[str, float] = {}
-        joints.append(identify_joint(measure(experiment), spent, second_route=second_route))
+        measured = measure(experiment)
+        joints.append(
+            identify_joint(measured, spent, second_route=second_route, uncertainty=uncertainty, progress=progress)
+        )
         timings |= {f"{experiment.joint.name}: {what}": seconds for what, seconds in spent.items()}
     return Results(joints=tuple(joints), timings=timings)
 
@@ -126,6 +148,140 @@ def write_adaptation(compensated: Study, folder: Path | str) -> Path:
 
     joints = compensated.subjects
     return write(compensated, Path(folder), joints[0].name if len(joints) == 1 else f"{len(joints)} joints")
+
+
+def compare(first: Path | str, second: Path | str) -> Comparison:
+    """Which parameters changed beyond their joint uncertainty between two sessions, from the `results.json` of each.
+
+    Raises ValueError in one sentence where a file is no results file, or where they have no joint in common, of one kind and in the same units.
+    """
+    from bristle.report.reading import read_session
+
+    return compare_sessions(read_session(Path(first)), read_session(Path(second)))
+
+
+def write_comparison(compared: Comparison, folder: Path | str) -> Path:
+    """Write what `compare` returned as a page with figures and tables into a folder; returns the path of index.html.
+
+    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    """
+    from bristle.report.compare_section import write_comparison as write
+
+    joints = list(compared.kinds)
+    return write(compared, Path(folder), joints[0] if len(joints) == 1 else f"{len(joints)} joints")
+
+
+def sensitivity(
+    experiment: Source | None = None,
+    *,
+    amplitude: float | str | None = None,
+    frequency: float | str | None = None,
+    samples: int = SAMPLES,
+    progress: Progress | None = None,
+) -> Exploration:
+    """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
+
+    Args:
+        experiment: of the joint; None: the paper's gripper rotation (+), with the intervals that its simulated logs give.
+        amplitude: of the motion, rad (m where the joint slides) or a quantity such as `5 deg`; None: `adapt.amplitude`, or from the measured speeds.
+        frequency: Hz, or a quantity; None: `adapt.frequency`, or 0.5 Hz.
+        samples: of the Sobol indices, a power of two, at least 32; 0: none.
+        progress: told of every step.
+
+    Raises ValueError in one sentence where a file cannot be used, nothing is known of its friction over velocity, or the motion or the samples
+    cannot be.
+    """
+    check_samples(samples)
+    loaded = _load([edro.experiments()[0] if experiment is None else experiment])[0]
+    motion_of(loaded.joint.kind, amplitude, frequency, (1.0, 1.0))  # what cannot be is said before seconds are spent
+    if progress:
+        progress(f"identifying {loaded.joint.name}", 0, 1)
+    joint = identify_joint(measure(loaded))
+    asked = (
+        of_gripper(joint, amplitude, frequency) if experiment is None else of_joint(loaded, joint, amplitude, frequency)
+    )
+    return explore(joint, asked, samples, progress)
+
+
+def write_sensitivity(explored: Exploration, folder: Path | str) -> Path:
+    """Write what `sensitivity` returned as a page with figures and tables into a folder; returns the path of index.html.
+
+    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    """
+    from bristle.report.sensitivity_section import write_sensitivity as write
+
+    return write(explored, Path(folder))
+
+
+def trial(
+    experiment: Source | None = None,
+    *,
+    identified: Results | None = None,
+    repetitions: int = REPETITIONS,
+    starts: int = STARTS,
+    noise: float | None = None,
+    progress: Progress | None = None,
+) -> Trial:
+    """The grid method on trial against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
+
+    With no experiment a declared sweep: every set of Table 1, at two noise levels and three designs. The seed is fixed.
+
+    Args:
+        experiment: of one joint.
+        identified: it, identified already; the first joint counts.
+        repetitions: data sets for each method that is fast; the solvers of full fits see the first 50.
+        starts: random starts of each such solver on one data set.
+        noise: standard deviation of a point's torque over alpha_0; None: the fit's own, or both levels of the sweep.
+        progress: called as it goes.
+
+    Raises ValueError in one sentence where a file cannot be used, or a number makes no trial.
+    """
+    check_trial(repetitions, starts, noise)
+    if experiment is not None and identified is None:
+        identified = identify(experiment, progress=progress)
+    subject = own_cases(identified.joints[0], noise) if identified else sweep(noise)
+    return run_trial(subject, repetitions=repetitions, starts=starts, progress=progress)
+
+
+def write_trial(tried: Trial, folder: Path | str) -> Path:
+    """Write what `trial` returned as a page with figures and tables into a folder; returns the path of index.html.
+
+    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    """
+    from bristle.report.trial_section import write_trial as write
+
+    return write(tried, Path(folder))
+
+
+def plan(
+    experiment: Source, *, velocities: int = VELOCITIES, aim: str = "all", progress: Progress | None = None
+) -> Plan:
+    """What to measure next on a joint: constant velocities, slow loading and a tracking motion, and the intervals to expect.
+
+    Args:
+        experiment: with limits under `plan`, or else as far as its runs went.
+        velocities: runs at constant velocity in each direction.
+        aim: the parameter whose interval is to shrink, or `all`.
+        progress: called with what is being done, how many steps are done, and how many there are.
+
+    Raises ValueError in one sentence where a file cannot be used, or its limits leave nothing to plan.
+    """
+    loaded = _load([experiment])[0]
+    check_plan(velocities, aim)
+    if progress:
+        progress(f"identifying {loaded.joint.name}", 0, 1)
+    measured = measure(loaded)
+    return plan_next(measured, identify_joint(measured), velocities, aim, progress)
+
+
+def write_plan(planned: Plan, folder: Path | str) -> Path:
+    """Write what `plan` returned as a page with figures and tables into a folder; returns the path of index.html.
+
+    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    """
+    from bristle.report.plan_section import write_plan as write
+
+    return write(planned, Path(folder))
 
 
 def inspect(experiment: Source) -> Measured:

@@ -30,6 +30,10 @@ _WRONG_USE: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "C
 _Experiment = Annotated[
     Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
 ]
+_Uncertainty = Annotated[
+    bool,
+    typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
+]
 _Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where there is any doubt.")]
 
 
@@ -61,9 +65,13 @@ def report(
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Where the report lands [default: reports/NAME]."),
     ] = None,
+    uncertainty: _Uncertainty = False,
     strict: _Strict = False,
 ) -> None:
-    """Identify and write the report: index.html, results.json, figures, tables."""
+    """Identify and write the report: index.html, results.json, figures, tables.
+
+    Example: bristle report wrist.yaml --uncertainty -o reports/wrist
+    """
     from bristle import adapt as compensate
     from bristle import identify
     from bristle.report.files import check_folder
@@ -73,7 +81,7 @@ def report(
     folder = output or Path("reports") / (sources[0].stem if sources else "edro")
     check_folder(folder)
     with _progress() as progress:
-        results = identify(*sources, progress=progress)
+        results = identify(*sources, progress=progress, uncertainty=uncertainty)
         compensated = None if sources else compensate(identified=results, progress=progress)
         page = results.write_report(folder, progress, compensated)
     for joint in results.joints:
@@ -96,14 +104,21 @@ def identify(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write results.json here as well.")
     ] = None,
+    uncertainty: _Uncertainty = False,
     strict: _Strict = False,
 ) -> None:
-    """Identify one joint and print the fit report; write the JSON with -o."""
+    """Identify one joint and print the fit report; write the JSON with -o.
+
+    Example: bristle identify wrist.yaml -o results.json
+    """
     from bristle import identify as run
 
     _check(output)
-    results = run(experiment)
+    with _progress() as progress:
+        results = run(experiment, progress=progress, uncertainty=uncertainty)
     print(results.fit_report())
+    if uncertainty:
+        print(results.uncertainty().to_string(index=False, float_format="{:.5g}".format, na_rep="-"))
     if output is not None:
         _write(output, results.to_json())
         print(f"Results: {output}")
@@ -153,11 +168,65 @@ def inspect(
 
 
 @app.command()
-def validate(experiment: _Experiment, strict: _Strict = False) -> None:
-    """Check each fit against a full nonlinear one (CasADi + IPOPT) on the same data: the grid method, and moving runs."""
+def validate(
+    experiment: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[EXPERIMENT]",
+            help="The experiment file; none: a sweep over Table 1 (simulated, some minutes).",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Where the page lands [default: reports/NAME-validate]."),
+    ] = None,
+    repetitions: Annotated[int, typer.Option(metavar="N", help="Simulated data sets of each case.")] = 1000,
+    starts: Annotated[int, typer.Option(metavar="N", help="Random starts of each solver on one of them.")] = 100,
+    noise: Annotated[
+        float | None,
+        typer.Option(metavar="X", help="Noise of a point over alpha_0 [default: the fit's own].", show_default=False),
+    ] = None,
+    strict: _Strict = False,
+) -> None:
+    """Check each fit against a full nonlinear one (CasADi + IPOPT), then put the grid method on trial where the truth is known.
+
+    The trial simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
+
+    Example: bristle validate wrist.yaml -o reports/trial
+    """
+    from bristle import trial, write_trial
+    from bristle.analysis.trial import check
+    from bristle.analysis.trial_verdict import overall, verdict
+    from bristle.report.files import check_folder
+
+    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}-validate"
+    check_folder(folder)
+    check(repetitions, starts, noise)
+    results = _cross_checked(experiment) if experiment else None
+    with _progress() as progress:
+        tried = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
+        page = write_trial(tried, folder) if tried.cases else None
+    for direction, why in tried.subject.skipped.items():
+        print(f"{tried.subject.title} {direction}: {why}")
+    for one in tried.cases if results else ():
+        print(f"{one.case.label}, SIMULATED, {one.case.design}, noise {one.case.noise:.3g}:")
+        for sentence in verdict(one):
+            print(f"  {sentence}")
+    for sentence in overall(tried):
+        print(sentence)
+    if page:
+        print(f"Page: {page}")
+    if results:
+        _finish(results, strict)
+
+
+def _cross_checked(experiment: Path) -> "Results":
+    """Identify, and print each fit beside a full nonlinear one on the same data."""
     from bristle import identify as run
 
-    results = run(experiment, second_route=True)
+    with _progress() as progress:
+        results = run(experiment, second_route=True, progress=progress)
     for joint in results.joints:
         for direction, check in joint.crosscheck.items():
             _print_check(f"{joint.name} {direction}", "grid", check)
@@ -167,7 +236,7 @@ def validate(experiment: _Experiment, strict: _Strict = False) -> None:
             print(f"{joint.name}, moving runs: a simulated position has no second route; it was not checked")
     for what, seconds in results.timings.items():
         print(f"  {what}: {1000 * seconds:.2f} ms")
-    _finish(results, strict)
+    return results
 
 
 @app.command()
@@ -206,6 +275,133 @@ def adapt(
     for replay in found.replays:
         print(f"{replay.file}, begun at {replay.begun}, {replay.adaptation.law}: {replay.verdict}")
     print(f"Page: {page}")
+
+
+@app.command()
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", help="results.json of the first session.", show_default=False)],
+    second: Annotated[
+        Path, typer.Argument(metavar="B", help="results.json of the second session.", show_default=False)
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Write a page with a figure and tables here.")
+    ] = None,
+) -> None:
+    """Compare two sessions: which parameters changed beyond their joint uncertainty.
+
+    Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
+    """
+    from bristle import compare as run
+    from bristle import write_comparison
+    from bristle.report.compare_section import text
+    from bristle.report.files import check_folder
+
+    if output is not None:
+        check_folder(output)
+    compared = run(first, second)
+    for line in text(compared):
+        print(line)
+    if output is not None:
+        print(f"Page: {write_comparison(compared, output)}")
+
+
+@app.command()
+def sensitivity(
+    experiment: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[EXPERIMENT]",
+            help="The experiment file; none: the paper's gripper rotation (+), simulated.",
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Where the page lands [default: reports/NAME-sensitivity]."),
+    ] = None,
+    amplitude: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the sinusoidal motion, with its unit [default: from the experiment].", metavar="QUANTITY"
+        ),
+    ] = None,
+    frequency: Annotated[
+        str | None, typer.Option(help="Of the motion [default: from the experiment, or 0.5 Hz].", metavar="QUANTITY")
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(help="Of the Sobol indices, a power of two from 32 up; 0: leave them out.")
+    ] = 1024,
+    symbolic: Annotated[
+        bool, typer.Option("--symbolic", help="Print the derivatives as formulas and as LaTeX, and nothing else.")
+    ] = False,
+) -> None:
+    """Show which parameters matter and when: along a motion, over amplitude and frequency, over their intervals.
+
+    Example: bristle sensitivity wrist.yaml --amplitude "0.5 rad" --frequency "1 Hz" -o reports/wrist-sensitivity
+    """
+    from bristle.report.files import check_folder
+
+    if symbolic:
+        from bristle.analysis.symbolic import formulas
+        from bristle.report.sensitivity_section import symbolic_text
+
+        print(symbolic_text(formulas()))
+        return
+    from bristle import sensitivity as run
+    from bristle import write_sensitivity
+    from bristle.report.sensitivity_section import text
+
+    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}-sensitivity"
+    check_folder(folder)
+    with _progress() as progress:
+        found = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
+        page = write_sensitivity(found, folder)
+    for line in text(found):
+        print(line)
+    print(f"Page: {page}")
+
+
+@app.command()
+def plan(
+    experiment: _Experiment,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write the references that a controller plays here, CSV."),
+    ] = None,
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="DIR", help="Write a page with figures and tables here.")
+    ] = None,
+    velocities: Annotated[
+        int, typer.Option("--velocities", metavar="N", help="Runs at constant velocity in each direction.")
+    ] = 12,
+    aim: Annotated[
+        str,
+        typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0."),
+    ] = "all",
+) -> None:
+    """Plan what to measure next: constant velocities, slow loading, a tracking motion, and the intervals to expect.
+
+    Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
+    """
+    from bristle import plan as run
+    from bristle import write_plan
+    from bristle.report.files import check_folder
+    from bristle.report.plan_section import text
+    from bristle.report.plan_tables import to_csv
+
+    _check(output)
+    if page is not None:
+        check_folder(page)
+    with _progress() as progress:
+        planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
+        references = to_csv(planned)
+        written = None if page is None else write_plan(planned, page)
+    print(text(planned))
+    if output is not None:
+        _write(output, references)
+        print(f"References: {output}, {planned.duration:.0f} s")
+    if written is not None:
+        print(f"Page: {written}")
 
 
 @app.command()

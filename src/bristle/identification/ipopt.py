@@ -5,9 +5,9 @@ from typing import Any
 import casadi as ca
 
 
-def solver(name: str, x: ca.MX, cost: ca.MX, **options: object) -> ca.Function:
-    """The solver of min cost(x), x a column; called with x0, lbx and ubx. `options` are IPOPT's own."""
-    problem: dict[str, Any] = {"x": x, "f": cost}
+def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
+    """The solver of min cost(x, given), x a column; called with x0, lbx, ubx and, for what is given, p. `options` are IPOPT's own."""
+    problem: dict[str, Any] = {"x": x, "f": cost} | ({"p": ca.vertcat(*given)} if given else {})
     settings: dict[str, Any] = {
         "print_time": False,
         "error_on_fail": False,

@@ -1,0 +1,110 @@
+"""The grid method on trial: `python benchmarks/trial.py [--repetitions 1000] [--starts 100] [--joints 4]`.
+
+Every set of Table 1, at two noise levels and three designs, SIMULATED: does IPOPT from random starts within its bounds ever undercut the refined
+grid, where do local solvers end elsewhere, how fine must a plain grid be, how often do 95 % intervals cover the truth, and how long does it all take.
+"""
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+
+from bristle.analysis.trial import POLISHED, REFINED, SEED, run_trial
+from bristle.analysis.trial_cases import NOISES, sweep
+from bristle.analysis.trial_methods import NAMES
+from bristle.analysis.trial_results import FREE, SAME, Tried
+from bristle.analysis.trial_verdict import overall
+from bristle.identification.static import PLAIN_GRID
+
+
+def main() -> None:
+    """Try, and print the tables and the verdict."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repetitions", type=int, default=1000)
+    parser.add_argument("--starts", type=int, default=100)
+    parser.add_argument("--joints", type=int, default=4, help="of Table 1, the first so many")
+    chosen = parser.parse_args()
+    every = sweep()
+    cases = every.cases[: chosen.joints * 2 * 3 * len(NOISES)]
+    found = run_trial(replace(every, cases=cases), repetitions=chosen.repetitions, starts=chosen.starts)
+    print(f"{len(cases)} cases, {found.repetitions} repetitions, {found.starts} starts, seed {SEED}; all SIMULATED")
+    of_cases(found.cases)
+    of_methods(found.cases)
+    of_coverage(found.cases)
+    for sentence in overall(found):
+        print(sentence)
+    worst = max(tried.beaten for tried in found.cases)
+    print(
+        f"asked: IPOPT never beats the refined grid by more than {SAME:g}, relative: {'holds' if worst <= SAME else 'FAILS'}, {worst:.1e}"
+    )
+
+
+def of_cases(cases: tuple[Tried, ...]) -> None:
+    """A row per case."""
+    solvers = [name for name in cases[0].starts.ended if name != FREE]
+    print(
+        "\nof random starts, % that end elsewhere; IPOPT's lead over the grid, relative; % lower beyond the range; % declined by bristle;"
+    )
+    print(
+        f"error of v_s by a plain grid of {PLAIN_GRID}, in % of the statistical one, and how many values make that a tenth (of those tried)"
+    )
+    heads = "".join(f"{name:>11}" for name in (*solvers, "lead", "beyond", "declined", "error", "needed"))
+    print(f"{'set':<22}{'noise':>7}{heads}")
+    design = ""
+    for tried in sorted(cases, key=lambda t: [c.case.design for c in cases].index(t.case.design)):
+        if tried.case.design != design:
+            design = tried.case.design
+            print(design)
+        away = "".join(f"{100 * tried.starts.elsewhere(n).mean():11.0f}" for n in solvers)
+        r = tried.resolution
+        error = "-" if tried.blind else f"{100 * r.share(PLAIN_GRID):.1f}"
+        needed = "-" if tried.blind else f"{r.enough or 'more'}"
+        noise = f"{100 * tried.case.noise / tried.case.truth.alpha_0:.1f}%"
+        lead = f"{max(tried.beaten, 0.0):11.0e}"
+        print(
+            f"  {tried.case.label:<20}{noise:>7}{away}{lead}{100 * tried.beyond.mean():11.0f}{100 * tried.declined:11.0f}{error:>11}{needed:>11}"
+        )
+
+
+def of_methods(cases: tuple[Tried, ...]) -> None:
+    """A row per method, over the cases in which v_s can be known."""
+    known = [tried for tried in cases if not tried.blind]
+    print(
+        f"\nmethods, over the {len(known)} cases in which v_s can be known: medians of |bias| and spread of v_s (% of it), mean coverage,"
+    )
+    print(
+        "share that fails (ends where even the right model is refused), share above the lowest cost, median time and its ratio to the refined grid's"
+    )
+    print(f"{'':<28}{'bias':>8}{'spread':>8}{'covers':>9}{'fails':>9}{'above':>9}{'ms':>9}{'ratio':>9}")
+    for name in known[0].methods:
+        rows = [(t.methods[name], t.case.truth.v_s, t.methods[REFINED].seconds) for t in known]
+        bias = np.median([100 * abs(m.bias[3]) / v_s for m, v_s, _ in rows])
+        spread = np.median([100 * m.spread[3] / v_s for m, v_s, _ in rows])
+        covers, fails = (100 * np.mean(x) for x in zip(*((m.coverage[3], m.failed) for m, _, _ in rows), strict=True))
+        away = [m.elsewhere for m, _, _ in rows if m.elsewhere is not None]
+        above = f"{100 * np.mean(away):8.1f}%" if away else f"{'-':>9}"
+        ms, ratio = (
+            1e3 * np.median([m.seconds for m, _, _ in rows]),
+            np.median([m.seconds / base for m, _, base in rows]),
+        )
+        print(f"{name:<28}{bias:8.2f}{spread:8.2f}{covers:8.1f}%{fails:8.1f}%{above}{ms:9.3f}{ratio:9.2f}")
+    moved = max(t.moved for t in known)
+    print(f"{POLISHED} moves by at most {moved:.1e} spreads of any parameter in them")
+
+
+def of_coverage(cases: tuple[Tried, ...]) -> None:
+    """A row per design and kind of interval: how often it covers the truth, by parameter, lowest and highest of its cases."""
+    print("\n95 % intervals that cover the truth, lowest to highest of a design's cases, %")
+    print(f"{'':<60}{'cases':>6} " + "".join(f"{name:>16}" for name in NAMES))
+    for design in dict.fromkeys(t.case.design for t in cases):
+        own = [t for t in cases if t.case.design == design]
+        for kind in ("covariance", "profile", "bootstrap-t"):
+            rows = [c.share for t in own for c in t.coverage if c.kind == kind]
+            if rows:
+                low, high = 100 * np.min(rows, axis=0), 100 * np.max(rows, axis=0)
+                cells = "".join(f"{x:8.1f} - {y:5.1f}" for x, y in zip(low, high, strict=True))
+                print(f"{f'{design}: {kind}':<62}{len(rows):>4} {cells}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,541 @@
+"""The grid method on trial: the methods agree where they must, and what is counted is what happened."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bristle import edro, identify, trial, write_trial
+from bristle.analysis import trial as running
+from bristle.analysis import trial_intervals as intervals
+from bristle.analysis import trial_methods as methods
+from bristle.analysis.trial import POLISHED, REFINED, RESOLUTIONS, run_trial, spread
+from bristle.analysis.trial_cases import MOST_POINTS, Subject, own_cases, sweep
+from bristle.analysis.trial_intervals import covered
+from bristle.analysis.trial_methods import NAMES, Case
+from bristle.analysis.trial_results import BLIND, FREE, SAME, Starts, Trial, Tried
+from bristle.analysis.trial_verdict import overall, verdict
+from bristle.bench import steady_points
+from bristle.identification import static
+from bristle.identification.batch import Batch
+from bristle.identification.uncertainty import covariance, student
+from bristle.model.arrays import Array
+from bristle.report import trial_figures
+from bristle.report.trial_section import cases as table_of_cases
+
+from ..conftest import FEW, experiment, run, speeds, table, tree, write
+
+P = edro.TABLE_1["gripper rotation"].positive
+WIDE, EVEN, NONE_BELOW = range(3)
+
+
+def case_of(design: int, noise: float = 0.05, sign: float = 1.0) -> Case:
+    """Gripper rotation (+) at one of the sweep's designs."""
+    return next(
+        c
+        for c in sweep(noise).cases
+        if c.label == f"gripper rotation ({'+' if sign > 0 else '-'})" and c.design == designs()[design]
+    )
+
+
+def designs() -> list[str]:
+    """The sweep's designs, in order."""
+    return list(dict.fromkeys(c.design for c in sweep().cases))
+
+
+def torques_of(case: Case, sets: int, seed: int = 0) -> Array:
+    """Simulated data sets, (n, sets)."""
+    rng = np.random.default_rng(seed)
+    return np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, sets).T)
+
+
+def quick(patch: pytest.MonkeyPatch) -> None:
+    """Fewer data sets for what takes long."""
+    patch.setattr(running, "LOCAL", 6)
+    patch.setattr(intervals, "BOOTSTRAPPED", 12)
+
+
+@pytest.fixture(scope="module")
+def tried() -> Trial:
+    """A short trial of three cases: all can be known, little noise; all can be known, much noise; nothing can be known."""
+    cases = (case_of(WIDE, 0.005), case_of(WIDE), case_of(NONE_BELOW, 0.005))
+    with pytest.MonkeyPatch.context() as patch:
+        quick(patch)
+        return run_trial(Subject(title="<b>three", kind="prismatic", cases=cases), repetitions=60, starts=6)
+
+
+def test_the_sweep_is_what_it_says() -> None:
+    """Eight sets, two noise levels, three designs; the third has no speed below v_s; v_s lies within the grid's range; directions keep their sign."""
+    cases = sweep().cases
+    assert len(cases) == len({(c.label, c.design, c.noise) for c in cases}) == 8 * 2 * 3
+    assert {c.truth for c in cases} == {p for pair in edro.TABLE_1.values() for p in pair}
+    for c in cases:
+        assert c.v_s_range[0] < c.truth.v_s < c.v_s_range[1]
+        assert np.all(c.velocity < 0) == ("(-)" in c.label)
+        assert (np.abs(c.velocity).min() > c.truth.v_s) == (c.design == designs()[NONE_BELOW])
+
+
+@settings(deadline=None, max_examples=12)
+@given(
+    design=st.integers(0, 2),
+    noise=st.floats(1e-3, 0.1),
+    count=st.integers(3, 1200),
+    seed=st.integers(0, 99),
+    sign=st.sampled_from([1.0, -1.0]),
+)
+def test_plain_grids_of_many_sets_are_those_of_each(
+    design: int, noise: float, count: int, seed: int, sign: float
+) -> None:
+    """A plain grid over many sets at once costs what the paper's costs set by set, bounds included."""
+    case = case_of(design, noise, sign)
+    torques = torques_of(case, 4, seed)
+    together = methods.plain(case, torques, count)
+    apart = np.stack([static.plain_grid(case.problem(t), case.v_s_range, count)[2] for t in torques.T], axis=1)
+    assert methods.costs(case, torques, together) == pytest.approx(methods.costs(case, torques, apart), rel=1e-10)
+    assert (together[:3] >= 0).all()
+    step = (case.v_s_range[1] - case.v_s_range[0]) / (count - 1)
+    on_grid = (together[3] - case.v_s_range[0]) / step
+    assert on_grid == pytest.approx(np.round(on_grid), abs=1e-6)
+
+
+def test_a_bound_is_kept_by_the_plain_grid_of_many_sets() -> None:
+    """Where alpha_2 is zero, half of the free solutions are negative: both ways of the plain grid give the same bounded ones."""
+    case = case_of(WIDE)
+    flat = Case(
+        label="",
+        design="",
+        truth=P._replace(alpha_2=0.0),
+        velocity=case.velocity,
+        noise=case.noise,
+        v_s_range=case.v_s_range,
+    )
+    torques = torques_of(flat, 20)
+    together = methods.plain(flat, torques, 50)
+    apart = np.stack([static.plain_grid(flat.problem(t), flat.v_s_range, 50)[2] for t in torques.T], axis=1)
+    assert 0 < (together[1] == 0).sum() < 20
+    assert together == pytest.approx(apart, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["IPOPT", "SciPy TRF", "lmfit"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_every_solver_solves_the_same_problem(name: str, sign: float) -> None:
+    """Begun near the truth, every solver ends in the minimum of the refined grid, in either direction, and stays within its bounds."""
+    case = case_of(WIDE, 0.02, sign)
+    torque = torques_of(case, 1)[:, 0]
+    solution = static.solve(case.problem(torque), case.v_s_range)
+    end = methods.local_methods(case)[name](torque, 1.1 * case.theta)
+    assert end == pytest.approx(solution.theta, rel=1e-4)
+    assert methods.costs(case, torque[:, None], end[:, None])[0] == pytest.approx(solution.cost, rel=1e-8)
+
+
+def test_without_noise_every_method_but_plain_grids_finds_the_truth() -> None:
+    """On the model's own points the refined grid and every solver, begun at half the truth, return the parameters behind them."""
+    case = case_of(WIDE)
+    torque = methods.modelled(case, case.theta[:, None])
+    assert methods.refined(case, torque)[:, 0] == pytest.approx(case.theta, rel=1e-6)
+    for fit in methods.local_methods(case).values():
+        assert fit(torque[:, 0], 0.5 * case.theta) == pytest.approx(case.theta, rel=1e-4)
+
+
+def test_starts_lie_within_the_bounds_and_everywhere() -> None:
+    """Random starts fill the grid's bounds: each quarter of log(v_s)'s range, and of each alpha's, holds about a quarter of them."""
+    case = case_of(EVEN)
+    starts = methods.random_starts(case, 4000, np.random.default_rng(0))
+    within = np.column_stack(
+        [
+            starts[:, :3] / case.scale,
+            np.log(starts[:, 3] / case.v_s_range[0]) / np.log(case.v_s_range[1] / case.v_s_range[0]),
+        ]
+    )
+    for column in within.T:
+        assert np.histogram(column, 4, (0, 1))[0] == pytest.approx(1000, abs=120)
+
+
+def test_derivatives_are_the_regression_s() -> None:
+    """The Jacobians of many sets are those that `Regression` gives of each."""
+    case = case_of(EVEN, sign=-1.0)
+    theta = methods.refined(case, torques_of(case, 5))
+    for k, jacobian in enumerate(methods.jacobians(case, theta)):
+        assert jacobian == pytest.approx(
+            case.problem(torques_of(case, 5)[:, k]).jacobian(theta[:, k]), rel=1e-12, abs=1e-15
+        )
+
+
+def test_coverage_counts_the_intervals_of_the_covariance() -> None:
+    """An interval covers when the truth is within Student's t standard errors by `uncertainty.covariance`; without a peak v_s has none."""
+    case = case_of(WIDE)
+    torques = torques_of(case, 40)
+    theta = methods.refined(case, torques)
+    cost = methods.costs(case, torques, theta)
+    expected = []
+    for k in range(40):
+        cov, freedom = covariance(case.problem(torques[:, k]).jacobian(theta[:, k]), cost[k])
+        expected.append(np.abs(theta[:, k] - case.theta) <= student(freedom) * np.sqrt(np.diag(cov)))
+    inside = covered(case, theta, cost)
+    assert inside.T.tolist() == np.array(expected).tolist()
+    assert 0 < inside.sum() < inside.size
+    without = theta.copy()
+    without[2] = 0.0
+    assert not covered(case, without, cost)[3].any()
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 999), scale=st.floats(0.1, 10), shift=st.floats(-5, 5))
+def test_spread_is_a_standard_deviation(seed: int, scale: float, shift: float) -> None:
+    """Of Gaussian values `spread` is their standard deviation; it scales with them, is not shifted, and one outlier in a thousand hardly moves it."""
+    values = np.random.default_rng(seed).standard_normal(20_000)
+    assert float(spread(values)) == pytest.approx(1.0, abs=0.05)
+    assert float(spread(scale * values + shift)) == pytest.approx(scale * float(spread(values)), rel=1e-9)
+    values[:20] = 1e9
+    assert float(spread(values)) == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.parametrize("design", [WIDE, EVEN, NONE_BELOW])
+@pytest.mark.parametrize("noise", [0.005, 0.05])
+def test_ipopt_never_undercuts_the_refined_grid(design: int, noise: float) -> None:
+    """From random starts within the grid's bounds IPOPT never ends more than 1e-6, relative, below the refined grid's cost."""
+    case = case_of(design, noise)
+    torques = torques_of(case, 12, seed=1)
+    starts = methods.random_starts(case, 12, np.random.default_rng(2))
+    fit = methods.ipopt(case)
+    ends = np.stack([fit(t, x) for t, x in zip(torques.T, starts, strict=True)], axis=1)
+    assert (ends[3] >= case.v_s_range[0] * (1 - 1e-9)).all()
+    assert (ends[3] <= case.v_s_range[1] * (1 + 1e-9)).all()
+    assert (ends[:3] >= 0).all()
+    assert (
+        methods.costs(case, torques, ends) > methods.costs(case, torques, methods.refined(case, torques)) * (1 - SAME)
+    ).all()
+
+
+def test_error_of_a_fine_plain_grid_is_even_rounding() -> None:
+    """Where the grid is finer than the noise, the RMS error of its v_s is a step over the square root of 12, and the floor is the spread."""
+    case = case_of(WIDE)
+    torques = torques_of(case, 1500)
+    grid = Batch(case.problem(torques[:, 0]), torques, case.v_s_range).theta
+    found = running._resolution(case, grid, {n: methods.plain(case, torques, n) for n in (500, 1000)})
+    low, high = case.v_s_range
+    for count, error in zip(found.counts, found.error, strict=True):
+        assert error == pytest.approx((high - low) / (count - 1) / np.sqrt(12), rel=0.06)
+    assert found.floor == float(spread(grid[3]))
+    assert (high - low) / (found.predicted - 1) / np.sqrt(12) == pytest.approx(0.1 * found.floor, rel=0.02)
+
+
+def test_enough_is_where_a_tenth_is_reached_for_good(tried: Trial) -> None:
+    """`enough` is the first resolution from which on the error is at most a tenth of the floor; less noise asks for a finer grid."""
+    for one in tried.cases[:2]:
+        r = one.resolution
+        shares = {n: r.share(n) for n in r.counts}
+        assert r.enough == min((n for n in r.counts if all(shares[m] <= 0.1 for m in r.counts if m >= n)), default=None)
+    assert tried.cases[0].resolution.predicted > 3 * tried.cases[1].resolution.predicted
+    uneven = replace(tried.cases[0].resolution, counts=(8, 16, 32), error=np.array([0.05, 0.2, 0.1]), floor=1.0)
+    assert uneven.enough == 32
+    assert replace(uneven, floor=0.5).enough is None
+
+
+def test_the_refined_grid_is_never_worse(tried: Trial) -> None:
+    """Nothing within the range undercuts the refined grid; IPOPT begun there stays; plain grids approach it as they become finer."""
+    for one in tried.cases:
+        assert one.beaten <= SAME
+        assert one.methods[REFINED].elsewhere == 0.0
+        assert one.methods[REFINED].failed == 0.0
+        assert one.resolution.error[-1] < one.resolution.error[0] / 10
+    assert max(one.moved for one in tried.cases[:2]) < 1e-3
+
+
+def test_where_nobody_can_know_the_verdict_says_so(tried: Trial) -> None:
+    """Without a speed below v_s bristle declines nearly always, and the verdict says that no method can know; elsewhere it never declines there."""
+    known, noisy, blind = tried.cases
+    assert (known.declined, known.blind, noisy.blind) == (0.0, False, False)
+    assert blind.declined > BLIND
+    assert verdict(blind)[0].startswith("No method can know v_s here (none of the 12 speeds lies below v_s)")
+    assert verdict(known)[0].startswith("v_s can be known here (7 of the 16 speeds lie below v_s)")
+    assert not any("plain grid" in s and "standard error" in s for s in verdict(blind))
+
+
+def test_the_verdict_holds_the_numbers(tried: Trial) -> None:
+    """Shares, resolution and times in the sentences are those counted."""
+    one = tried.cases[0]
+    said = " ".join(verdict(one))
+    assert f"{100 * one.resolution.share(500):.3g} % of its standard error" in said
+    for name in ("IPOPT", "SciPy TRF"):
+        if (
+            one.starts.elsewhere("IPOPT").any()
+            or one.starts.elsewhere("SciPy TRF").any()
+            or one.starts.elsewhere("lmfit").any()
+        ):
+            assert f"{name} {100 * one.starts.elsewhere(name).mean():.3g} %" in said
+    assert f"{POLISHED} {one.methods[POLISHED].seconds / one.methods[REFINED].seconds:.2g}" in said
+    assert "none undercuts the refined grid's cost" in overall(tried)[0]
+    assert len(overall(tried)) == 1 + 2
+
+
+def test_minima_beyond_the_range_are_counted_apart(tried: Trial) -> None:
+    """A start counts as beyond where v_s, set free, leaves the range and the cost falls below the grid's; it does not count against the grid."""
+    case = case_of(WIDE)
+    ended = np.tile(case.theta[:, None], 5)
+    ended[3] = np.array([0.5, 0.5, 0.9, 1.0, 2.0]) * case.v_s_range[0]
+    ended[3, 4] = 2 * case.v_s_range[1]
+    cost = np.array([1 - 1e-5, 1 - 1e-7, 1.0, 1 - 1e-5, 1 - 1e-5])
+    apart = Starts(
+        torque=np.ones(5), begun=np.ones(5), ended={FREE: ended}, best=case.theta, best_cost=1.0, cost={FREE: cost}
+    )
+    assert running._beyond(case, apart).tolist() == [True, False, False, False, True]
+    for one in tried.cases:
+        v_s, cost = one.starts.ended[FREE][3], one.starts.cost[FREE]
+        low, high = one.case.v_s_range
+        for k, beyond in enumerate(one.beyond.tolist()):
+            assert beyond == bool((v_s[k] < low or v_s[k] > high) and cost[k] < one.starts.best_cost * (1 - SAME))
+
+
+def test_without_slow_speeds_a_lower_cost_may_lie_beyond_the_range(tried: Trial) -> None:
+    """On a data set whose best v_s within the range is at its end, v_s set free ends beyond at a lower cost, which is counted and said."""
+    case = case_of(NONE_BELOW, 0.005)
+    rng = np.random.default_rng([0, 4])
+    torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, 1).T)
+    many = running._from_starts(
+        case, torques[:, 0], methods.refined(case, torques)[:, 0], methods.random_starts(case, 4, rng), {}
+    )
+    beyond = running._beyond(case, many)
+    assert beyond.any()
+    assert min(abs(np.log(many.best[3] / end)) for end in case.v_s_range) < 0.2
+    here = tried.cases[2]
+    ended = {**here.starts.ended, FREE: many.ended[FREE]}
+    told = verdict(replace(here, beyond=beyond, starts=replace(here.starts, ended=ended)))
+    said = [sentence for sentence in told if "beyond the grid's range, at v_s = " in sentence]
+    assert said[0].startswith(f"With v_s free, {beyond.sum()} of 4 starts")
+
+
+def test_elsewhere_is_above_the_lowest_cost() -> None:
+    """A start is elsewhere where it ends more than 1e-6 above the lowest cost within the range, whoever found it; v_s set free does not count."""
+    theta = np.array([[1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [1e-6, 0.5, 0.5], [0.1, 0.1, 0.1]])
+    starts = Starts(
+        torque=np.ones(5), begun=np.ones(3), ended={"IPOPT": theta, FREE: theta}, best=theta[:, 1], best_cost=1.0,
+        cost={"IPOPT": np.array([2.0, 1.0 + 5e-7, 1.0 + 5e-6]), FREE: np.array([0.5, 0.5, 0.5])},
+    )  # fmt: skip  # a table
+    assert starts.elsewhere("IPOPT").tolist() == [True, False, True]
+    assert starts.without_peak("IPOPT").tolist() == [True, False, False]
+
+
+def test_a_grid_that_is_undercut_is_said(tried: Trial) -> None:
+    """Had IPOPT found less than the refined grid, verdict and summary would say so and by how much."""
+    worse = replace(tried.cases[0], beaten=3e-4)
+    assert any("IPOPT finds a cost below the refined grid's, by 0.0003 relative" in s for s in verdict(worse))
+    assert "undercut by up to 0.0003" in overall(replace(tried, cases=(worse,)))[0]
+
+
+def test_intervals_of_bristle_cover_as_counted(tried: Trial) -> None:
+    """Coverage of covariance and profile is that of the batch's own intervals; the bootstrap is there only where v_s can be known."""
+    one = tried.cases[1]
+    rng = np.random.default_rng([tried.seed, 1])
+    torques = np.ascontiguousarray(steady_points(one.case.truth, one.case.velocity, one.case.noise, rng, 60).T)
+    found = Batch(one.case.problem(torques[:, 0]), torques, one.case.v_s_range)
+    low, high = found.profile_intervals()
+    shares = {c.kind: c.share for c in one.coverage}
+    inside = (low <= one.case.theta[:, None]) & (one.case.theta[:, None] <= high)
+    assert shares["profile"] == pytest.approx(inside.mean(axis=1), abs=1e-12)
+    assert shares["covariance"] == pytest.approx(one.methods[REFINED].coverage, abs=0.02)
+    assert all(0.8 < x <= 1 for c in one.coverage for x in c.share)
+    assert [c.kind for c in tried.cases[2].coverage] == ["covariance", "profile"]
+    assert [c.kind for c in one.coverage] == ["covariance", "profile", "bootstrap-t"]
+
+
+def test_the_same_seed_gives_the_same_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All but the times repeats, and another seed gives other data."""
+    quick(monkeypatch)
+    subject = Subject(title="one", kind="revolute", cases=(case_of(WIDE),))
+    one, again, other = (run_trial(subject, repetitions=20, starts=2, seed=seed).cases[0] for seed in (0, 0, 1))
+    assert one.starts.torque.tolist() == again.starts.torque.tolist()
+    assert one.methods[REFINED].bias.tolist() == again.methods[REFINED].bias.tolist()
+    assert one.starts.ended["IPOPT"].tolist() == again.starts.ended["IPOPT"].tolist()
+    assert one.starts.torque.tolist() != other.starts.torque.tolist()
+
+
+def test_progress_names_each_case() -> None:
+    """Each case is announced before it is tried."""
+    heard: list[tuple[str, int, int]] = []
+
+    def stop(what: str, done: int, total: int) -> None:
+        heard.append((what, done, total))
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(sweep(), progress=stop)
+    assert heard == [("trying gripper rotation (+)", 0, 48)]
+
+
+def test_own_design_is_the_joint_s(tmp_path: Path) -> None:
+    """A joint's own cases have its velocities, its fitted parameters, its range of v_s, and its noise, corrected for four parameters."""
+    joint = identify(write(tmp_path, speeds())).joints[0]
+    subject = own_cases(joint)
+    assert [c.label for c in subject.cases] == ["wrist (+)", "wrist (-)"]
+    for case, fit in zip(subject.cases, joint.static.values(), strict=True):
+        assert case.velocity.tolist() == fit.velocity.tolist()
+        assert case.theta.tolist() == [fit.parameters[name].value for name in NAMES]
+        assert case.noise == pytest.approx(np.sqrt(np.sum(fit.residuals**2) / (fit.n - 4)), rel=1e-12)
+        assert case.v_s_range == pytest.approx(static.default_range(fit.velocity), rel=1e-12)
+    louder = own_cases(joint, 0.03)
+    assert [c.noise for c in louder.cases] == pytest.approx([0.03 * c.truth.alpha_0 for c in louder.cases])
+
+
+def test_a_direction_without_a_peak_is_skipped_and_said(tmp_path: Path) -> None:
+    """Where no Stribeck term is identified, or the points have no noise, there is nothing to try, and the reason is given."""
+    joint = identify(write(tmp_path, FEW)).joints[0]
+    found = own_cases(joint)
+    assert found.cases == ()
+    assert set(found.skipped) == set(joint.static)
+    assert "nothing to try" in "".join(found.skipped.values())
+    (tmp_path / "exact").mkdir()
+    path = write(tmp_path / "exact", speeds(both=False))
+    (tmp_path / "exact" / "wrist.csv").write_text(table(speeds(both=False), noise=1e-30))
+    exact = identify(path).joints[0]
+    assert "without noise" in own_cases(exact).skipped["+"]
+    assert len(own_cases(exact, 0.01).cases) == 1
+
+
+def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
+    """Of more than 400 points 400 are simulated, with as much less noise: v_s keeps its standard error."""
+    v = np.tile(np.geomspace(0.15, 11.0, 1600) * P.v_s, 1)
+    path = write(tmp_path, v)
+    (tmp_path / "wrist.csv").write_text(table(v, noise=1e-3))
+    joint = identify(path).joints[0]
+    case = own_cases(joint).cases[0]
+    assert case.velocity.size == MOST_POINTS
+    assert (case.velocity.min(), case.velocity.max()) == (v.min(), v.max())
+    jacobian = methods.jacobians(case, case.theta[:, None])[0]
+    thinned = case.noise * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[3, 3])
+    assert thinned == pytest.approx(joint.static["+"].parameters["v_s"].standard_error, rel=0.15)
+
+
+def test_figures_say_what_they_show(tried: Trial) -> None:
+    """Every figure names its joint, says SIMULATED, carries units (m/s for a prismatic joint) and names each solver."""
+    one = tried.cases[0]
+    cost, starts = (draw(one, "prismatic") for draw in (trial_figures.landscape_figure, trial_figures.starts_figure))
+    resolution, by_method = trial_figures.resolution_figure(tried), trial_figures.methods_figure(one)
+    assert resolution is not None
+    for figure in (cost, starts, resolution, by_method):
+        assert "SIMULATED" in figure.axes[0].get_title(loc="left")
+    assert {a.get_xlabel() for a in cost.axes} >= {"Stribeck velocity (m/s)"}
+    assert starts.axes[1].get_xlabel() == "Stribeck velocity of the start (m/s)"
+    for figure in (cost, starts):
+        legend = figure.axes[0].get_legend()
+        assert legend is not None
+        words = " ".join(t.get_text() for t in legend.get_texts())
+        assert all(name in words for name in ("IPOPT", "SciPy TRF", "refined grid"))
+    assert [t.get_text() for t in by_method.axes[0].get_yticklabels()] == list(one.methods)
+    assert len([x for x in resolution.axes[0].lines if len(x.get_xdata()) == len(RESOLUTIONS)]) == 2  # type: ignore[arg-type]  # stubs allow scalars
+
+
+def test_no_resolution_is_drawn_where_nothing_can_be_known(tried: Trial) -> None:
+    """Without a case in which v_s can be known there is no such figure."""
+    assert trial_figures.resolution_figure(replace(tried, cases=tried.cases[2:])) is None
+
+
+def test_the_page_holds_verdict_tables_and_figures(tried: Trial, tmp_path: Path) -> None:
+    """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
+    page = write_trial(tried, tmp_path / "out").read_text(encoding="utf-8")
+    assert "&lt;b&gt;three" in page
+    assert "<b>three" not in page
+    assert "SIMULATED data." in page
+    assert "nan" not in page.lower().replace("resonan", "")
+    frames = {p.stem: pd.read_csv(p) for p in (tmp_path / "out" / "tables").iterdir()}
+    assert set(frames) == {"cases", "methods", "coverage", "resolution"}
+    assert len(frames["methods"]) == sum(len(one.methods) for one in tried.cases) * len(NAMES)
+    assert len(frames["cases"]) == 3
+    assert len(frames["resolution"]) == 3 * len(RESOLUTIONS)
+    assert frames["cases"]["ipopt_lead"].max() <= SAME
+    assert sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir()) == [".png"] * 10 + [".svg"] * 10
+    assert table_of_cases(tried)["declined_percent"].tolist() == [100 * one.declined for one in tried.cases]
+
+
+def test_the_command_tries_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`bristle validate` prints the cross-check, the verdict of each direction and the summary, and writes the page where it was told."""
+    quick(monkeypatch)
+    path = write(tmp_path, speeds())
+    ran = run("validate", path, "-o", tmp_path / "out", "--repetitions", 20, "--starts", 2, "--noise", 0.02)
+    assert ran.code == 0
+    assert "wrist +: Grid and full nonlinear fit agree" in ran.out
+    assert "wrist (-), SIMULATED, the 20 points measured" in ran.out
+    assert "none undercuts the refined grid's cost" in ran.out
+    assert (tmp_path / "out" / "index.html").is_file()
+
+
+def test_the_command_without_a_peak_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nothing can be tried the command says why, ends well, and writes no page."""
+    path = write(tmp_path, FEW)
+    monkeypatch.chdir(tmp_path)
+    before = tree(tmp_path)
+    ran = run("validate", path)
+    assert ran.code == 0
+    assert "wrist +: nothing to try: Too few points" in ran.out
+    assert "Nothing was tried." in ran.out
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--repetitions", "3"), "repetitions: got 3; a trial needs at least 20"),
+        (("--starts", "0"), "starts: got 0"),
+        (("--noise", "0"), "noise: got 0; expected a positive share of alpha_0"),
+        (("--noise", "nan"), "noise: got nan"),
+        (("--noise", "inf"), "noise: got inf"),
+        (("--noise", "much"), "--noise"),
+        (("-o", "data.csv"), "data.csv: is a file"),
+    ],
+)
+def test_bad_input_gets_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], named: str
+) -> None:
+    """Exit code 2, one sentence, and nothing on the disk changes."""
+    (tmp_path / "e.yaml").write_text(experiment(), encoding="utf-8")
+    (tmp_path / "data.csv").write_text(table(speeds()), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    before = tree(tmp_path)
+    ran = run("validate", "e.yaml", *arguments)
+    assert (ran.code, len(ran.said)) == (2, 1)
+    assert named in ran.said[0]
+    assert tree(tmp_path) == before
+
+
+def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C within the trial: 130, and nothing half-written."""
+
+    def interrupted(*_: object) -> Tried:
+        raise KeyboardInterrupt
+
+    path = write(tmp_path, speeds(both=False))
+    monkeypatch.setattr(running, "try_case", interrupted)
+    monkeypatch.chdir(tmp_path)
+    before = tree(tmp_path)
+    assert run("validate", path).code == 130
+    assert tree(tmp_path) == before
+
+
+def test_help_has_an_example() -> None:
+    """The help of the command shows how it is called, and each of its options."""
+    shown = run("validate", "--help").out
+    assert "Example: bristle validate" in shown
+    assert all(option in shown for option in ("--output", "--repetitions", "--starts", "--noise", "--strict"))
+
+
+def test_without_lmfit_the_trial_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lmfit is no dependency: where it is absent the others are tried."""
+    monkeypatch.setattr(methods, "LMFIT", False)
+    assert set(methods.local_methods(case_of(WIDE))) == {"IPOPT", "SciPy TRF"}
+
+
+def test_the_api_tries_an_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`bristle.trial` identifies first, or takes what is identified: both try the same cases; the checks come before any work."""
+    quick(monkeypatch)
+    path = write(tmp_path, speeds(both=False))
+    results = identify(path)
+    first = trial(identified=results, repetitions=20, starts=1)
+    assert [one.case.label for one in first.cases] == ["wrist (+)"]
+    again = trial(path, repetitions=20, starts=1)
+    assert again.cases[0].starts.torque.tolist() == first.cases[0].starts.torque.tolist()
+    with pytest.raises(ValueError, match="repetitions: got 1"):
+        trial("no such file", repetitions=1)
