@@ -466,10 +466,12 @@ def _progress() -> "Iterator[Progress]":
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description:<42}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("reading")
 
         def update(what: str, done: int, total: int) -> None:
+            """What is being done, and how much of it."""
             bar.update(task, description=what, completed=done, total=total)
 
         yield update
