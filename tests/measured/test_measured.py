@@ -76,6 +76,15 @@ def test_kinova_is_identified_as_it_is(measured_data: Path, tmp_path: Path) -> N
     low, high = fit.parameters["v_s"].interval or (0.0, 0.0)
     assert high > 1.5 * low
     assert any("wrap" in note for one in joint.inputs for note in one.notes)
+    for name, three in fit.uncertainty.items():
+        for ends in (three.covariance, three.profile, three.bootstrap):
+            assert ends is not None
+            assert 0 < ends[0] < (fit.parameters[name].value or 0.0) < ends[1] < np.inf
+    (models,) = joint.models
+    assert models.sentence.startswith("Use Stribeck curve")
+    (best,) = [row for row in models.rows if row.recommended]
+    assert min(row.bic for row in models.rows if row.model == "Coulomb + viscous" and row.bic is not None) > 10
+    assert best.bic == 0
 
 
 def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
@@ -132,6 +141,13 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
     assert static["shared"].relative_error <= 3.25
     assert static["shared"].hold_out[0].relative_error <= 5.5
     assert static["+"].outcome is static["-"].outcome is Outcome.NO_STRIBECK
+    for d in ("+", "-", "shared"):
+        for three in static[d].uncertainty.values():  # without a peak the problem is linear, and the first two are one
+            assert three.profile == pytest.approx(three.covariance, rel=1e-9)
+            assert three.bootstrap == pytest.approx(three.covariance, rel=0.02)
+            assert not three.doubts
+    (models,) = joint.models
+    assert models.sentence.startswith("Use Coulomb + viscous, per direction")
 
 
 def replayed(folder: Path, joint: Joint, most: float) -> None:
