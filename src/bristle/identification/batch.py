@@ -17,7 +17,9 @@ from bristle.identification.uncertainty import profile_threshold, student
 from bristle.model.arrays import Array
 
 GRID = 96
-"""Values of v_s; more than one refined fit needs, for here the minimum is interpolated between them."""
+"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
+COARSE = 48
+"""As many are enough for the minimum alone."""
 _NEWTON = 4
 _CROSSING = 12
 """Secant steps to where a profile crosses its threshold."""
@@ -267,7 +269,7 @@ class Batch:
 
 
 def solve_batch(
-    velocity: Array, torques: Array, v_s_range: tuple[float, float], grid: int = GRID
+    velocity: Array, torques: Array, v_s_range: tuple[float, float], grid: int = COARSE
 ) -> tuple[Array, Array]:
     """Many data sets that share their velocities, in a few matrix products (one direction, no extra regressors).
 

@@ -24,6 +24,7 @@ _WEBB = np.concatenate([-_SIX, _SIX])
 """Mean 0, variance 1, third moment 0 (Webb 2014)."""
 _UNEVEN = 0.01
 """Significance at which variances differ."""
+_SCHEMES = {False: "residuals", True: "signs of residuals (wild)"}
 _FULL = 1.0 - 1e-6
 """A point with this leverage leaves no residual."""
 
@@ -53,20 +54,38 @@ def resample(
         draws: resampled sets, >= 40.
         seed: of the generator.
     """
-    rng = np.random.default_rng(seed)
-    spread, left = inverse_gram(solution.jacobian), solution.residuals
-    leverage = np.minimum(np.einsum("np,pq,nq->n", solution.jacobian, spread, solution.jacobian), _FULL)
-    uneven = variances_differ(left, problem.velocity)
-    if uneven:
-        noise = (left / (1 - leverage))[:, None] * rng.choice(_WEBB, (left.size, draws))
-    else:
-        even = left / np.sqrt(1 - leverage)
-        noise = (even - even.mean())[rng.integers(0, left.size, (left.size, draws))]
-    sets = (problem.torque - left)[:, None] + noise
+    noise, uneven = _noise(solution.jacobian, solution.residuals, problem.velocity, draws, seed)
+    sets = (problem.torque - solution.residuals)[:, None] + noise
     both = np.column_stack([problem.torque, sets])
     theta, errors = _fits(problem, both, v_s_range, sandwich=uneven)
     low, high = _studentised(problem, solution.theta, theta[:, 1:], errors)
-    return Resampled(low, high, theta[:, 1:], "signs of residuals (wild)" if uneven else "residuals")
+    return Resampled(low, high, theta[:, 1:], _SCHEMES[uneven])
+
+
+def one_step(jacobian: Array, residuals: Array, velocity: Array, draws: int = DRAWS, seed: int = SEED) -> Resampled:
+    """The same for any fit of points, by a step of Gauss and Newton for each draw: intervals and draws of how far an unknown lies off its estimate.
+
+    Args:
+        jacobian: of the model at the estimate, (n, p), of full rank.
+        residuals: measured minus modelled, (n,).
+        velocity: rad/s, (n,).
+        draws: as in `resample`.
+        seed: as in `resample`.
+    """
+    noise, uneven = _noise(jacobian, residuals, velocity, draws, seed)
+    steps, errors = _linear_fits(jacobian, np.column_stack([residuals, noise]), sandwich=uneven)
+    most, least = _quantiles(steps[:, 1:], errors[:, 1:])
+    return Resampled(-most * errors[:, 0], -least * errors[:, 0], steps[:, 1:], _SCHEMES[uneven])
+
+
+def _noise(jacobian: Array, left: Array, velocity: Array, draws: int, seed: int) -> tuple[Array, bool]:
+    """What is added to the modelled torques, (n, draws), and whether it is drawn wild."""
+    rng = np.random.default_rng(seed)
+    leverage = np.minimum(np.einsum("np,pq,nq->n", jacobian, inverse_gram(jacobian), jacobian), _FULL)
+    if variances_differ(left, velocity):
+        return (left / (1 - leverage))[:, None] * rng.choice(_WEBB, (left.size, draws)), True
+    even = left / np.sqrt(1 - leverage)
+    return (even - even.mean())[rng.integers(0, left.size, (left.size, draws))], False
 
 
 def variances_differ(residuals: Array, velocity: Array) -> bool:
@@ -87,12 +106,17 @@ def _fits(
     if problem.peaks:
         found = Batch(problem, torques, v_s_range)
         return found.theta, found.errors(robust=sandwich)
-    inner = inverse_gram(problem.linear)
-    weights = inner @ problem.linear.T
+    return _linear_fits(problem.linear, torques, sandwich=sandwich)
+
+
+def _linear_fits(columns: Array, torques: Array, *, sandwich: bool) -> tuple[Array, Array]:
+    """The same of a problem that is linear in columns (n, p)."""
+    inner = inverse_gram(columns)
+    weights = inner @ columns.T
     theta = weights @ torques
-    left = torques - problem.linear @ theta
+    left = torques - columns @ theta
     if sandwich:
-        kept = 1 - np.minimum(np.einsum("np,pn->n", problem.linear, weights), _FULL)
+        kept = 1 - np.minimum(np.einsum("np,pn->n", columns, weights), _FULL)
         return theta, np.sqrt(weights**2 @ (left / kept[:, None]) ** 2)
     cost = np.einsum("ns,ns->s", left, left) / max(left.shape[0] - theta.shape[0], 1)
     return theta, np.sqrt(np.diag(inner)[:, None] * cost)
@@ -104,11 +128,7 @@ def _studentised(problem: Regression, best: Array, theta: Array, errors: Array) 
     size = np.where(positive, theta, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.where(positive, np.log(theta / best[:, None]), theta - best[:, None])
-        t = off / (errors[:, 1:] / size)
-    blind = ~np.isfinite(t)  # a draw that shows nothing of a parameter may lie on either side
-    tail = (1 - LEVEL) / 2
-    most = np.quantile(np.where(blind, np.inf, t), 1 - tail, axis=1, method="higher")
-    least = np.quantile(np.where(blind, -np.inf, t), tail, axis=1, method="lower")
+        most, least = _quantiles(off, errors[:, 1:] / size)
     own = errors[:, 0] / np.where(positive[:, 0], best, 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
         reach = ((-most * own, -np.inf), (-least * own, np.inf))
@@ -116,3 +136,14 @@ def _studentised(problem: Regression, best: Array, theta: Array, errors: Array) 
         low, high = (np.where(positive[:, 0], best * np.exp(end), best + end) for end in ends)
     floor = np.array([0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names])
     return np.maximum(low, floor), np.maximum(high, floor)
+
+
+def _quantiles(off: Array, errors: Array) -> tuple[Array, Array]:
+    """The highest and the lowest studentised draw of the middle 95 %, (p,) each."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = off / errors
+    blind = ~np.isfinite(t)  # a draw that shows nothing of a parameter may lie on either side
+    tail = (1 - LEVEL) / 2
+    most: Array = np.quantile(np.where(blind, np.inf, t), 1 - tail, axis=1, method="higher")
+    least: Array = np.quantile(np.where(blind, -np.inf, t), tail, axis=1, method="lower")
+    return most, least

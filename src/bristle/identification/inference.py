@@ -11,7 +11,7 @@ from bristle.data.statistics import inflation
 from bristle.identification import uncertainty
 from bristle.identification.doubts import fit_doubts, in_direction, is_closed
 from bristle.identification.estimate import Estimate, Outcome, Profile
-from bristle.identification.profiles import Profiled, profiled
+from bristle.identification.profiles import Profiled, others, profiled
 from bristle.identification.regression import SEEN, Regression
 from bristle.identification.robust import huber
 from bristle.identification.static import Projected, Solution, descended, solve
@@ -163,7 +163,7 @@ def _profiles(
     projected = Projected(problem)
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
-        costs = partial(projected.profile, peak=k, others=solution.grid)
+        costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
         plain_v_s = (
             np.linspace(*v_s_range, options.plain_grid)
             if len(problem.peaks) == 1 and problem.smooth is None

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 from scipy.linalg import lapack
-from scipy.optimize import lsq_linear
+from scipy.optimize import nnls
 
 from bristle.model.arrays import Array
 
@@ -22,10 +22,17 @@ def least_squares(design: Array, torque: Array) -> Array:
 
 
 def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
-    """The solution (m,) with each element at or above its lower bound (m,), by bounded-variable least squares."""
-    scale = np.linalg.norm(design, axis=0)
+    """The solution (m,) with each element at or above its lower bound (m,), 0 or -inf: non-negative least squares off the columns without a bound."""
+    free = np.isinf(lower)
+    if free.all():  # nnls crashes without columns
+        return least_squares(design, torque)
+    q, r_inverse = orthonormal(design[:, free])
+    off = design[:, ~free] - q @ (q.T @ design[:, ~free])
+    scale = np.linalg.norm(design[:, ~free], axis=0)
     scale[scale == 0] = 1.0
-    solution: Array = lsq_linear(design / scale, torque, bounds=(lower, np.inf), method="bvls", tol=1e-14).x / scale
+    solution = np.empty(lower.size)
+    solution[~free] = nnls(off / scale, torque - q @ (q.T @ torque))[0] / scale
+    solution[free] = r_inverse @ (q.T @ (torque - design[:, ~free] @ solution[~free]))
     return solution
 
 

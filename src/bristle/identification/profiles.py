@@ -29,7 +29,7 @@ _FIRST = {1: 65, 2: 25}
 """Values of each v_s in the first look, by the number of peaks, ..."""
 _NEXT = {1: 9, 2: 7}
 """... in each look between the neighbours of the best one, ..."""
-_LOOKS = {1: 3, 2: 5}
+_LOOKS = {1: 4, 2: 5}
 """... and how many looks there are after the first."""
 _DRAWN = 61
 """Values of a parameter at which its profile is drawn."""
@@ -78,14 +78,19 @@ def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> P
     return Profiled(found | v_s, threshold, shape)
 
 
+def others(solution: Solution, peaks: int, peak: int) -> Array:
+    """Over which values of the other v_s the profile of a peak's own is minimised, where there are two: near its best, and the grid, (k,)."""
+    other = float(solution.theta[solution.theta.size - 1 - peak])
+    return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)
+
+
 def _of_v_s(problem: Regression, solution: Solution, best: Array, threshold: float) -> dict[str, tuple[float, float]]:
     """The interval of v_s of each peak; of two, the other's v_s is searched on the grid and near its best."""
     projected, peaks = Projected(problem), len(problem.peaks)
     found = {}
     for k, name in enumerate(problem.names[len(problem.names) - peaks :]):
-        near = best[peaks - 1 - k] * np.geomspace(*_AROUND)
-        costs = partial(projected.profile, peak=k, others=np.append(near, solution.grid))
-        found[name] = profile_interval(costs, solution.grid, solution.profiles[k], float(best[k]), threshold)
+        costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
+        found[name] = profile_interval(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
     return found
 
 
@@ -184,8 +189,8 @@ class Profiles:
         """The profile about an estimate, from half a width below its interval to half a width above, as in `Uncertainty`, (2, k)."""
         j, wide = self.names.index(name), high - low
         least = 0.0 if self.bounded[j] else -np.inf
-        values = np.linspace(max(low - _BEYOND * wide, least), high + _BEYOND * wide, _DRAWN)
-        values = np.unique(np.append(values, value))
+        ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
+        values = np.unique([np.linspace(value, end, _DRAWN // 2) for end in ends])  # a skewed one is steep to one side
         nodes = self._grid(np.clip(self.box + _BEYOND * np.diff(self.box, axis=1) * [-1, 1], *self.searched), _OVER)
         cost, inside = self._held(self.free, nodes, j, values)
         if not inside.all():

@@ -7,6 +7,7 @@ operations: with the linear columns projected out (Q from QR), one Stribeck colu
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, combinations
 from math import exp, log
 from typing import NamedTuple
 
@@ -175,11 +176,26 @@ class Projected:
 
     def costs(self, v_s: Array) -> Array:
         """J_s at each v_s (k,), with alpha_0, alpha_1, alpha_2 >= 0; one peak."""
-        alpha_1, along, broken = self._peak(self.problem.shapes(v_s))
+        shapes = self.problem.shapes(v_s)
+        alpha_1, along, broken = self._peak(shapes)
         costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
-        for k in broken:
-            costs[k] = solve_at(self.problem, [v_s[k]]).cost
+        if broken.size:
+            costs[broken] = self._bounded(shapes[:, broken])
         return costs
+
+    def _bounded(self, shapes: Array) -> Array:
+        """J_s with each of some Stribeck columns (n, k), every bound kept: the least of what breaks none, with any friction columns dropped, (k,)."""
+        bounded = np.flatnonzero(np.isfinite(self.lower)).tolist()
+        least = np.full(shapes.shape[1], np.inf)
+        for dropped in chain.from_iterable(combinations(bounded, size + 1) for size in range(len(bounded))):
+            keep = np.delete(np.arange(self.lower.size), dropped)
+            names = tuple(self.problem.linear_names[k] for k in keep)
+            face = Projected(replace(self.problem, linear=self.problem.linear[:, keep], linear_names=names))
+            alpha_1, along, broken = face._peak(shapes)
+            costs = np.maximum(face.rest_cost - alpha_1 * along, 0.0)
+            costs[broken] = np.inf
+            least = np.minimum(least, costs)
+        return least
 
     def at(self, v_s: float) -> Inner:
         """The problem at one v_s, from what is projected already; one peak."""

@@ -6,6 +6,7 @@ from bristle.identification import agreement, bootstrap
 from bristle.identification.blocks import FEW, block_bootstrap
 from bristle.identification.estimate import Uncertainty
 from bristle.identification.inference import Inferred
+from bristle.identification.profiles import others
 from bristle.identification.static import Projected
 from bristle.model.arrays import Array
 
@@ -65,19 +66,24 @@ def _resampled(
     names = [problem.names[k] for k in keep]
     # v_s is stepped by its logarithm
     size = np.array([solution.theta[k] if problem.names[k].startswith("v_s") else 1.0 for k in keep])
-    J, measured = -solution.jacobian[:, keep] * size, problem.torque.size - problem.priors
-    sigma = float(np.sqrt(solution.cost / max(problem.torque.size - len(keep), 1)))
-    length = 1 if problem.smooth is None else None
-    steps = block_bootstrap(
-        J[:measured], solution.residuals[:measured], priors=J[measured:], sigma=sigma, length=length, seed=seed
-    )
-    errors = np.sqrt(np.diag(found.covariance)) / size
-    out: dict[str, tuple[tuple[float, float] | None, Array]] = {}
-    if steps.blocks < FEW:
-        return dict.fromkeys(problem.names, (None, np.zeros(0)))
-    for k, (name, error) in enumerate(zip(names, errors.tolist(), strict=True)):
-        ends = _moved(found, name, np.array(steps.interval(k, error)))
-        out[name] = (float(ends[0]), float(ends[1])), _moved(found, name, steps.steps[:, k])
+    J, out = solution.jacobian[:, keep] * size, dict[str, tuple[tuple[float, float] | None, Array]]()
+    if problem.smooth is None:
+        drawn = bootstrap.one_step(J, solution.residuals, problem.velocity, seed=seed)
+        intervals, steps = np.column_stack([drawn.low, drawn.high]), drawn.draws
+    else:
+        measured = problem.torque.size - problem.priors
+        sigma = float(np.sqrt(solution.cost / max(problem.torque.size - len(keep), 1)))
+        series = block_bootstrap(
+            -J[:measured], solution.residuals[:measured], priors=-J[measured:], sigma=sigma, seed=seed
+        )
+        if series.blocks < FEW:
+            return dict.fromkeys(problem.names, (None, np.zeros(0)))
+        errors = np.sqrt(np.diag(found.covariance)) / size
+        intervals = np.array([series.interval(k, error) for k, error in enumerate(errors.tolist())])
+        steps = series.steps.T
+    for name, interval, own in zip(names, intervals, steps, strict=True):
+        low, high = _moved(found, name, interval).tolist()
+        out[name] = (low, high), _moved(found, name, own)
     return {name: out.get(name, (None, np.zeros(0))) for name in problem.names}
 
 
@@ -85,7 +91,8 @@ def _moved(found: Inferred, name: str, steps: Array) -> Array:
     """The estimate of a parameter moved by steps, of its logarithm for v_s; no friction parameter below zero."""
     value = float(found.solution.theta[found.problem.names.index(name)])
     if name.startswith("v_s"):
-        return np.asarray(value * np.exp(steps), dtype=float)
+        with np.errstate(over="ignore"):
+            return np.asarray(value * np.exp(steps), dtype=float)
     return np.maximum(value + steps, 0.0) if name.startswith("alpha") else value + steps
 
 
@@ -93,14 +100,17 @@ def _curve(found: Inferred, name: str, value: float) -> Array:
     """The profile of a parameter, as in `Uncertainty`."""
     problem, (low, high) = found.profiled.shape.problem, found.profiled.intervals[name]
     reach = found.student[name][1] - value
-    high = high if np.isfinite(high) else value + 3 * reach
+    open_ = not np.isfinite(high)
+    high = value + 3 * reach if open_ else high
     if not name.startswith("v_s"):
-        return found.profiled.shape.curve(name, value, low, high)
+        curve = found.profiled.shape.curve(name, value, low, high)
+        # open alpha_1 goes on as v_s does, but it is drawn within the range searched
+        return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
     grid = found.solution.grid
     low = low if low > 0 else max(float(grid[0]), value - 3 * reach)
     values = np.geomspace(max(low * (low / value) ** _BEYOND, grid[0]), high * (high / value) ** _BEYOND, _DRAWN)
     values = np.unique(np.append(values, value))
     peak = [n for n in problem.names if n.startswith("v_s")].index(name)
-    cost = Projected(problem).profile(values, peak, grid)
+    cost = Projected(problem).profile(values, peak, others(found.solution, len(problem.peaks), peak))
     room = max(found.profiled.threshold - found.solution.cost, 1e-300)
     return np.stack([values, np.maximum(cost - found.solution.cost, 0.0) / room])

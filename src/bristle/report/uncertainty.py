@@ -65,17 +65,16 @@ def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
 
 
 def section(joint: Joint) -> dict[str, Any]:
-    """What the template names: the table with each interval in one cell, and whether the moving runs are among it."""
-    found = [
-        (
-            x.fit, x.direction, x.parameter, x.estimate.unit, x.estimate.value,
-            *(span(getattr(x.three, way)) for way in WAYS), " ".join(x.three.doubts),
-        )
-        for x in rows(joint)
-    ]  # fmt: skip  # as in `uncertainty`
-    frame = pd.DataFrame(found, columns=["fit", "direction", "parameter", "unit", "value", *WAYS, "doubts"])
-    missing = [FITS[kind] for kind, fit in fits(joint).items() if not fit.uncertainty]
-    return {"table": shown(frame), "missing": missing}
+    """What the template names: a table per fit with each interval in one cell, by the fit's name, and which fits have none."""
+    columns = ["parameter", "value", *WAYS, "unit", "doubts"]
+    found: dict[str, list[tuple[Any, ...]]] = {}
+    for x in rows(joint):
+        name = x.parameter + (x.direction if x.direction in {"+", "-"} else "")
+        ends = (span(getattr(x.three, way)) for way in WAYS)
+        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(x.three.doubts))
+        found.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
+    tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
+    return {"tables": tables, "missing": [FITS[kind] for kind, fit in fits(joint).items() if not fit.uncertainty]}
 
 
 def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
@@ -118,7 +117,7 @@ def _panel(ax: Axes, row: Row) -> None:
     if low > 0 and high > 8 * low:
         decimal_log(ax)
     else:
-        ax.xaxis.set_major_locator(MaxNLocator(4, prune="both"))
+        ax.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     if three.draws.size:
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
         counts, edges = np.histogram(inside, _BINS, (low, high))

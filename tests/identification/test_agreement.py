@@ -1,0 +1,173 @@
+"""Three intervals side by side: silent where they agree, a reason where they part, on real fits as well."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bristle.data.options import FitOptions
+from bristle.identification.agreement import FACTOR, PARTED, doubts
+from bristle.identification.estimate import Uncertainty
+from bristle.identification.inference import Inferred, infer
+from bristle.identification.regression import from_points
+from bristle.identification.static import default_range
+from bristle.identification.static_uncertainty import three_ways
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+from .conftest import GRIPPER, curve
+
+reach = st.floats(1e-3, 1e6)
+
+
+@given(value=st.floats(-1e3, 1e3), below=reach, above=reach, stretch=st.floats(1.0, 0.98 * FACTOR))
+def test_intervals_within_the_factor_are_not_doubted(value: float, below: float, above: float, stretch: float) -> None:
+    """Equal intervals, and any whose reaches differ by less than the factor, say nothing, however skewed together."""
+    own = (value - below, value + above)
+    wider = (value - stretch * below, value + stretch * above)
+    assert doubts(value, own, own, own) == ()
+    assert doubts(value, own, wider, own) == ()
+    assert doubts(value, wider, None, own) == ()
+
+
+@given(value=st.floats(-1e3, 1e3), size=reach, stretch=st.floats(1.01 * FACTOR, 100.0), which=st.integers(0, 2))
+def test_one_wider_than_the_factor_is_named_with_its_side(
+    value: float, size: float, stretch: float, which: int
+) -> None:
+    """Whichever of the three reaches too far, the sentence says on which side, and gives all three intervals."""
+    sides = {"below": (stretch, 1.0), "above": (1.0, stretch), "below and above": (stretch, stretch)}
+    for side, (low, high) in sides.items():
+        own = [(value - size, value + size)] * 3
+        own[which] = (value - low * size, value + high * size)
+        (said,) = doubts(value, *own)
+        assert said.startswith(f"{PARTED} {side} the estimate (covariance ")
+        assert said.count(" to ") >= 3
+        assert "profile" in said
+        assert "bootstrap" in said
+
+
+PLAIN = (9.0, 11.0)
+
+
+@pytest.mark.parametrize(
+    ("profile", "bootstrap", "few", "reason"),
+    [
+        ((9.0, 13.0), PLAIN, None, "the profile is skewed"),
+        ((9.0, np.inf), PLAIN, None, "nothing limits the parameter"),
+        ((0.0, 12.0), PLAIN, None, "the profile is skewed"),
+        (PLAIN, (7.0, 13.0), "5 points for 4 parameters", "5 points for 4 parameters are few to resample"),
+        (PLAIN, (7.0, 13.0), None, "not as evenly and independently scattered"),
+        (None, (7.0, 13.0), None, "not as evenly and independently scattered"),
+    ],
+)
+def test_the_reason_is_the_one_that_applies(
+    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: str | None, reason: str
+) -> None:
+    """An open profile, a skewed one, few points, or uneven residuals: each has its own words, in that order."""
+    (said,) = doubts(10.0, PLAIN, profile, bootstrap, few=few)
+    assert reason in said
+    assert "nan" not in said
+    assert ("None" in said) is False
+
+
+def test_at_a_bound_and_alone_nothing_is_said() -> None:
+    """An estimate at its bound has its own sentence, and one interval alone parts from none."""
+    assert doubts(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True) == ()
+    assert doubts(1.0, (0.0, 2.0), None, None) == ()
+    assert doubts(1.0, (1.0, 1.0), (1.0, 1.0 + 1e-12), (1.0, 1.0)) == ()
+
+
+def fitted(
+    velocity: Array, noise: float, seed: int, truth: Lugre[float] = GRIPPER, *, two: bool = False
+) -> tuple[Inferred, dict[str, Uncertainty]]:
+    """A fit of simulated points with its three intervals."""
+    if two:
+        velocity = np.concatenate([velocity, -velocity])
+    torque = curve(velocity, truth) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
+    v_s_range = default_range(velocity)
+    problem = from_points(velocity, torque, ("+", "-") if two else ("both",))
+    found = infer(problem, FitOptions(), "revolute", v_s_range)
+    return found, three_ways(found, v_s_range)
+
+
+def assert_sound(found: Inferred, three: dict[str, Uncertainty]) -> None:
+    """Each parameter has three intervals about its estimate, never nan, and a curve below one inside the profile's interval alone."""
+    assert tuple(three) == found.problem.names
+    for name, own in three.items():
+        value = float(found.solution.theta[found.problem.names.index(name)])
+        assert own.profile == found.profiled.intervals[name]
+        for interval in (own.covariance, own.profile, own.bootstrap):
+            assert interval is None or not np.isnan(interval).any()
+        assert own.profile is not None
+        assert own.profile[0] <= value * (1 + 1e-9)
+        assert value <= own.profile[1] * (1 + 1e-9)
+        assert not name.startswith(("alpha", "v_s")) or min(own.profile[0], *(own.covariance or (0,))) >= 0
+        values, heights = own.curve
+        assert np.isfinite(own.curve).all()
+        assert (np.diff(values) > 0).all()
+        assert heights.min() == pytest.approx(0, abs=1e-6)
+        inside = (values > own.profile[0]) & (values < own.profile[1])
+        assert (heights[inside] < 1.01).all(), name
+        assert (heights[~inside & (values > 0)] > 0.99).all(), name
+        assert np.isfinite(own.draws).all()
+
+
+def test_in_a_good_design_the_three_agree() -> None:
+    """40 speeds, 0.5 % noise: no doubt on any parameter in any of five sets, and all ends within a quarter of a width of the profile's."""
+    for seed in range(5):
+        found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 40), 1e-4, seed)
+        assert_sound(found, three)
+        for own in three.values():
+            assert own.doubts == ()
+            assert own.profile is not None
+            wide = own.profile[1] - own.profile[0]
+            assert own.covariance == pytest.approx(own.profile, abs=0.25 * wide)
+            assert own.bootstrap == pytest.approx(own.profile, abs=0.25 * wide)
+
+
+def test_two_directions_have_three_intervals_too() -> None:
+    """Points of both directions with a v_s each: eight parameters, sound, and with little noise without doubts."""
+    found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 24), 1e-4, 1, two=True)
+    assert len(three) == 8
+    assert_sound(found, three)
+    assert not [said for own in three.values() for said in own.doubts]
+
+
+def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
+    """Speeds from v_s up: where a Stribeck term is kept, v_s or alpha_1 says that the profile is skewed or open, and curves stay finite."""
+    said, kept, open_ = 0, 0, 0
+    for seed in range(12):
+        found, three = fitted(np.geomspace(GRIPPER.v_s, 0.8, 16), 4e-4, seed)
+        assert_sound(found, three)
+        if found.problem.peaks:
+            kept += 1
+            words = " ".join(doubt for name in ("alpha_1", "v_s") for doubt in three[name].doubts)
+            said += "the profile is skewed" in words or "nothing limits" in words
+            open_ += bool(np.isinf(three["alpha_1"].profile or ()).any())
+    assert kept >= 8
+    assert open_ >= 1
+    assert said >= 0.9 * kept
+
+
+def test_at_a_bound_the_intervals_are_one_sided() -> None:
+    """Without viscous friction its estimate is zero at times: intervals from zero up, and one sentence that says so."""
+    hits = 0
+    for seed in range(4):
+        found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16), 4e-4, seed, GRIPPER._replace(alpha_2=0.0))
+        assert_sound(found, three)
+        own = three["alpha_2"]
+        if "alpha_2" in found.solution.at_bound:
+            hits += 1
+            assert [interval[0] for interval in (own.covariance, own.profile) if interval] == [0, 0]
+            assert own.doubts == ("At its physical bound of zero: the intervals are one-sided.",)
+    assert 1 <= hits <= 3
+
+
+def test_few_points_are_called_few() -> None:
+    """Six points for four parameters: where bootstrap parts from an even profile, the points are called few."""
+    words = []
+    for seed in range(10):
+        found, three = fitted(np.geomspace(0.2 * GRIPPER.v_s, 0.8, 6), 5e-5, seed)
+        assert_sound(found, three)
+        words += [doubt for own in three.values() for doubt in own.doubts]
+    assert any("6 points for 4 parameters are few to resample" in doubt for doubt in words)

@@ -1,0 +1,170 @@
+"""Many sets at once: the same as one by one, errors as textbooks have them, and intervals that hold the truth as often as they say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bristle.identification import bootstrap, uncertainty
+from bristle.identification.batch import Batch, solve_batch
+from bristle.identification.profiles import profiled
+from bristle.identification.regression import Regression, from_points, gravity
+from bristle.identification.static import default_range, solve
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+from .conftest import GRIPPER, curve
+
+NAMES = ("alpha_0", "alpha_2", "alpha_1", "v_s")
+TRUTH = np.array([getattr(GRIPPER, name) for name in NAMES])
+
+
+def batch(velocity: Array, noise: float, sets: int, seed: int, truth: Lugre[float] = GRIPPER) -> Batch:
+    """Sets of torques of the gripper at the same velocities; noise in parts of alpha_0."""
+    drawn = noise * truth.alpha_0 * np.random.default_rng(seed).standard_normal((velocity.size, sets))
+    torques = curve(velocity, truth)[:, None] + drawn
+    return Batch(from_points(velocity, torques[:, 0], ("both",)), torques, default_range(velocity))
+
+
+def alone(found: Batch, k: int) -> Regression:
+    """One set of a batch."""
+    return replace(found.problem, torque=found.torques[:, k].copy(), memory={})
+
+
+def assert_as_one_by_one(found: Batch) -> tuple[int, int]:
+    """Costs of every set are those of `solve` to 3e-4; estimates, errors and intervals to a thousandth of an error or a width.
+
+    Returns how many sets have an estimate at a bound, and how many an open interval.
+    """
+    both, at_bound, open_ = np.stack(found.profile_intervals(), axis=1), 0, 0
+    for k in range(found.cost.size):
+        problem = alone(found, k)
+        solution = solve(problem, found.v_s_range)
+        assert found.cost[k] == pytest.approx(solution.cost, rel=3e-4)
+        if not solution.at_bound:
+            own = np.sqrt(np.diag(uncertainty.covariance(solution.jacobian, solution.cost)[0]))
+            assert (found.theta[:, k] - solution.theta) / own == pytest.approx(np.zeros(own.size), abs=1e-3)
+        at_bound += bool(solution.at_bound)
+        intervals = profiled(problem, solution).intervals
+        ends = np.array([intervals[name] for name in problem.names])
+        open_ += bool(ends[-1, 0] == 0 or np.isinf(ends[-1, 1]))
+        finite = np.isfinite(ends)
+        assert (np.isfinite(both[..., k]) == finite).all()
+        wide = np.where(finite.all(axis=1), ends[:, 1].clip(max=1e300) - ends[:, 0], solution.theta)
+        off = np.subtract(both[..., k], ends, where=finite, out=np.zeros_like(ends))
+        assert (np.abs(off) <= 1e-3 * wide[:, None]).all(), (k, ends, both[..., k])
+    return at_bound, open_
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), noise=st.floats(5e-3, 0.03), start=st.floats(0.1, 0.6), count=st.integers(10, 30))
+def test_a_batch_is_its_sets_one_by_one(seed: int, noise: float, start: float, count: int) -> None:
+    """Over random designs and noise: every set of a batch is as if it were alone."""
+    assert_as_one_by_one(batch(np.geomspace(start * GRIPPER.v_s, 0.8, count), noise, 4, seed))
+
+
+def test_sets_at_a_bound_and_without_limit_are_the_same_too() -> None:
+    """Few speeds near v_s, hardly any viscous friction: sets at a bound, and with open intervals, agree as well; there are some of each."""
+    velocity = np.geomspace(0.9 * GRIPPER.v_s, 0.8, 12)
+    bare = GRIPPER._replace(alpha_2=0.002)
+    at_bound, open_ = assert_as_one_by_one(batch(velocity, 0.04, 60, 1, bare))
+    assert at_bound >= 5
+    assert open_ >= 5
+
+
+def test_errors_are_those_of_the_covariance() -> None:
+    """Standard errors and Student's intervals are those of the exact Jacobian at each set's estimate, to 1e-4; no end lies below zero."""
+    found = batch(np.geomspace(0.7 * GRIPPER.v_s, 0.8, 16), 0.03, 60, 7)
+    errors, (low, high) = found.errors(), found.covariance_intervals()
+    inside, floored = np.flatnonzero((found.theta > 0).all(axis=0)), 0
+    for k in inside.tolist():
+        spread, freedom = uncertainty.covariance(alone(found, k).jacobian(found.theta[:, k]), float(found.cost[k]))
+        reach = uncertainty.student(freedom) * np.sqrt(np.diag(spread))
+        assert errors[:, k] == pytest.approx(np.sqrt(np.diag(spread)), rel=1e-4)
+        assert high[:, k] == pytest.approx(found.theta[:, k] + reach, rel=1e-4)
+        assert low[:, k] - np.maximum(found.theta[:, k] - reach, 0) == pytest.approx(
+            np.zeros(4), abs=1e-3 * reach.min()
+        )
+        floored += int((low[:, k] == 0).any())
+    assert 0 < floored < inside.size
+
+
+def test_extra_regressors_are_carried_along() -> None:
+    """With gravity among the columns, which may be negative, a batch is its sets one by one as well."""
+    velocity = np.geomspace(0.2 * GRIPPER.v_s, 0.8, 20)
+    extra = gravity(np.linspace(0, 11, velocity.size))
+    noise = 1e-4 * np.random.default_rng(0).standard_normal((velocity.size, 20))
+    torques = (curve(velocity, GRIPPER) - 0.004 * extra["gravity_sin"])[:, None] + noise
+    problem = from_points(velocity, torques[:, 0], ("both",), extra)
+    found = Batch(problem, torques, default_range(velocity))
+    assert_as_one_by_one(found)
+    assert found.theta[2] == pytest.approx(np.full(20, -0.004), abs=5e-4)
+
+
+def test_robust_errors_are_the_textbooks_hc3() -> None:
+    """(J'J)**-1 J' diag(r / (1 - h))**2 J (J'J)**-1 at each set's own estimate (MacKinnon and White, 1985)."""
+    velocity = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
+    found = batch(velocity, 0.01, 25, 3)
+    errors = found.errors(robust=True)
+    for k in range(25):
+        problem, theta = alone(found, k), found.theta[:, k]
+        J = problem.jacobian(theta)
+        inverse = np.linalg.inv(J.T @ J)
+        raised = problem.residuals(theta) / (1 - np.diag(J @ inverse @ J.T))
+        textbook = inverse @ J.T @ np.diag(raised**2) @ J @ inverse
+        assert errors[:, k] == pytest.approx(np.sqrt(np.diag(textbook)), rel=1e-6)
+
+
+def test_where_no_peak_is_seen_v_s_has_no_error() -> None:
+    """Beside a set with a peak one with a dip at low speed: its alpha_1 is zero and the error of its v_s infinite, robust or not."""
+    velocity = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
+    dip = curve(velocity, GRIPPER._replace(alpha_1=-0.005))
+    torques = np.column_stack([curve(velocity, GRIPPER) + 1e-4 * np.cos(9 * velocity), dip])
+    found = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, (0.01, 0.1))
+    assert found.theta[-2] == pytest.approx([GRIPPER.alpha_1, 0], rel=0.1)
+    for robust in (False, True):
+        assert np.isfinite(found.errors(robust=robust)[:, 0]).all()
+        assert np.isinf(found.errors(robust=robust)[-1, 1])
+
+
+def test_solve_batch_is_the_batch() -> None:
+    """The short form gives the estimates and costs of `Batch`."""
+    velocity = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
+    found = batch(velocity, 0.01, 10, 5)
+    theta, cost = solve_batch(velocity, found.torques, found.v_s_range, found.grid)
+    assert theta == pytest.approx(found.theta)
+    assert cost == pytest.approx(found.cost)
+
+
+def covered(low: Array, high: Array) -> Array:
+    """How often each parameter's interval holds the truth."""
+    hits: Array = ((low <= TRUTH[:, None]) & (TRUTH[:, None] <= high)).mean(axis=1)
+    return hits
+
+
+def test_profiles_cover_as_often_as_they_say() -> None:
+    """16 log speeds from 0.15 v_s, 2 % noise, 2000 sets: the profile's intervals hold each true parameter in 95 %, within three deviations."""
+    found = batch(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16), 0.02, 2000, 0)
+    assert covered(*found.profile_intervals()) == pytest.approx([0.95] * 4, abs=3 * np.sqrt(0.95 * 0.05 / 2000))
+
+
+def test_bootstrap_t_covers_as_often_as_it_says() -> None:
+    """The same design, 200 sets of 399 draws: bootstrap-t holds each true parameter in 95 %, within three deviations."""
+    velocity = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
+    found = batch(velocity, 0.02, 200, 1)
+    ends = []
+    for k in range(200):
+        problem = alone(found, k)
+        drawn = bootstrap.resample(problem, solve(problem, found.v_s_range), found.v_s_range, 399, seed=k)
+        ends.append((drawn.low, drawn.high))
+    low, high = np.transpose(ends, (1, 2, 0))
+    assert covered(low, high) == pytest.approx([0.95] * 4, abs=3 * np.sqrt(0.95 * 0.05 / 200))
+
+
+def test_without_points_below_v_s_only_the_profile_holds() -> None:
+    """16 log speeds from v_s up, 2 % noise, 1000 sets: the covariance holds alpha_1 in less than 92 %, the profile each parameter in 93 to 97 %."""
+    found = batch(np.geomspace(GRIPPER.v_s, 0.8, 16), 0.02, 1000, 0)
+    assert covered(*found.covariance_intervals())[2] < 0.92
+    assert covered(*found.profile_intervals()) == pytest.approx([0.95] * 4, abs=0.02)

@@ -1,0 +1,313 @@
+"""Profiles of static fits: closed forms without a peak, and brute force - non-negative least squares over v_s - with one or two, bounds included."""
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import sparse, stats
+from scipy.optimize import brentq, minimize, nnls
+
+from bristle.identification import uncertainty
+from bristle.identification.profiles import Profiled, profiled
+from bristle.identification.regression import Regression, from_points, with_prior
+from bristle.identification.static import Solution, default_range, solve
+from bristle.model.arrays import Array
+from bristle.model.parameters import Lugre
+
+from .conftest import GRIPPER, curve
+
+SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
+
+
+def least(problem: Regression, v_s: Array, name: str = "", held: float = 0.0) -> float:
+    """The cost at given v_s with a linear parameter held at a value, minimised over the others by non-negative least squares.
+
+    A parameter that may be negative is the difference of two that may not.
+    """
+    names = problem.names[: len(problem.names) - len(problem.peaks)]
+    design = problem.design(v_s)
+    rest = problem.torque - (held * design[:, names.index(name)] if name else 0.0)
+    columns = [design[:, k] for k in range(len(names)) if names[k] != name]
+    columns += [-design[:, k] for k in range(len(names)) if names[k] != name and not names[k].startswith("alpha")]
+    scaled = np.array([c / np.linalg.norm(c) for c in columns if c.any()]).T
+    return float(nnls(scaled, rest)[1]) ** 2
+
+
+def brute(problem: Regression, solution: Solution, name: str = "", held: float = 0.0) -> float:
+    """The same minimised over v_s as well: the best of a dense grid over the range, refined by a simplex that stays within it."""
+    if not problem.peaks:
+        return least(problem, np.zeros(0), name, held)
+    low, high = np.log(solution.grid[[0, -1]])
+    axis = np.linspace(low, high, {1: 120, 2: 16}[len(problem.peaks)])
+    nodes = [np.array(u) for u in product(axis, repeat=len(problem.peaks))]
+    nodes.append(np.log(solution.theta[-len(problem.peaks) :]))
+
+    def cost(u: Array) -> float:
+        """At u = log(v_s)."""
+        return least(problem, np.exp(np.clip(u, low, high)), name, held)
+
+    best = min(nodes, key=cost)
+    simplex = best + 0.5 * (axis[1] - axis[0]) * np.vstack([np.zeros(best.size), np.eye(best.size)])
+    options: Any = {"initial_simplex": simplex, "xatol": 1e-8, "fatol": 1e-14 * solution.cost, "maxiter": 400}
+    found = minimize(cost, best, method="Nelder-Mead", options=options)
+    return min(float(found.fun), cost(best))
+
+
+def assert_exact(problem: Regression, solution: Solution, found: Profiled, rel: float = 1e-5) -> None:
+    """Each end of each linear parameter is the constrained one; a little beyond it the cost lies above the threshold."""
+    names = problem.names[: len(problem.names) - len(problem.peaks)]
+    assert_ends(problem, solution, found, names, rel)
+    for name, value in zip(names, solution.theta, strict=False):
+        for end in found.intervals[name]:
+            beyond = end + 0.02 * (end - value)
+            if np.isfinite(end) and (beyond > 0 or not name.startswith("alpha")):
+                assert brute(problem, solution, name, beyond) > found.threshold, (name, beyond)
+
+
+def assert_ends(
+    problem: Regression, solution: Solution, found: Profiled, names: tuple[str, ...], rel: float = 1e-5
+) -> None:
+    """Each end costs the threshold by brute force, or is a bound of zero that costs no more; an open end is alpha_1's."""
+    room = found.threshold - solution.cost
+    for name in names:
+        value = float(solution.theta[problem.names.index(name)])
+        low, high = found.intervals[name]
+        assert low <= value * (1 + 1e-9)
+        assert value <= high * (1 + 1e-9)
+        assert np.isfinite(high) or name.startswith("alpha_1")
+        for end in (low, high) if np.isfinite(high) else (low,):
+            above = brute(problem, solution, name, end) - found.threshold
+            if end == 0 and name.startswith("alpha"):
+                assert above <= rel * room, name
+            else:
+                assert above == pytest.approx(0, abs=rel * room), (name, end)
+
+
+def solved(problem: Regression, stretch: float = 1.0) -> tuple[Solution, Profiled]:
+    """A problem's solution and its profiles."""
+    solution = solve(problem, default_range(problem.velocity))
+    return solution, profiled(problem, solution, stretch)
+
+
+def measured(truth: Lugre[float], velocity: Array, noise: float, seed: int) -> Array:
+    """Steady torques with Gaussian noise."""
+    return curve(velocity, truth) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
+
+
+def without_peak(velocity: Array, torque: Array, extra: dict[str, Array] | None = None) -> Regression:
+    """Coulomb and viscous friction alone."""
+    problem = from_points(velocity, torque, ("both",), extra)
+    return Regression(
+        directions=("both",),
+        peaks=(),
+        velocity=velocity,
+        torque=torque,
+        linear=problem.linear,
+        linear_names=problem.linear_names,
+    )
+
+
+@given(seed=st.integers(0, 10**6), stretch=st.floats(1.0, 3.0))
+@settings(max_examples=50, deadline=None)
+def test_without_a_peak_the_profile_is_the_students_interval(seed: int, stretch: float) -> None:
+    """A linear problem away from its bounds: every profile ends where Student's t with the covariance does, to 1e-9, extra regressors too."""
+    rng = np.random.default_rng(seed)
+    velocity = rng.uniform(-1, 1, 30)
+    extra = {"offset": np.ones(30), "gravity_sin": np.sin(3 * rng.uniform(-1, 1, 30))}
+    torque = 0.5 * np.sign(velocity) + velocity - 0.2 + 0.3 * extra["gravity_sin"] + 0.02 * rng.standard_normal(30)
+    problem = without_peak(velocity, torque, extra)
+    solution, found = solved(problem, stretch)
+    covariance, freedom = uncertainty.covariance(problem.linear, solution.cost, stretch)
+    reach = stats.t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
+    for name, value, half in zip(problem.names, solution.theta, reach, strict=True):
+        assert found.intervals[name] == pytest.approx((value - half, value + half), rel=1e-9, abs=1e-9 * half)
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=40, deadline=None)
+def test_at_a_bound_the_profile_is_that_of_non_negative_least_squares(seed: int) -> None:
+    """Where viscous friction is hardly there, intervals end at zero, or where non-negative least squares with one held costs the threshold."""
+    rng = np.random.default_rng(seed)
+    velocity = rng.uniform(0.1, 1, 12)
+    problem = without_peak(velocity, 0.02 + 0.001 * rng.uniform(-1, 1) * velocity + 1e-3 * rng.standard_normal(12))
+    solution, found = solved(problem)
+    assert_exact(problem, solution, found, rel=1e-7)
+    if "alpha_2" in solution.at_bound:
+        assert found.intervals["alpha_2"][0] == 0
+        # the other is then alone, and its lower end has the other's free value: alpha_0 falls where alpha_2 rises
+        low = found.intervals["alpha_0"][0]
+        assert brentq(
+            lambda c: least(problem, np.zeros(0), "alpha_0", c) - found.threshold, 0, solution.theta[0], xtol=1e-14
+        ) == pytest.approx(low, rel=1e-7)
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    noise=st.floats(1e-3, 4e-2),
+    start=st.floats(0.15, 0.7),
+    viscous=st.sampled_from([1.0, 0.02, 0.0]),
+)
+@settings(max_examples=8, deadline=None)
+def test_one_peak_ends_where_brute_force_does(seed: int, noise: float, start: float, viscous: float) -> None:
+    """Over random noise and designs, with viscous friction and without: every end costs the threshold by brute force over v_s."""
+    truth = GRIPPER._replace(alpha_2=viscous * GRIPPER.alpha_2)
+    velocity = np.geomspace(start * truth.v_s, 0.8, 14)
+    problem = from_points(velocity, measured(truth, velocity, noise * truth.alpha_0, seed), ("both",))
+    solution, found = solved(problem)
+    assert_exact(problem, solution, found)
+
+
+def test_bounds_within_the_interval_are_kept() -> None:
+    """With alpha_0 near nothing several parameters reach zero inside the intervals: brute force and faces still agree."""
+    truth = GRIPPER._replace(alpha_0=2e-4, alpha_2=2e-3)
+    for seed in range(4):
+        problem = from_points(SPEEDS, measured(truth, SPEEDS, 4e-4, seed), ("both",))
+        solution, found = solved(problem)
+        assert_exact(problem, solution, found)
+        assert found.intervals["alpha_0"][0] == 0
+
+
+@pytest.mark.parametrize(("viscous", "seed"), [(1.0, 1), (0.0, 2)])
+def test_two_peaks_end_where_brute_force_does(viscous: float, seed: int) -> None:
+    """Two directions that share gravity: ends cost the threshold by brute force over both v_s, where one v_s is open and bounds are near as well."""
+    velocity = np.concatenate([SPEEDS[::2], -SPEEDS[1::2]])
+    position = np.linspace(0, 9, velocity.size)
+    down = 0.8 * curve(velocity, GRIPPER._replace(v_s=0.05))
+    truth = np.where(velocity > 0, curve(velocity, GRIPPER._replace(alpha_2=viscous * GRIPPER.alpha_2)), down)
+    noise = 4e-4 * np.random.default_rng(seed).standard_normal(velocity.size)
+    extra = {"gravity_sin": np.sin(position)}
+    problem = from_points(velocity, truth + 0.003 * extra["gravity_sin"] + noise, ("+", "-"), extra)
+    solution, found = solved(problem)
+    assert np.isinf(found.intervals["alpha_1-"][1])
+    assert_ends(problem, solution, found, ("alpha_0-", "alpha_1-", "gravity_sin"), rel=1e-5)
+
+
+def moving_problem(seed: int = 0, samples: int = 2400) -> Regression:
+    """Moving data, smoothed: means of eight samples each, of a sine of velocity, with an inertia beside friction."""
+    rng = np.random.default_rng(seed)
+    phase = np.linspace(0, 14 * np.pi, samples)
+    velocity = 0.4 * np.sin(phase) + 1e-3 * rng.standard_normal(samples)
+    inertia = np.cos(phase)
+    torque = curve(velocity, GRIPPER) + 0.01 * inertia + 2e-3 * rng.standard_normal(samples)
+    raw = from_points(velocity, torque, ("both",), {"inertia": inertia})
+    smooth = sparse.csr_array(sparse.kron(sparse.eye_array(samples // 8), np.full((1, 8), 1 / 8)))
+    return Regression(
+        directions=("both",),
+        peaks=("both",),
+        velocity=velocity,
+        torque=smooth @ torque,
+        linear=smooth @ raw.linear,
+        linear_names=raw.linear_names,
+        smooth=smooth,
+    )
+
+
+@pytest.mark.parametrize("prior", [False, True])
+def test_smoothed_moving_data_end_where_brute_force_does(*, prior: bool) -> None:
+    """Moving data, whose profiles come from the reduced problem: brute force on the data themselves agrees, with a prior among them and without."""
+    problem = moving_problem()
+    if prior:
+        problem = with_prior(problem, "alpha_0", GRIPPER.alpha_0, 1e-4, 7e-4)
+    solution, found = solved(problem, 1.7)
+    room = found.threshold - solution.cost
+    assert found.threshold == pytest.approx(uncertainty.profile_threshold(solution.cost, problem.torque.size, 5, 1.7))
+    few = found.shape.problem
+    assert few.torque.size < problem.torque.size
+    for name in (*problem.linear_names, "alpha_1"):
+        for end in found.intervals[name]:
+            assert brute(few, solution, name, end) - found.threshold == pytest.approx(0, abs=1e-4 * room), name
+    for end in found.intervals["v_s"]:
+        assert least(problem, np.array([end])) - found.threshold == pytest.approx(0, abs=1e-4 * room)
+    held = found.intervals["alpha_1"][1]
+    at = min(np.geomspace(*found.intervals["v_s"], 60), key=lambda s: least(problem, np.array([s]), "alpha_1", held))
+    assert least(problem, np.array([at]), "alpha_1", held) - found.threshold == pytest.approx(0, abs=0.01 * room)
+
+
+CURVED: dict[str, Callable[[], Regression]] = {
+    "one peak": lambda: from_points(SPEEDS, measured(GRIPPER, SPEEDS, 4e-4, 3), ("both",)),
+    "at a bound": lambda: from_points(
+        SPEEDS, measured(GRIPPER._replace(alpha_0=2e-4, alpha_2=1e-3), SPEEDS, 4e-4, 1), ("both",)
+    ),
+    "no peak": lambda: without_peak(SPEEDS, 0.02 + 1e-3 * SPEEDS + 1e-3 * np.cos(40 * SPEEDS)),
+}
+
+
+@pytest.mark.parametrize("case", CURVED)
+def test_every_point_of_a_curve_is_brute_force(case: str) -> None:
+    """The drawn profile is the constrained minimum, in thresholds above the least: 0 at the estimate, below 1 inside its interval, above outside."""
+    problem = CURVED[case]()
+    solution, found = solved(problem)
+    room = found.threshold - solution.cost
+    for name in (*problem.linear_names, *(["alpha_1"] if problem.peaks else [])):
+        value = float(solution.theta[problem.names.index(name)])
+        low, high = found.intervals[name]
+        values, heights = found.shape.curve(name, value, low, high)
+        assert (np.diff(values) > 0).all()
+        assert values[0] >= 0
+        expected = [(brute(problem, solution, name, x) - solution.cost) / room for x in values[::8]]
+        assert heights[::8] == pytest.approx(np.maximum(expected, 0), abs=2e-3, rel=2e-3)
+        assert heights[values == value] == pytest.approx([0], abs=1e-9)
+        inside = (values > low) & (values < high)
+        assert (heights[inside] < 1 + 2e-3).all()
+        assert (heights[~inside & (values > 0)] > 1 - 2e-3).all()
+
+
+def test_a_curve_over_an_open_v_s_is_finite_and_stays_within_its_range() -> None:
+    """Where v_s is open to both sides, every drawn cost is finite, and none lies below that of brute force over the range of v_s."""
+    velocity = np.geomspace(1.3 * GRIPPER.v_s, 0.8, 12)
+    problem = from_points(velocity, measured(GRIPPER, velocity, 1.5e-3, 1), ("both",))
+    solution, found = solved(problem)
+    assert found.intervals["v_s"] == (0, np.inf)
+    room = found.threshold - solution.cost
+    for name in ("alpha_0", "alpha_2", "alpha_1"):
+        value, (low, high) = float(solution.theta[problem.names.index(name)]), found.intervals[name]
+        values, heights = found.shape.curve(name, value, low, min(high, 10 * value))
+        assert np.isfinite(heights).all()
+        expected = [(brute(problem, solution, name, x) - solution.cost) / room for x in values[::10]]
+        assert heights[::10] == pytest.approx(np.maximum(expected, 0), abs=5e-3, rel=5e-3)
+
+
+def test_without_noise_the_interval_is_the_estimate() -> None:
+    """Exact torques cost nothing, so nothing else costs as little: every interval has the truth in it and no width, to rounding."""
+    problem = from_points(SPEEDS, curve(SPEEDS, GRIPPER), ("both",))
+    _, found = solved(problem)
+    for name, (low, high) in found.intervals.items():
+        true = getattr(GRIPPER, name)
+        assert (low, high) == pytest.approx((true, true), rel=1e-5)
+
+
+def test_open_v_s_opens_alpha_1() -> None:
+    """Where v_s has no limit on a side, alpha_1 has no upper end; elsewhere every interval is finite and v_s lies inside its own."""
+    open_, closed = 0, 0
+    for seed in range(12):
+        velocity = np.geomspace((1.0 if seed % 2 else 0.2) * GRIPPER.v_s, 0.8, 12)
+        problem = from_points(velocity, measured(GRIPPER, velocity, 8e-4, seed), ("both",))
+        solution, found = solved(problem)
+        low, high = found.intervals["v_s"]
+        unlimited = low == 0 or np.isinf(high)
+        assert np.isinf(found.intervals["alpha_1"][1]) == unlimited
+        assert all(np.isfinite(end) for name in problem.linear_names for end in found.intervals[name])
+        assert low <= solution.theta[-1] <= high
+        open_, closed = open_ + unlimited, closed + (not unlimited)
+    assert min(open_, closed) >= 2
+
+
+@given(seed=st.integers(0, 10**6), torque=st.floats(1e-3, 1e3), speed=st.floats(1e-3, 1e3))
+@settings(max_examples=15, deadline=None)
+def test_intervals_follow_units(seed: int, torque: float, speed: float) -> None:
+    """In other units of torque and velocity the same intervals come out, converted: nothing has a scale of its own."""
+    measured_torque = measured(GRIPPER, SPEEDS, 5e-4, seed)
+    _, plain = solved(from_points(SPEEDS, measured_torque, ("both",)))
+    _, other = solved(from_points(speed * SPEEDS, torque * measured_torque, ("both",)))
+    factors = {"alpha_0": torque, "alpha_1": torque, "alpha_2": torque / speed, "v_s": speed}
+    for name, ends in plain.intervals.items():
+        wide = ends[1] - ends[0]
+        expected = np.array(ends) * factors[name]
+        if np.isfinite(wide):
+            assert other.intervals[name] == pytest.approx(expected, abs=1e-5 * wide * factors[name])
+        else:
+            assert other.intervals[name] == pytest.approx(expected, rel=1e-4, abs=1e-12)

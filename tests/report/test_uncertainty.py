@@ -1,0 +1,161 @@
+"""Intervals three ways in the report: table, page and figures of real fits; open ends and missing ways written as such, never nan."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bristle.data.options import FitOptions
+from bristle.identification.estimate import Joint, StaticFit, Uncertainty
+from bristle.identification.fit import Where, fit_static
+from bristle.identification.regression import from_points
+from bristle.model.arrays import Array
+from bristle.model.parameters import Kind
+from bristle.report import page, summary, uncertainty
+from bristle.report.curves import curve
+from bristle.report.wording import MISSING
+
+from .conftest import TABLE_1
+
+UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
+
+
+def fits(velocity: Array, noise: float, kind: Kind = "revolute", seed: int = 1) -> Mapping[str, StaticFit]:
+    """The fit of simulated points."""
+    torque = curve(velocity, TABLE_1["+"]) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
+    directions = ("+",) if velocity.min() > 0 else ("+", "-")
+    return fit_static(from_points(velocity, torque, directions), FitOptions(), kind, Where())[0]
+
+
+def built(static: Mapping[str, StaticFit], kind: Kind = "revolute", name: str = "wrist") -> Joint:
+    """A simulated joint of these fits and nothing else."""
+    return Joint(name=name, kind=kind, inputs=(), segments=(), static=static, crosscheck={}, simulated=True)
+
+
+def changed(joint: Joint, name: str, **parts: tuple[float, float] | tuple[str, ...] | None) -> Joint:
+    """The joint with other intervals of one parameter."""
+    fit = joint.static["+"]
+    own: Uncertainty = replace(fit.uncertainty[name], **parts)  # type: ignore[arg-type]
+    return replace(joint, static={"+": replace(fit, uncertainty={**fit.uncertainty, name: own})})
+
+
+SPEEDS = np.geomspace(0.0108, 0.8, 16)
+
+
+@pytest.fixture(scope="module")
+def good() -> Joint:
+    """16 log speeds, little noise."""
+    return built(fits(SPEEDS, 1e-4))
+
+
+@pytest.fixture(scope="module")
+def open_() -> Joint:
+    """Speeds from v_s up: v_s has no lower end, alpha_1 no upper one."""
+    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5))
+    assert (joint.static["+"].uncertainty["v_s"].profile or (1,))[0] == 0
+    return joint
+
+
+def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
+    """Each estimate's interval is its profile's, so that page, table and results.json give one interval only."""
+    for joint in (good, open_):
+        fit = joint.static["+"]
+        assert set(fit.uncertainty) == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
+        for name, own in fit.uncertainty.items():
+            assert fit.parameters[name].interval == own.profile
+            assert set(own.doubts) <= set(fit.parameters[name].doubts)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
+    """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
+    joint = built(fits(SPEEDS, 1e-4, kind), kind)
+    frame = uncertainty.uncertainty([joint, replace(joint, name="other")])
+    assert list(frame["joint"].unique()) == ["wrist", "other"]
+    own = frame[frame["joint"] == "wrist"].set_index("parameter")
+    order = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+    assert tuple(own.loc[list(order), "unit"]) == UNITS[kind]
+    for name in order:
+        three = joint.static["+"].uncertainty[name]
+        for way in uncertainty.WAYS:
+            assert (own.loc[name, f"{way}_lower"], own.loc[name, f"{way}_upper"]) == getattr(three, way)
+        assert own.loc[name, "value"] == joint.static["+"].parameters[name].value
+    assert all(frame[c].dtype == float for c in frame.columns if c.endswith(("lower", "upper")))
+
+
+def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
+    """A joint without fits, and no joint at all: the columns and no row, and no figure."""
+    for joints in ([], [slide]):
+        frame = uncertainty.uncertainty(joints)
+        assert frame.empty
+        assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
+    assert uncertainty.figures(slide) == {}
+    assert uncertainty.section(slide)["tables"] == {}
+
+
+def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
+    """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
+    joint = changed(open_, "alpha_0", bootstrap=None, doubts=("No bootstrap: <b>few</b> blocks.",))
+    cells = {cell for row in uncertainty.section(joint)["tables"]["static"].rows for cell in row}
+    assert MISSING in cells
+    assert any(str(cell).endswith("∞]") for cell in cells)
+    page.write_report([joint], tmp_path, title="t", seed=0)
+    html = next(tmp_path.glob("*.html")).read_text(encoding="utf-8")
+    (part,) = re.findall(r'<section id="[^"]*-uncertainty">.*?</section>', html, re.DOTALL)
+    text = re.sub(r"<svg.*?</svg>|<img[^>]*>", "", part, flags=re.DOTALL)
+    assert not re.search(r"\bnan\b|\bNone\b|\bNaN\b", text)
+    assert "∞" in text
+    assert "&lt;b&gt;few" in text
+    assert "<b>few" not in text
+    assert "SIMULATED" in text
+    (table,) = tmp_path.rglob("uncertainty.csv")
+    read = pd.read_csv(table).set_index("parameter")
+    assert read["profile_upper"]["alpha_1"] == np.inf
+    assert read["bootstrap_lower"].isna().to_dict() == dict.fromkeys(read.index, False) | {"alpha_0": True}
+    assert "nan" not in table.read_text(encoding="utf-8").lower()
+    assert "NaN" not in summary.to_json([joint])
+
+
+def test_figures_have_a_panel_per_parameter_with_all_it_says(good: Joint) -> None:
+    """One figure per fit and direction; each panel: unit on its axis, three bars at the very ends, threshold at one, the estimate dashed."""
+    joint = built({"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
+    drawn = uncertainty.figures(joint)
+    assert set(drawn) == {"static-positive", "static-negative"}
+    axes = [ax for ax in drawn["static-positive"]().axes if ax.has_data()]
+    assert len(axes) == 4
+    for ax, (name, own) in zip(axes, good.static["+"].uncertainty.items(), strict=True):
+        assert re.search(r"\([^()]+\)$", ax.get_xlabel())
+        lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
+        for way in uncertainty.WAYS:
+            assert lines[way] == pytest.approx(getattr(own, way))
+        assert lines["cost (1: threshold)"] == pytest.approx(own.curve[0])
+        value = good.static["+"].parameters[name].value
+        assert any(line.get_xdata()[0] == value for line in ax.lines if len(line.get_xdata()) == 2)  # type: ignore[arg-type,index]
+        low, high = ax.get_xlim()
+        assert all(low <= end <= high for way in uncertainty.WAYS for end in getattr(own, way))
+
+
+def test_open_intervals_are_drawn_within_a_finite_frame(open_: Joint) -> None:
+    """Open ends reach the frame's edge; every axis is finite and holds its estimate."""
+    for draw in uncertainty.figures(open_).values():
+        for ax, (name, own) in zip(
+            (ax for ax in draw().axes if ax.has_data()), open_.static["+"].uncertainty.items(), strict=True
+        ):
+            low, high = ax.get_xlim()
+            assert np.isfinite([low, high]).all()
+            assert low <= (open_.static["+"].parameters[name].value or 0.0) <= high
+            (bar,) = (line for line in ax.lines if line.get_label() == "profile")
+            assert np.asarray(bar.get_xdata(), dtype=float) == pytest.approx(np.clip(own.profile or (), low, high))
+
+
+def test_results_keep_the_three_intervals(open_: Joint) -> None:
+    """results.json holds every interval to the last digit, infinity as a word."""
+    text = summary.to_json([open_])
+    assert '"inf"' in text
+    for own in open_.static["+"].uncertainty.values():
+        for interval in (own.covariance, own.profile, own.bootstrap):
+            assert interval is None or all(repr(end) in text or not np.isfinite(end) for end in interval)
