@@ -1,5 +1,6 @@
 import io
-from itertools import pairwise
+from dataclasses import replace
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,18 @@ import pytest
 import bristle
 from bristle.analysis import plan_motion
 from bristle.analysis.information import STATIC
+from bristle.analysis.plan_joint import scatter
+from bristle.analysis.plan_limits import followed, limits_of
 from bristle.analysis.plan_study import Plan
+from bristle.bench import steady_points
 from bristle.edro import experiments
+from bristle.identification.estimate import Outcome, StaticFit
+from bristle.identification.pipeline import Measured, measure
+from bristle.report.plan_figures import intervals_figure, motions_figure, velocities_figure
 from bristle.report.plan_section import lacking, text
-from bristle.report.plan_tables import comparison, references, to_csv
+from bristle.report.plan_tables import comparison, intervals, lines, loading, motions, references, to_csv
 
-from ..conftest import Ran, run, speeds, write
+from ..conftest import TRUTH, Ran, run, speeds, write
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
 Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
@@ -124,6 +131,160 @@ def test_planned_speeds_are_played(gripper: Plan) -> None:
     assert sorted(held) == pytest.approx(sorted(wanted))
 
 
+def test_stated_sines_are_those_written(gripper: Plan) -> None:
+    """Least squares of the written tracking reference gives the amplitudes that are stated and their phases, but for the fading at its ends."""
+    frame, stated = pd.read_csv(io.StringIO(to_csv(gripper))), lines(gripper)
+    own = frame[frame["experiment"] == "tracking"]
+    time = own["time (s)"].to_numpy() - own["time (s)"].iloc[0]
+    turns = 2 * np.pi * time[:, None] * stated["frequency"].to_numpy() + stated["phase"].to_numpy()
+    columns = np.column_stack([np.sin(turns), np.cos(turns), np.ones(time.size)])
+    kept = (time > 0.5) & (time < time[-1] - 0.5)
+    position = own[Q].to_numpy()[kept]
+    wanted = np.concatenate([stated["amplitude"], np.zeros(len(stated)), [np.mean(gripper.limits.position)]])
+    assert columns[kept] @ wanted == pytest.approx(position, abs=1e-9)
+    distinct = np.diff(stated["frequency"].to_numpy()).min() > 0.05
+    if distinct:
+        found = np.linalg.lstsq(columns[kept], position, rcond=None)[0]
+        assert found == pytest.approx(wanted, abs=1e-6)
+    said = text(gripper).split("tracking, ")[1].splitlines()[0]
+    assert all(f"{a:.2g} at {f:.2g}" in said for a, f in zip(stated["amplitude"], stated["frequency"], strict=True))
+
+
+@pytest.fixture(scope="module")
+def measured() -> Measured:
+    """What the embedded default is identified from."""
+    return measure(experiments()[0])
+
+
+def highest(measured: Measured, asked: dict[str, float], step: float | None) -> tuple[float, str]:
+    """The highest frequency where so much is declared, and what is said of it."""
+    options = measured.experiment.plan.model_validate(asked)
+    own = replace(measured, experiment=measured.experiment.model_copy(update={"plan": options}))
+    found, said = followed(limits_of(own)[0], own, step)
+    return found.frequency, " ".join(said)
+
+
+@pytest.mark.parametrize(
+    ("asked", "step", "frequency", "named"),
+    [
+        ({"frequency": 8.0}, None, 8.0, ""),
+        ({"frequency": 8.0}, 0.02, 8.0, ""),
+        ({"frequency": 20.0, "rate": 400.0}, 0.01, 20.0, ""),
+        (
+            {"frequency": 1000.0},
+            None,
+            10.0,
+            "10 Hz, not the declared 1000 Hz: at 10 Hz plan.rate, 100 Hz, gives 10 samples to",
+        ),
+        (
+            {"frequency": 8.0},
+            0.04,
+            5.0,
+            "5 Hz, not the declared 8 Hz: at 5 Hz fit.decimation, 5, leaves one equation in 0.04 s",
+        ),
+        ({}, None, 10.0, "10 Hz, which the controller must"),
+        ({}, 0.04, 2.5, "2.5 Hz, at which fit.decimation, 5, leaves one equation in 0.04 s, 10 to a period, which"),
+        ({"rate": 50.0}, None, 5.0, "5 Hz, at which plan.rate, 50 Hz, gives 10 samples to a period, which"),
+    ],
+)
+def test_a_declared_frequency_is_used(
+    measured: Measured, asked: dict[str, float], step: float | None, frequency: float, named: str
+) -> None:
+    """What is declared is the highest frequency and no assumption; what caps it, or the default, is said."""
+    found, said = highest(measured, asked, step)
+    assert found == pytest.approx(frequency)
+    assert named in said
+    assert bool(named) == bool(said)
+
+
+def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
+    """An inertia without a standard error is said to be given, and is in no table; one with an error is; to plan for the first is refused."""
+    path = write(tmp_path, speeds())
+    bare = path.read_text()
+    path.write_text(bare + "inertia: 1.3e-3 kg*m**2\n")
+    found = bristle.plan(path, velocities=4)
+    assert "inertia" not in intervals(found)["parameter"].tolist()
+    assert "inertia" not in motions(found).columns
+    assert "\n    inertia" not in text(found)
+    assert any("Inertia: 0.0013 kg*m**2, given as exact" in s for s in found.assumptions)
+    for figure in (intervals_figure(found), motions_figure(found)):
+        assert len(figure.axes[0].get_yticks()) == 12
+        low, _ = figure.axes[0].get_xlim()
+        assert low > 1e-3
+    with pytest.raises(ValueError, match="the inertia is given as exact"):
+        bristle.plan(path, velocities=4, aim="inertia")
+    path.write_text(bare + "inertia: 1.3e-3 +/- 1e-4 kg*m**2\n")
+    assert "inertia" in intervals(bristle.plan(path, velocities=4))["parameter"].tolist()
+
+
+def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
+    """Ten times the noise in one direction, and one far point, leave the other's noise as it is; the far point does not rule, and is said."""
+    v = np.geomspace(0.2 * TRUTH.v_s, 0.8, 40)
+    rng = np.random.default_rng(1)
+    T = steady_points(TRUTH, v, 0.0, rng, 1)[0]
+    there, back = T + 2e-5 * rng.standard_normal(40), T + 2e-4 * rng.standard_normal(40)
+    there[25] += 2e-3
+    path = write(tmp_path, speeds())
+    rows = [
+        f"{x!r},{t!r}" for x, t in zip([*v.tolist(), *(-v).tolist()], [*there.tolist(), *(-back).tolist()], strict=True)
+    ]
+    (tmp_path / "wrist.csv").write_text("v,tau\n" + "\n".join(rows) + "\n")
+    found = bristle.plan(path, velocities=4)
+    assert found.start.noise["+"] < 1.2e-4  # root mean square: 3.3e-4
+    assert found.start.noise["-"] == pytest.approx(2e-4, rel=0.35)
+    assert [d.task.noise for d in found.directions] == [found.start.noise[d.tag] for d in found.directions]
+    said = {tag: next(s for s in found.assumptions if s.startswith(f"Noise ({tag})")) for tag in "+-"}
+    assert "a few points lie far off" in said["+"]
+    assert "a few points lie far off" not in said["-"]
+
+
+def test_robust_scatter_is_that_of_normal_noise() -> None:
+    """Of many normal residuals both measures are their standard deviation; with few degrees of freedom both are the root mean square."""
+    residuals = np.random.default_rng(0).standard_normal(20_000)
+    fit = StaticFit(
+        direction="+",
+        parameters={},
+        rms=float(np.sqrt(np.mean(residuals**2))),
+        relative_error=None,
+        n=residuals.size,
+        outcome=Outcome.CONVERGED,
+        names=STATIC,
+        residuals=residuals,
+    )
+    assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
+    few = replace(fit, n=5, residuals=residuals[:5], rms=0.3)
+    assert scatter(few) == pytest.approx((0.3 * 5**0.5,) * 2)
+
+
+def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
+    """The table and the text have the error by noise, the viscous share, and both together as the promised one, which is what is added."""
+    columns = ("by_noise", "viscous_share", "standard_error")
+    for row, own in zip(loading(gripper)[[*columns]].to_numpy(float).tolist(), gripper.loads, strict=True):
+        by_noise, viscous, whole = row
+        sigma_0 = gripper.start.p(own.tag).sigma_0
+        assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
+        assert f"{100 * viscous:.2g} %" in text(gripper)
+        k = gripper.start.names.index("sigma_0" + own.tag)
+        before, after = gripper.stages["with velocities"][k], gripper.stages["with loading"][k]
+        assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
+
+
+def test_counts_of_velocities_stay_in_the_figure(gripper: Plan) -> None:
+    """Every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes."""
+    figure = velocities_figure(gripper)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    for ax, own in zip(figure.axes, gripper.directions, strict=True):
+        frame, boxes = ax.get_window_extent(), [t.get_window_extent() for t in ax.texts if t.get_text().startswith("×")]
+        assert len(boxes) == np.unique(own.chosen.speeds).size
+        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and frame.y0 <= b.y0 and b.y1 <= frame.y1 for b in boxes)
+        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+        points = np.concatenate([ax.transData.transform(line.get_xydata()) for line in ax.lines])
+        assert max(y for _, y in points) < min(b.y0 for b in boxes)
+        assert legend.get_window_extent().y1 < frame.y0
+    assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.x1
+
+
 def test_declared_limits_are_kept(tmp_path: Path) -> None:
     """What the experiment file declares is what the references keep to, said by no assumption; the total time too."""
     limits = (
@@ -134,6 +295,10 @@ def test_declared_limits_are_kept(tmp_path: Path) -> None:
     assert ran.code == 0, ran.err
     assert "give plan." not in ran.out
     frame = pd.read_csv(tmp_path / "next.csv")
+    tracked = frame.loc[frame["experiment"] == "tracking", V].to_numpy()
+    spectrum = np.abs(np.fft.rfft(tracked * np.hanning(tracked.size))) ** 2
+    frequency = np.fft.rfftfreq(tracked.size, 0.02)
+    assert spectrum[frequency > 3.5].sum() < 1e-3 * spectrum.sum()
     assert_within(frame, (-np.deg2rad(20), 0.6), 0.5, 4.0)
     assert frame["time (s)"].iloc[-1] <= 150
     assert frame["time (s)"].iloc[1] == 0.02
@@ -144,11 +309,11 @@ def test_declared_limits_are_kept(tmp_path: Path) -> None:
 
 def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     """The page, its figures and tables are written, with the references; a second run replaces these by the same, for it knows its own file."""
-    ran = planned(tmp_path, "rate: 20 Hz", "--page", tmp_path / "page", "--for", "v_s")
+    ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
     assert "for v_s" in ran.out
     first = (tmp_path / "next.csv").read_bytes()
-    assert planned(tmp_path, "rate: 20 Hz", "--for", "v_s").code == 0
+    assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
     assert (tmp_path / "next.csv").read_bytes() == first
     page = (tmp_path / "page" / "index.html").read_text()
     assert page.count("<svg") == 8
@@ -194,6 +359,9 @@ def test_too_fast_a_slowest_speed_is_said(tmp_path: Path) -> None:
         ("minimum_velocity: 1 rad/s", (), "the slowest constant speed, 1, is not below the fastest"),
         ("torque: 1 mN*m", (), "the largest torque, 0.001, does not carry the joint"),
         ("time: 5 s", (), "plan.time: 5 s are too few"),
+        ("rate: 1 Hz", (), "plan.rate: got 1 Hz; expected at least 20 Hz"),
+        ("rate: 40 Hz, frequency: 5 Hz", (), "plan.rate: got 40 Hz; expected at least 50 Hz, ten samples of a period"),
+        ("frequency: 0.1 Hz", (), "plan.frequency: got 0.1 Hz; expected at least 0.2 Hz"),
         ("speed: 1 rad/s", (), "unknown key 'plan.speed'"),
     ],
 )

@@ -23,6 +23,11 @@ _TORQUE = 0.02
 """Standard error of a hold's mean torque where nothing shows it, as a share of alpha_0."""
 _EQUATION = 0.01
 """Time between independent equations of a moving run where there was none, s."""
+_NORMAL = 1.4826
+"""Standard deviation of normal noise over the median of its magnitude."""
+_FEW = 4
+_FAR = 1.5
+"""A root mean square so many times the robust scatter is said."""
 _EXACT = 1e-6
 """Relative standard error of what is given as exact."""
 _INERTIAL = 0.1
@@ -46,8 +51,10 @@ class Start:
     """Their values, (p,)."""
     known: Array
     """Information gained so far, (p, p)."""
-    noise: float
-    """Standard error of the mean torque of a hold, N*m."""
+    given: tuple[str, ...]
+    """Parameters that are given as exact and not estimated: an inertia without a standard error."""
+    noise: Mapping[str, float]
+    """Standard error of the mean torque of a hold by tag, N*m."""
     equation_noise: float
     """What one equation of a moving run scatters by, correlation of its residuals included, N*m."""
     equation_step: float
@@ -104,6 +111,11 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         said += [_guess(name, tag, getattr(sets[tag], name), joint) for name in missing]
     names = (*(name + tag for tag in tags for name in Lugre._fields), "inertia")
     values = np.array([x for tag in tags for x in sets[tag]] + [J])
+    given, exact = _declared(measured, joint, names)
+    if exact:
+        said.append(
+            f"Inertia: {J:.4g} {unit('inertia', joint.kind)}, given as exact; intervals are those of the others."
+        )
     noise, equation_noise, step = _noises(measured, joint, sets, limits, said)
     return Start(
         tags=tags,
@@ -112,7 +124,8 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         guessed=tuple(guessed),
         names=names,
         estimate=values,
-        known=_known(joint, names, estimates) + _declared(measured, joint, names),
+        known=_known(joint, names, estimates) + given,
+        given=exact,
         noise=noise,
         equation_noise=equation_noise,
         equation_step=step,
@@ -158,12 +171,13 @@ def _inertia(measured: Measured, joint: Joint) -> float | None:
     return next((J for J in (known, declared, motor) if J is not None and J > 0), None)
 
 
-def _declared(measured: Measured, joint: Joint, names: Sequence[str]) -> Array:
-    """What the experiment file says of an inertia that no run was fitted for, as information, (p, p)."""
+def _declared(measured: Measured, joint: Joint, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+    """What the experiment file says of an inertia that no run was fitted for, as information, (p, p), and its name where it is exact."""
     given = measured.experiment.inertia
     if given is None or (joint.moving is not None and "inertia" in joint.moving.names):
-        return np.zeros((len(names), len(names)))
-    return embedded(names, ["inertia"], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
+        return np.zeros((len(names), len(names))), ()
+    matrix = embedded(names, ["inertia"], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
+    return matrix, () if given.standard_error else ("inertia",)
 
 
 def _resolution(measured: Measured) -> float:
@@ -205,13 +219,12 @@ def _guess(name: str, tag: str, value: float, joint: Joint) -> str:
 
 def _noises(
     measured: Measured, joint: Joint, sets: Mapping[str, Lugre[float]], limits: Limits, said: list[str]
-) -> tuple[float, float, float]:
-    """Standard error of a hold's mean torque, what an equation of a moving run scatters by, N*m, and the time between these, s."""
+) -> tuple[dict[str, float], float, float]:
+    """Standard error of a hold's mean torque by tag, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
-    points, noise = measured.points(hold_out=False), 0.0
-    if points:
-        noise = max((_scatter(fit) for fit in joint.static.values() if fit.names), default=0.0)
-        said.append(f"Noise: a hold's mean torque scatters by {noise:.2g} {T}, as the points did about their fit.")
+    noise: dict[str, float] = {}
+    if measured.points(hold_out=False):
+        noise = _scatters(joint, tuple(sets), said)
     if moving is not None and moving.quantity == "torque":
         step = float(np.median(np.diff(moving.time)))
         stretch = inflation(moving.residuals)
@@ -221,23 +234,55 @@ def _noises(
             f"and counts for 1/{stretch:.2g}: residuals are correlated."
         )
         if not noise:
-            noise = equation * float(np.sqrt(step / limits.hold))
+            noise = dict.fromkeys(sets, equation * float(np.sqrt(step / limits.hold)))
             said.append(
-                f"Noise: a hold's mean torque scatters by {noise:.2g} {T}, as those equations averaged over it."
+                f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, as those equations averaged over it."
             )
         return noise, equation, step
     if not noise:
-        noise = _TORQUE * max(p.alpha_0 for p in sets.values())
-        said.append(f"Noise: a hold's mean torque scatters by {noise:.2g} {T}, {_TORQUE:g} of alpha_0: a guess.")
+        noise = {tag: _TORQUE * p.alpha_0 for tag, p in sets.items()}
+        said.append(
+            f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, {_TORQUE:g} of alpha_0: a guess."
+        )
+    worst = max(noise.values())
     said.append(
-        f"Noise of a moving run: white, and such that its mean over {limits.hold:.3g} s scatters by {noise:.2g} {T}: a guess."
+        f"Noise of a moving run: white, and such that its mean over {limits.hold:.3g} s scatters by {worst:.2g} {T}: a guess."
     )
-    return noise, noise * float(np.sqrt(limits.hold / _EQUATION)), _EQUATION
+    return noise, worst * float(np.sqrt(limits.hold / _EQUATION)), _EQUATION
 
 
-def _scatter(fit: StaticFit) -> float:
-    """What points scatter by about their fit, N*m, on the degrees of freedom that it has left."""
-    return (fit.rms or 0.0) * float(np.sqrt(fit.n / max(fit.n - len(fit.names), 1)))
+def _scatters(joint: Joint, tags: Sequence[str], said: list[str]) -> dict[str, float]:
+    """What points scatter by about their fit by tag, N*m, with a sentence each; of the other direction where one has no fit. Empty where none has."""
+    T, found = unit("torque", joint.kind), dict[str, float]()
+    fits = {tag: joint.static.get(tag or "both") for tag in tags}
+    usable = [fit for fit in joint.static.values() if fit.names and fit.rms]
+    for tag, own in fits.items():
+        fit = own if own in usable else max(usable, key=lambda x: x.rms or 0.0, default=None)
+        if fit is None:
+            return {}
+        found[tag], rms = scatter(fit)
+        said.append(
+            f"Noise{f' ({tag})' if tag else ''}: a hold's mean torque scatters by {found[tag]:.2g} {T}, as the points did about their fit"
+            + ("." if fit is own else f" of {fit.direction}.")
+            + (
+                f" Their root mean square is {rms / found[tag]:.2g} times that: a few points lie far off, and do not count here."
+                if rms > _FAR * found[tag]
+                else ""
+            )
+        )
+    return found
+
+
+def scatter(fit: StaticFit) -> tuple[float, float]:
+    """What points scatter by about their fit, N*m: 1.4826 times their median distance, which a few far ones do not rule; and root mean square.
+
+    Both on the degrees of freedom that the fit has left. With fewer than `_FEW` of these, or half of the points on the curve, both are the second.
+    """
+    free = max(fit.n - len(fit.names), 1)
+    more = float(np.sqrt(fit.n / free))
+    rms = more * (fit.rms or 0.0)
+    robust = more * _NORMAL * float(np.median(np.abs(fit.residuals))) if fit.residuals.size else 0.0
+    return (robust if robust > 0 and free >= _FEW else rms), rms
 
 
 def _known(joint: Joint, names: Sequence[str], estimates: Mapping[str, Mapping[str, Estimate]]) -> Array:

@@ -14,6 +14,10 @@ HOLD = 3.0
 _HOLDS = (1.0, 10.0)
 FREQUENCY = 10.0
 """Highest of the tracking motion where nothing is declared, Hz ..."""
+SAMPLES = 10.0
+"""... with so many samples of its reference, and so many equations, to a period at least; ..."""
+EQUATIONS = 5.0
+"""... and where it is declared, so many equations: the decimation filter halves what has 2.5."""
 _SLOW_SHARE = 0.02
 """Of the fastest speed: the slowest where no run at constant velocity shows one that does not stick."""
 _REACH = 0.5
@@ -110,12 +114,42 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
         frequency=asked.frequency or FREQUENCY,
         rate=asked.rate,
     )
+    if "rate" not in asked.model_fields_set:
+        said.append(f"Rate of the references: {asked.rate:g} Hz, a default; give plan.rate.")
     if not limits.slowest < limits.velocity:
         raise ValueError(
             f"{experiment.path.name}: plan: the slowest constant speed, {limits.slowest:g}, is not below the fastest, {limits.velocity:g}; "
             "give plan.minimum_velocity and plan.velocity"
         )
     return limits, tuple(said)
+
+
+def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Limits, tuple[str, ...]]:
+    """The limits with the highest frequency that a motion can have, and a sentence where that is not what was declared.
+
+    Args:
+        limits: as declared.
+        measured: what they are of.
+        step: time between equations of the moving runs so far, s; None: there are none, which caps nothing.
+    """
+    asked, decimation = measured.experiment.plan, measured.experiment.fit.decimation
+    caps = {limits.rate / SAMPLES: f"plan.rate, {limits.rate:g} Hz, gives {SAMPLES:g} samples to a period"}
+    if step is not None:
+        least = EQUATIONS if asked.frequency else SAMPLES
+        why = f"fit.decimation, {decimation}, leaves" if decimation > 1 else "the sampling of the moving runs leaves"
+        caps[1 / (least * step)] = f"{why} one equation in {step:.3g} s, {least:g} to a period"
+    cap = min(caps)
+    found = replace(limits, frequency=min(limits.frequency, cap))
+    if asked.frequency is None:
+        capped = f", at which {caps[cap]}" if cap < FREQUENCY else ""
+        return found, (
+            f"Highest frequency of the motion: {found.frequency:.3g} Hz{capped}, which the controller must be able to follow; give plan.frequency.",
+        )
+    if asked.frequency <= cap:
+        return found, ()
+    return found, (
+        f"Highest frequency of the motion: {cap:.3g} Hz, not the declared {asked.frequency:g} Hz: at {cap:.3g} Hz {caps[cap]}.",
+    )
 
 
 def shortened(limits: Limits, share: float) -> Limits:

@@ -5,7 +5,7 @@ inside a count the joint rested, not known. The motion: a sum of sines; its info
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ _REACH = (0.02, 0.4)
 """Least and largest standard deviation of an exchange, as a share of the range."""
 PEAKS = np.linspace(0.1, 0.8, 36)
 """Where loading may turn, as shares of g0 = alpha_0 + alpha_1: above, a little noise in the torque is much displacement."""
-RISES = np.array([5.0, 8.0, 12.0, 18.0, 25.0])
+RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])
 """Times to the peak, s ..."""
 _WORTH = 1.1
 """... of which the shortest is taken that is at most this factor worse than the longest."""
@@ -60,8 +60,10 @@ class Loads:
     """Encoder counts that the joint should move; inf: a count is not known."""
     lag: float
     """Torque of sigma_1 and alpha_2 at the end of the rise, which the estimate neglects, as a share of its torque."""
+    scatter: float
+    """Expected standard error of sigma_0 by noise alone, N*m/rad, of `CYCLES` rises; inf: not seen."""
     error: float
-    """Expected standard error of sigma_0, N*m/rad, of `CYCLES` rises; inf: not seen."""
+    """The same with `lag` times sigma_0 counted as an error beside it (root of the sum of squares), N*m/rad."""
     by_peak: Array
     """The same for each of `PEAKS` (columns) and `RISES` (rows), (m, k)."""
 
@@ -96,6 +98,7 @@ class Motion:
 
     name: str
     lines: Lines
+    """As they are played: scaled to the limits."""
     duration: float
     """s."""
     torque: float
@@ -131,7 +134,7 @@ class Drive:
 
 
 def loads(tag: str, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0) -> Loads:
-    """The peak and the rise of slow loading that show sigma_0 best.
+    """The peak and the rise of slow loading that show sigma_0 best, what the quasi-static estimate neglects counted as an error.
 
     Args:
         tag: of the direction.
@@ -143,19 +146,21 @@ def loads(tag: str, p: Lugre[float], g0_error: float, noise: float, count: float
     """
     g0, rises = p.alpha_0 + p.alpha_1, share * RISES
     noise = noise / CYCLES**0.5
-    table = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
+    scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
+    y, y_T = evaluate(functions.loading_slope(), PEAKS * g0, g0, p.sigma_0)[:2]
+    lag = (p.sigma_1 + p.alpha_2) * y_T / rises[:, None]
+    table = np.hypot(scatter, lag * p.sigma_0)
     best = table.min(axis=1)
     row = int(np.argmax(best <= _WORTH * best[-1])) if np.isfinite(best[-1]) else RISES.size - 1
     column = int(table[row].argmin()) if np.isfinite(best[-1]) else PEAKS.size - 1
-    at, rise = float(PEAKS[column]), float(rises[row])
-    y, y_T = (float(x) for x in evaluate(functions.loading_slope(), at * g0, g0, p.sigma_0)[:2])
     return Loads(
         tag=tag,
-        peak=at * g0,
-        share=at,
-        rise=rise,
-        counts=y / count if count else np.inf,
-        lag=(p.sigma_1 + p.alpha_2) * y_T / rise,
+        peak=float(PEAKS[column] * g0),
+        share=float(PEAKS[column]),
+        rise=float(rises[row]),
+        counts=float(y[column] / count) if count else np.inf,
+        lag=float(lag[row, column]),
+        scatter=float(scatter[row, column]),
         error=float(table[row, column]),
         by_peak=table,
     )
@@ -179,18 +184,24 @@ def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float
 
 def course(lines: Lines, limits: Limits, duration: float, step: float) -> Course:
     """The motion over time about the middle of the positions, faded in and out, (n,) each; scaled down where it would leave a limit."""
+    time, *moved = _faded(limited(lines, limits, duration, step), duration, step)
+    return Course(time, (limits.position[0] + limits.position[1]) / 2 + moved[0], moved[1], moved[2])
+
+
+def limited(lines: Lines, limits: Limits, duration: float, step: float) -> Lines:
+    """The same sines scaled down by one factor where they would leave a limit of position, velocity or acceleration: as they are played."""
+    _, *moved = _faded(lines, duration, step)
+    most = (limits.travel / 2, limits.velocity, limits.acceleration)
+    share = min(_GOOD * x / max(float(np.abs(own).max()), 1e-300) for x, own in zip(most, moved, strict=True))
+    return lines._replace(amplitude=lines.amplitude * min(1.0, share))
+
+
+def _faded(lines: Lines, duration: float, step: float) -> tuple[Array, Array, Array, Array]:
+    """Time, and the sum of all sines with its two derivatives, (n,) each."""
     time: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
     sines = (x[:, None] for x in lines)
-    each = evaluate(functions.faded_sine(), time, *sines, float(time[-1]), _REST)
-    position, velocity, acceleration = (x.sum(axis=0) for x in each)
-    share = min(
-        1.0,
-        _GOOD * limits.travel / max(2 * float(np.abs(position).max()), 1e-300),
-        _GOOD * limits.velocity / max(float(np.abs(velocity).max()), 1e-300),
-        _GOOD * limits.acceleration / max(float(np.abs(acceleration).max()), 1e-300),
-    )
-    middle = (limits.position[0] + limits.position[1]) / 2
-    return Course(time, middle + share * position, share * velocity, share * acceleration)
+    x, x_t, x_tt = evaluate(functions.faded_sine(), time, *sines, float(time[-1]), _REST)
+    return time, x.sum(axis=0), x_t.sum(axis=0), x_tt.sum(axis=0)
 
 
 def plain_lines(limits: Limits) -> Lines:
@@ -201,7 +212,8 @@ def plain_lines(limits: Limits) -> Lines:
 
 
 def judged(name: str, lines: Lines, drive: Drive) -> Motion:
-    """A motion with what it should tell of each parameter, at the estimate."""
+    """A motion with its sines as they are played, and what it should tell of each parameter, at the estimate."""
+    lines = limited(lines, drive.limits, drive.duration, 1 / drive.limits.rate)
     run = course(lines, drive.limits, drive.duration, drive.step)
     matrix, torque = information(run.velocity, run.acceleration, drive)
     return Motion(
@@ -221,15 +233,9 @@ def within_torque(lines: Lines, drive: Drive) -> Lines:
         _, torque = information(run.velocity, run.acceleration, drive, rough=_ROUGH)
         if torque <= _GOOD * drive.limits.torque:
             break
-        share = float(np.abs(run.velocity).max()) / _speed(lines, drive)  # what the limits of the course left of it
-        lines = lines._replace(amplitude=lines.amplitude * share * min(0.95, drive.limits.torque / torque))
+        lines = limited(lines, drive.limits, drive.duration, drive.step)
+        lines = lines._replace(amplitude=lines.amplitude * min(0.95, drive.limits.torque / torque))
     return lines
-
-
-def _speed(lines: Lines, drive: Drive) -> float:
-    """The fastest that a motion would be without limits, rad/s."""
-    free = replace(drive.limits, position=(-1e9, 1e9), velocity=np.inf, acceleration=np.inf)
-    return float(np.abs(course(lines, free, drive.duration, drive.step).velocity).max())
 
 
 def best_motion(drive: Drive, progress: Callable[[int, int], None] | None = None) -> Motion:

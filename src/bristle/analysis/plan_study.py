@@ -11,7 +11,7 @@ from bristle.analysis import plan_reference as reference
 from bristle.analysis.information import STATIC, covariance, static_information
 from bristle.analysis.plan import Design, Task
 from bristle.analysis.plan_joint import Start, embedded, inverse, start_of
-from bristle.analysis.plan_limits import Limits, limits_of, shortened
+from bristle.analysis.plan_limits import SAMPLES, Limits, followed, limits_of, shortened
 from bristle.analysis.plan_motion import Drive, Loads, Motion
 from bristle.analysis.plan_reference import Reference
 from bristle.data.loading import Loading
@@ -87,6 +87,11 @@ class Plan:
         freeze(self)
 
     @property
+    def free(self) -> list[int]:
+        """Where the parameters stand that are not given as exact, among the start's names."""
+        return [k for k, name in enumerate(self.start.names) if name not in self.start.given]
+
+    @property
     def duration(self) -> float:
         """Of all references, s."""
         return sum(r.position.size for r in self.references) / self.limits.rate
@@ -115,6 +120,9 @@ def plan(
     tell("velocities", 0, 1)
     limits, said = limits_of(measured)
     start = start_of(measured, joint, limits)
+    _check_aim(start, aim)
+    seen = joint.moving is not None and joint.moving.quantity == "torque"
+    limits, capped = followed(limits, measured, start.equation_step if seen else None)
     directions, loads, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
     known = start.known
     stages = {"now": covariance(known)[0]}
@@ -144,7 +152,7 @@ def plan(
         motions=motions,
         stages=stages,
         references=_references(start, limits, directions, loads, motion),
-        assumptions=(*said, *start.assumptions, *_assumed(joint, start, drive)),
+        assumptions=(*said, *capped, *start.assumptions, *_assumed(joint, start, drive)),
         joint=joint,
     )
 
@@ -160,6 +168,13 @@ def check_plan(velocities: int, aim: str) -> None:
         )
     if aim not in (*AIMS, "all"):
         raise ValueError(f"got {aim!r} as what to plan for; expected one of {', '.join(AIMS)}, or all")
+
+
+def _check_aim(start: Start, aim: str) -> None:
+    if aim in start.given:
+        raise ValueError(
+            f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
+        )
 
 
 def deflection(p: Lugre[float]) -> float:
@@ -197,7 +212,7 @@ def _direction(start: Start, tag: str, limits: Limits, velocities: int, aim: str
         p=p,
         nodes=np.geomspace(limits.slowest, high / 2, static.NODES) if guessed else static.nodes_of(p.v_s, wide),
         known=known,
-        noise=start.noise * float(np.sqrt(both / share)),
+        noise=start.noise[tag] * float(np.sqrt(both / share)),
         low=limits.slowest,
         high=high,
     )
@@ -246,16 +261,16 @@ def _static_known(start: Start, tag: str) -> tuple[Array, float]:
 
 def _loads(measured: Measured, joint: Joint, start: Start, d: str, limits: Limits, share: float) -> Loads:
     """Slow loading in direction d."""
-    p = start.p(d)
+    p, own_noise = start.p(d), start.noise[start.key("", d)]
     at = [start.names.index(start.key(name, d)) for name in ("alpha_0", "alpha_1")]
     seen = [k for k in at if start.known[k, k] > 0]
     every = np.flatnonzero(np.diag(start.known) > 0).tolist()
     among = [every.index(k) for k in seen]
     spread = inverse(start.known[np.ix_(every, every)])[np.ix_(among, among)]
-    error = float(np.sqrt(spread.sum())) if seen else start.noise
+    error = float(np.sqrt(spread.sum())) if seen else own_noise
     slow = joint.presliding.fits.get(d) if joint.presliding else None
     noise = _loading_noise(slow.loadings, p, measured.experiment.fit.presliding_cutoff) if slow else 0.0
-    noise = noise or start.noise * float(np.sqrt(limits.hold / share / _TENTH))
+    noise = noise or own_noise * float(np.sqrt(limits.hold / share / _TENTH))
     return moving.loads(d, p, error, noise, start.resolution, share)
 
 
@@ -273,7 +288,8 @@ def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) 
 
 def _drive(start: Start, limits: Limits, known: Array, aim: str, share: float) -> Drive:
     """What the tracking motion is judged by."""
-    every = range(len(start.names)) if aim == "all" else [k for k, n in enumerate(start.names) if n.rstrip("+-") == aim]
+    free = [k for k, n in enumerate(start.names) if n not in start.given]
+    every = free if aim == "all" else [k for k in free if start.names[k].rstrip("+-") == aim]
     relative = covariance(start.known)[0] / np.abs(start.estimate)
     guessed = np.array([n in start.guessed for n in start.names])
     wide = np.where(guessed, _UNSURE, np.where(np.isfinite(relative), np.minimum(relative, _UNSURE), 0.0))
@@ -282,13 +298,16 @@ def _drive(start: Start, limits: Limits, known: Array, aim: str, share: float) -
     if wide.max() > _WIDE:
         drawn += [start.estimate * np.exp(wide * rng.standard_normal(wide.size)) for _ in range(_OTHERS)]
     sets = [Lugre(*x[:6]) if start.tags == ("",) else (Lugre(*x[:6]), Lugre(*x[6:12])) for x in drawn]
+    step = min(
+        start.equation_step, 1 / (SAMPLES * limits.frequency)
+    )  # finer than the equations where it must be, of as much noise
     return Drive(
         sets=tuple(s if isinstance(s, Lugre) else Pair(*s) for s in sets),
         inertias=tuple(float(x[-1]) for x in drawn),
         known=known,
-        noise=start.equation_noise,
-        step=start.equation_step,
-        limits=replace(limits, frequency=min(limits.frequency, 0.1 / start.equation_step)),
+        noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
+        step=step,
+        limits=limits,
         duration=share * DURATION,
         aims=tuple(every),
     )
@@ -381,7 +400,6 @@ def _assumed(joint: Joint, start: Start, drive: Drive) -> list[str]:
         "Each reference is followed exactly; friction is LuGre, the same everywhere and at any time.",
         f"A run-in of at least {reference.SETTLE:g} s, or {reference.DEFLECTIONS:g} bristle deflections of travel, precedes each hold: "
         "the bristle forgets over one.",
-        f"Highest frequency of the motion: {drive.limits.frequency:.3g} Hz, which the controller must be able to follow.",
     ]
     if start.resolution:
         said.append(f"Encoder: {start.resolution:.3g} {q} a count.")

@@ -226,7 +226,7 @@ class PlanOptions(Model):
     hold: Seconds | None = None
     """Time over which each constant velocity is averaged, s."""
     frequency: Hertz | None = None
-    """Highest of the tracking motion, Hz."""
+    """Highest of the tracking motion, Hz; None: 10 Hz, or less where that is too fast to be seen or written."""
     rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0
     """At which the references are written, Hz."""
 
@@ -239,5 +239,21 @@ class PlanOptions(Model):
         if self.velocity is not None and self.minimum_velocity is not None and self.minimum_velocity >= self.velocity:
             raise ValueError(
                 f"plan.minimum_velocity: got {self.minimum_velocity:g}; expected less than plan.velocity, {self.velocity:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _sampled(self) -> "PlanOptions":
+        if self.rate < 20:
+            raise ValueError(
+                f"plan.rate: got {self.rate:g} Hz; expected at least 20 Hz, four samples of the shortest turn"
+            )
+        if self.frequency is not None and self.frequency < 0.2:
+            raise ValueError(
+                f"plan.frequency: got {self.frequency:g} Hz; expected at least 0.2 Hz, three periods of a motion"
+            )
+        if self.frequency is not None and "rate" in self.model_fields_set and self.rate < 10 * self.frequency:
+            raise ValueError(
+                f"plan.rate: got {self.rate:g} Hz; expected at least {10 * self.frequency:g} Hz, ten samples of a period of plan.frequency"
             )
         return self

@@ -28,6 +28,8 @@ _CEILING = 200.0
 """Percent: an error beyond is drawn as this; nothing is seen of the parameter."""
 _DECADES = 200.0
 """An axis from x to so many times x has labels at powers of ten alone."""
+_APART, _ROW = 0.055, 0.085
+"""Least distance of two counts in a row, and height of a row, as shares of the axes."""
 _MOST = 1500
 """Points of a line over time."""
 
@@ -73,17 +75,38 @@ def velocities_figure(plan: Plan) -> Figure:
         speeds, counts = np.unique(own.chosen.speeds, return_counts=True)
         there = sign * evaluate(functions.steady_torque(), speeds, *p[:4])[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
-        for k, (x, y, n) in enumerate(zip(speeds.tolist(), there.tolist(), counts.tolist(), strict=True)):
-            ax.annotate(
-                f"×{n}", (x, y), (0, (9, -17, 21, -29)[k % 4]), textcoords="offset points", ha="center", fontsize=9
-            )
         decimal_log(ax)
-        ax.margins(y=0.22)
+        _counted(ax, speeds, counts.tolist())
         ax.set_ylabel(axis("torque", plan.kind))
         ax.annotate(_where(own), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
-    axes[0].legend(loc="best")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.subplots_adjust(bottom=0.9 / figure.get_figheight())
+    figure.legend(
+        handles,
+        labels,
+        loc="lower center",
+        ncols=len(labels),
+        fontsize=9,
+        frameon=False,
+        columnspacing=1.2,
+        handlelength=1.5,
+    )
     axes[-1].set_xlabel(axis("velocity", plan.kind))
     return figure
+
+
+def _counted(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
+    """How often each speed, ascending, is run, above all that is drawn: in rows, so that neighbours do not meet."""
+    low, high = np.log(ax.get_xlim())
+    across = (np.log(speeds) - low) / (high - low)
+    last: list[float] = []
+    for x, at, n in zip(speeds.tolist(), across.tolist(), counts, strict=True):
+        row = next((k for k, end in enumerate(last) if at - end > _APART), len(last))
+        last[row : row + 1] = [at]
+        ax.text(x, 0.97 - _ROW * row, f"×{n}", transform=ax.get_xaxis_transform(), ha="center", va="top", fontsize=9)
+    bottom, top = ax.get_ylim()
+    room = 0.05 + _ROW * len(last)
+    ax.set_ylim(bottom, top + room / (1 - room) * (top - bottom))
 
 
 @styled
@@ -142,13 +165,13 @@ def robustness_figure(plan: Plan) -> Figure:
 @styled
 def intervals_figure(plan: Plan) -> Figure:
     """Relative standard error of each parameter now and after each part of the plan."""
-    names = plan.start.names
+    names = [plan.start.names[k] for k in plan.free]
     figure = new_figure(1.4 + 0.3 * len(names))
     ax = figure.subplots()
     title(ax, plan.name, plan.simulated)
     y = np.arange(len(names))[::-1]
     looks = (("#D55E00", "s"), ("#E69F00", "v"), ("#009E73", "^"), ("#0072B2", "o"))
-    relative = {stage: 100 * errors / np.abs(plan.start.estimate) for stage, errors in plan.stages.items()}
+    relative = {stage: (100 * errors / np.abs(plan.start.estimate))[plan.free] for stage, errors in plan.stages.items()}
     first, last = relative["now"], relative["with motion"]
     ax.hlines(y, np.minimum(last, _CEILING), np.minimum(first, _CEILING), color="#bbbbbb", linewidth=1.5)
     for (stage, errors), (colour, marker) in zip(relative.items(), looks, strict=True):
@@ -230,13 +253,13 @@ def motion_figure(plan: Plan) -> Figure:
 @styled
 def motions_figure(plan: Plan) -> Figure:
     """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far, each after the rest of the plan."""
-    names = plan.start.names
+    names = [plan.start.names[k] for k in plan.free]
     figure = new_figure(1.4 + 0.3 * len(names))
     ax = figure.subplots()
     title(ax, plan.name, plan.simulated)
     y = np.arange(len(names))[::-1]
     for x, colour, marker in zip(plan.motions, _MOTIONS, ("o", "s", "^"), strict=False):
-        errors = np.minimum(100 * x.errors / np.abs(plan.start.estimate), _CEILING)
+        errors = np.minimum(100 * x.errors / np.abs(plan.start.estimate), _CEILING)[plan.free]
         ax.plot(errors, y, marker, color=colour, markersize=7, label=x.name, clip_on=False)
     ax.set_xscale("log")
     _logarithmic(ax.xaxis)

@@ -70,7 +70,8 @@ def section(plan: Plan) -> dict[str, Any]:
                     "share_of_breakaway": "over breakaway",
                     "rise": "rise (s)",
                     "viscous_share": "viscous share",
-                    "standard_error": f"standard error ({stiff})",
+                    "by_noise": f"error by noise ({stiff})",
+                    "standard_error": f"with the viscous share ({stiff})",
                 }
             )
         ),
@@ -95,7 +96,7 @@ def section(plan: Plan) -> dict[str, Any]:
 def lacking(plan: Plan) -> list[str]:
     """What even this plan would not show, and what would."""
     relative = 100 * plan.stages["with motion"] / np.abs(plan.start.estimate)
-    names = [n for n, r in zip(plan.start.names, relative.tolist(), strict=True) if not r <= _UNSEEN]
+    names = [plan.start.names[k] for k in plan.free if not relative[k] <= _UNSEEN]
     said = (
         [f"Even after this plan {', '.join(map(symbol, names))} would not be seen within these limits."]
         if names
@@ -135,7 +136,8 @@ def text(plan: Plan) -> str:
         seen = (
             "not seen: too few encoder counts"
             if not np.isfinite(x.error)
-            else f"+/- {x.error:.2g} {unit('sigma_0', plan.kind)}"
+            else f"+/- {x.error:.2g} {unit('sigma_0', plan.kind)}: {x.scatter:.2g} by noise, and the viscous share that its "
+            f"estimate neglects, {100 * x.lag:.2g} %, beside it"
         )
         out.append(
             f"  slow loading, direction {x.tag}: to {x.peak:.3g} {T} ({x.share:.2g} of breakaway) in {x.rise:.3g} s, twice; sigma_0 {seen}"
@@ -144,7 +146,8 @@ def text(plan: Plan) -> str:
     out.append("  half of each 95 % interval, in percent of the value:")
     stages = list(plan.stages)
     out.append(f"    {'':<12}{'estimate':>12}" + "".join(f"{stage:>18}" for stage in stages))
-    for k, name in enumerate(plan.start.names):
+    for k in plan.free:
+        name = plan.start.names[k]
         value = float(plan.start.estimate[k])
         cells = "".join(f"{_cell(100 * tables.NORMAL * plan.stages[s][k] / abs(value)):>18}" for s in stages)
         out.append(

@@ -77,9 +77,10 @@ def comparison(plan: Plan) -> pd.DataFrame:
 
 
 def intervals(plan: Plan) -> pd.DataFrame:
-    """Half of each parameter's 95 % interval now, and as expected after each part of the plan; in the parameter's unit."""
+    """Half of each parameter's 95 % interval now, and as expected after each part of the plan, in its unit; without what is given as exact."""
     rows = []
-    for k, name in enumerate(plan.start.names):
+    for k in plan.free:
+        name = plan.start.names[k]
         value = float(plan.start.estimate[k])
         guess = name in plan.start.guessed or (name == "inertia" and not np.isfinite(plan.stages["now"][k]))
         half = {stage: _finite(NORMAL * errors[k]) for stage, errors in plan.stages.items()}
@@ -98,7 +99,7 @@ def intervals(plan: Plan) -> pd.DataFrame:
 
 
 def loading(plan: Plan) -> pd.DataFrame:
-    """Slow loading per direction: peak, its share of breakaway, rise, counts, neglected share, and the error of sigma_0 to expect."""
+    """Slow loading per direction: peak, over breakaway, rise, counts, neglected share, and the error of sigma_0 by noise, and with that share."""
     rows = [
         {
             "direction": x.tag,
@@ -107,6 +108,7 @@ def loading(plan: Plan) -> pd.DataFrame:
             "rise": x.rise,
             "counts": _finite(x.counts),
             "viscous_share": x.lag,
+            "by_noise": _finite(x.scatter),
             "standard_error": _finite(x.error),
         }
         for x in plan.loads
@@ -115,7 +117,7 @@ def loading(plan: Plan) -> pd.DataFrame:
 
 
 def lines(plan: Plan) -> pd.DataFrame:
-    """The sines of the tracking motion, slowest first."""
+    """The sines of the tracking motion as they are played, fading apart, slowest first: a sin(2 pi f t + phase) about the middle of the positions."""
     found = plan.motions[0].lines
     order = np.argsort(found.frequency)
     return pd.DataFrame(
@@ -128,11 +130,12 @@ def motions(plan: Plan) -> pd.DataFrame:
     rows = []
     for x in plan.motions:
         relative = 100 * x.errors / np.abs(plan.start.estimate)
-        aimed = [k for k, n in enumerate(plan.start.names) if plan.aim not in AIMS or n.rstrip("+-") == plan.aim]
+        names = {k: plan.start.names[k] for k in plan.free}
+        aimed = [k for k, n in names.items() if plan.aim not in AIMS or n.rstrip("+-") == plan.aim]
         rows.append(
             {
                 "motion": x.name,
-                **{n: _finite(r) for n, r in zip(plan.start.names, relative, strict=True)},
+                **{n: _finite(relative[k]) for k, n in names.items()},
                 "rms": _finite(np.sqrt(np.mean(relative[aimed] ** 2))),
             }
         )
