@@ -153,11 +153,15 @@ def write_adaptation(compensated: Study, folder: Path | str) -> Path:
 def compare(first: Path | str, second: Path | str) -> Comparison:
     """Which parameters changed beyond their joint uncertainty between two sessions, from the `results.json` of each.
 
-    Raises ValueError in one sentence where a file is no results file, or where they have no joint in common, of one kind and in the same units.
+    Raises ValueError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
+    units.
     """
     from bristle.report.reading import read_session
 
-    return compare_sessions(read_session(Path(first)), read_session(Path(second)))
+    sessions = [read_session(Path(path)) for path in (first, second)]
+    if Path(first).samefile(second):
+        raise ValueError(f"{second}: is the same file as {first}; expected the results.json of another session")
+    return compare_sessions(*sessions)
 
 
 def write_comparison(compared: Comparison, folder: Path | str) -> Path:
@@ -196,10 +200,9 @@ def sensitivity(
     motion_of(loaded.joint.kind, amplitude, frequency, (1.0, 1.0))  # what cannot be is said before seconds are spent
     if progress:
         progress(f"identifying {loaded.joint.name}", 0, 1)
-    joint = identify_joint(measure(loaded))
-    asked = (
-        of_gripper(joint, amplitude, frequency) if experiment is None else of_joint(loaded, joint, amplitude, frequency)
-    )
+    measured = measure(loaded)
+    joint = identify_joint(measured)
+    asked = (of_gripper if experiment is None else of_joint)(measured, joint, amplitude, frequency)
     return explore(joint, asked, samples, progress)
 
 

@@ -224,10 +224,12 @@ def validate(
 def _cross_checked(experiment: Path) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     from bristle import identify as run
+    from bristle.analysis.trial_cases import check_fitted
 
     with _progress() as progress:
         results = run(experiment, second_route=True, progress=progress)
     for joint in results.joints:
+        check_fitted(joint)
         for direction, check in joint.crosscheck.items():
             _print_check(f"{joint.name} {direction}", "grid", check)
         if joint.tracking is not None and joint.tracking.check is not None:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.text import Text
 from scipy import stats
 
 import bristle
@@ -29,6 +30,8 @@ from bristle.identification.regression import from_points
 from bristle.model.parameters import Lugre, unit
 from bristle.report import reading
 from bristle.report.compare_figures import forest_figure
+from bristle.report.compare_section import text as compare_text
+from bristle.report.compare_section import write_comparison
 
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 SPEEDS = np.geomspace(0.2 * TRUTH.v_s, 0.8, 20)
@@ -269,7 +272,11 @@ def test_a_session_does_not_differ_from_itself() -> None:
     assert not any(c.changed for c in compared.changes)
     assert not any(x.changed for x in compared.sets)
     assert compared.sentence == "None of 2 parameters changed beyond its joint uncertainty."
-    assert any("same in both" in x for x in compared.doubts)
+    (doubt,) = compared.doubts
+    assert "share data and are not independent: all of the files are the same in both" in doubt
+    more = session(correlated(0.3), inputs=("abc", "def"))
+    assert "not independent: 1 of 2 of the files are the same" in compare(own, more).doubts[0]
+    assert not compare(own, session(correlated(0.3), inputs=("def",))).doubts
 
 
 def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
@@ -448,6 +455,47 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: tuple[Path, P
     assert run("compare", *sessions, "-o", tmp_path / "out")[0] == 0
     assert tree(tmp_path / "out") == first
     assert "Example: bristle compare" in run("compare", "--help")[1]
+
+
+def test_one_file_twice_is_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+    """The same file by any path: exit 2, one sentence and no page. A copy is another file, of the same data: compared, with the doubt."""
+    for path in (sessions[0], sessions[0].parent / "." / ".." / sessions[0].parent.name / sessions[0].name):
+        code, _, said = run("compare", sessions[0], path, "-o", tmp_path / "out")
+        assert (code, len(said)) == (2, 1)
+        assert "is the same file as" in said[0]
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "copy.json").write_bytes(sessions[0].read_bytes())
+    code, out, _ = run("compare", sessions[0], tmp_path / "copy.json")
+    assert code == 0
+    assert "the sessions share data and are not independent" in out
+
+
+def test_tiny_chances_are_shown_as_below_the_least(tmp_path: Path) -> None:
+    """A p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself."""
+    a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
+    compared = compare(a, b)
+    assert change(compared, "alpha_0").adjusted == 0
+    page = write_comparison(compared, tmp_path / "out", "wrist").read_text(encoding="utf-8")
+    assert page.count("&lt; 1e-99") == 1
+    assert any("p < 1e-99" in line for line in compare_text(compared))
+    assert f">{change(compared, 'alpha_2').adjusted:.2g}<" in page
+
+
+def test_the_legend_stands_clear_of_title_and_axes() -> None:
+    """Title, legend and axes of the figure do not touch: a few points lie between them, whatever the number of rows."""
+    for count in (1, 12):
+        values = dict.fromkeys([name + d for d in "+-" for name in Lugre._fields][:count], 2.0)
+        figure = forest_figure(compare(session(plain(values, 0.1)), session(plain(values, 0.1))), "wrist")
+        assert figure is not None
+        (ax,) = figure.axes
+        legend = ax.get_legend()
+        assert legend is not None
+        figure.draw_without_rendering()
+        box = legend.get_window_extent()
+        heading = next(t for t in ax.get_children() if isinstance(t, Text) and t.get_text() == "wrist")
+        assert heading.get_window_extent().y0 > box.y1 + 3
+        assert heading.get_window_extent().y1 <= figure.bbox.y1
+        assert box.y0 >= ax.get_window_extent().y1 - 1
 
 
 def spoilt(good: str, what: str) -> str:

@@ -1,6 +1,7 @@
 """Local sensitivity, its map and its tornado: finite differences, identities of the equations, the notes' figures; and the command."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,12 @@ from hypothesis import strategies as st
 import bristle
 from bristle import api
 from bristle.analysis import exploring
-from bristle.analysis.explored_joint import of_joint
+from bristle.analysis.explored_joint import RANGE, of_joint, within
 from bristle.analysis.information import names_of
+from bristle.analysis.plan_joint import start_of
+from bristle.analysis.plan_limits import limits_of
 from bristle.analysis.sensitivity import (
+    FREQUENCIES,
     Motion,
     claimed,
     grid,
@@ -25,13 +29,13 @@ from bristle.analysis.sensitivity import (
     sensitivity_map,
     tornado,
 )
-from bristle.data.experiment import load_experiment
 from bristle.edro import TABLE_1
 from bristle.identification.pipeline import identify_joint, measure
 from bristle.model import functions
 from bristle.model.arrays import Array, evaluate
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Kind, Lugre, Pair
 from bristle.model.rollout import rollout
+from bristle.report.sensitivity_figures import map_figure
 from bristle.report.sensitivity_section import text
 
 from ..conftest import FEW as TOO_FEW
@@ -221,7 +225,7 @@ def test_replaced_moves_one_parameter() -> None:
 
 
 @FEW
-@given(st.floats(1e-4, 1e3), st.floats(1e-3, 1e3))
+@given(st.floats(1e-4, 1e3), st.floats(*FREQUENCIES))
 def test_a_motion_has_whole_windows(amplitude: float, frequency: float) -> None:
     """Whatever is asked for, at least two periods are seen, with at least 200 samples each, and no more than some 400 000 samples."""
     found = motion(amplitude, frequency)
@@ -283,9 +287,56 @@ def test_the_text_says_what_was_found(known: exploring.Exploration) -> None:
 
 def test_nothing_known_is_refused(tmp_path: Path) -> None:
     """A joint of which no friction was fitted has no sensitivity."""
-    loaded = load_experiment(write(tmp_path, TOO_FEW))
+    measured = measure(write(tmp_path, TOO_FEW))
     with pytest.raises(ValueError, match="nothing is known of its friction over velocity"):
-        of_joint(loaded, identify_joint(measure(loaded)))
+        of_joint(measured, identify_joint(measured))
+
+
+def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: exploring.Exploration) -> None:
+    """One joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude; sigma_0 bends by 1/1000 of the travel."""
+    measured = measure(folder / "e.yaml")
+    joint, (limits, _) = identify_joint(measured), limits_of(measured)
+    start = start_of(measured, joint, limits)
+    for amplitude in (None, 0.01):
+        p = of_joint(measured, joint, amplitude)[0].p
+        for d, own in zip("+-", (p, p) if isinstance(p, Lugre) else p, strict=True):
+            assert own[4:] == start.p(d)[4:]
+            assert own.sigma_0 == pytest.approx(own.alpha_0 / (1e-3 * limits.travel))
+    assert any("sigma_1" in s and "a guessed inertia" in s for s in known.assumptions)
+
+
+def test_the_whole_range_of_motions_can_be_explored(known: exploring.Exploration, folder: Path) -> None:
+    """At the corners of what is accepted, and of the maps around them, every share is a finite number; just beyond, the motion is refused."""
+    limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
+    (low, high), (slow, fast) = RANGE, FREQUENCIES
+    speed = limits.velocity / (2 * np.pi)
+    corners = [
+        (low * limits.travel, fast), (low * limits.travel, 1.01 * low * speed / (low * limits.travel)),
+        (0.99 * high * limits.travel, 1.01 * slow), (0.99 * high * speed / fast, fast), (0.99 * high * limits.travel, speed / limits.travel),
+    ]  # fmt: skip  # a list of values
+    for amplitude, frequency in corners:
+        at = within(motion(amplitude, frequency), "revolute", limits)
+        amplitudes, frequencies = (x[[0, -1]] for x in grid(at))
+        assert np.isfinite(local(p, at).shares()).all()
+        assert np.isfinite(sensitivity_map(p, amplitudes, frequencies).shares).all()
+    for amplitude, frequency, named in (
+        (0.99 * low * limits.travel, 1.0, "amplitude: got"),
+        (1.01 * high * limits.travel, 1e-5, "amplitude: got"),
+        (0.99 * low * speed / 1e-3, 1e-3, "peak speed: got"),
+        (1.01 * high * speed, 1.0, "peak speed: got"),
+    ):
+        with pytest.raises(ValueError, match=named):
+            within(motion(amplitude, frequency), "revolute", limits)
+
+
+def test_a_position_that_stands_still_is_refused(tmp_path: Path) -> None:
+    """Where the position is one number throughout there is no travel to guess a bristle from: one sentence that names plan.position."""
+    measured = measure(write(tmp_path, speeds()))
+    joint = identify_joint(measured)
+    still = replace(measured.runs[0].record, position=np.ones(speeds().size))
+    stopped = replace(measured, runs=(replace(measured.runs[0], record=still),))
+    with pytest.raises(ValueError, match=r"the position is 1 throughout; expected runs that move, or plan\.position"):
+        of_joint(stopped, joint)
 
 
 def test_the_command_writes_a_page(folder: Path, known: exploring.Exploration, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -301,6 +352,16 @@ def test_the_command_writes_a_page(folder: Path, known: exploring.Exploration, m
     page = (folder / "out" / "index.html").read_text(encoding="utf-8")
     assert "nan" not in page.lower().replace("nanum", "")
     assert "in the friction of wrist" in page
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_no_label_of_the_map_leaves_the_figure(known: exploring.Exploration, kind: Kind) -> None:
+    """Whatever the amplitudes, every label of the map lies within the figure."""
+    figure = map_figure(replace(known, kind=kind, map=replace(known.map, amplitudes=known.map.amplitudes * 1e-5)))
+    figure.draw_without_rendering()
+    for ax in figure.axes:
+        for label in (ax.yaxis.label, ax.xaxis.label):
+            assert not label.get_text() or label.get_window_extent().x0 >= 0
 
 
 def test_symbolic_prints_formulas_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -321,6 +382,10 @@ def test_symbolic_prints_formulas_and_writes_nothing(tmp_path: Path, monkeypatch
         (("--amplitude", "-1 rad"), "amplitude: got -1; expected a positive number"),
         (("--frequency", "3 rad/s"), "frequency: unit 'rad/s' is no unit of Hz"),
         (("--frequency", "0 Hz"), "frequency: got 0; expected a positive number"),
+        (("--amplitude", "1e300 rad"), "amplitude: got 1e+300 rad; expected "),
+        (("--amplitude", "1e9 rad"), "1e-06 to 10000 times the joint's travel: choose another"),
+        (("--frequency", "1e12 Hz"), "frequency: got 1e+12 Hz; expected 1e-06 to 10000 Hz"),
+        (("--frequency", "1e-12 Hz"), "frequency: got 1e-12 Hz; expected 1e-06 to 10000 Hz"),
         (("--samples", "100"), "samples: got 100; expected a power of two"),
         (("--samples", "16"), "samples: got 16; expected a power of two, at least 32"),
     ],

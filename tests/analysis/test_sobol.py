@@ -297,6 +297,15 @@ def test_loops_that_cannot_be_run_say_so() -> None:
         assert [output.indices is not None for output in found.outputs[:2]] == [True, True]
 
 
+@pytest.mark.parametrize(("frequency", "named"), [(1e4, "more than 0.02 of"), (1e-6, "at most 300000 are")])
+def test_a_reference_beyond_the_loops_is_said(frequency: float, named: str) -> None:
+    """At frequencies that no loop can be simulated at, torque and breakaway have their indices, the loop its reason, at once."""
+    *others, loop = global_sensitivity(GRIPPER, BOX, replace(SUBJECT, frequency=frequency), samples=32).outputs
+    assert loop.indices is None
+    assert named in loop.reason
+    assert all(output.indices is not None for output in others)
+
+
 def test_progress_counts_up() -> None:
     """Progress is told before each batch, with one total, from none done to all but one; all is done where it ends."""
     told: list[tuple[str, int, int]] = []

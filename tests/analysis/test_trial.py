@@ -22,6 +22,7 @@ from bristle.analysis.trial_verdict import overall, verdict
 from bristle.bench import steady_points
 from bristle.identification import static
 from bristle.identification.batch import Batch
+from bristle.identification.estimate import Estimate, Joint, Outcome, StaticFit
 from bristle.identification.uncertainty import covariance, student
 from bristle.model.arrays import Array
 from bristle.report import trial_figures
@@ -383,7 +384,7 @@ def test_own_design_is_the_joint_s(tmp_path: Path) -> None:
 
 def test_a_direction_without_a_peak_is_skipped_and_said(tmp_path: Path) -> None:
     """Where no Stribeck term is identified, or the points have no noise, there is nothing to try, and the reason is given."""
-    joint = identify(write(tmp_path, FEW)).joints[0]
+    joint = identify(write(tmp_path, np.linspace(1.0, 2.0, 12))).joints[0]
     found = own_cases(joint)
     assert found.cases == ()
     assert set(found.skipped) == set(joint.static)
@@ -464,15 +465,79 @@ def test_the_command_tries_and_writes(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_the_command_without_a_peak_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where nothing can be tried the command says why, ends well, and writes no page."""
-    path = write(tmp_path, FEW)
+    """Where a fit has no Stribeck term the command cross-checks it, says why nothing is tried, ends well, and writes no page."""
+    fast = np.linspace(1.0, 2.0, 12)
+    path = write(tmp_path, fast)
     monkeypatch.chdir(tmp_path)
     before = tree(tmp_path)
     ran = run("validate", path)
     assert ran.code == 0
-    assert "wrist +: nothing to try: Too few points" in ran.out
+    assert "full fit" in ran.out
+    assert "wrist +: nothing to try: Stribeck not identifiable" in ran.out
     assert "Nothing was tried." in ran.out
     assert tree(tmp_path) == before
+
+
+def test_the_command_with_nothing_fitted_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Too few points for any fit: exit code 2, one sentence with the reason and what to do, and nothing printed or written; so does the API."""
+    path = write(tmp_path, FEW)
+    monkeypatch.chdir(tmp_path)
+    before = tree(tmp_path)
+    ran = run("validate", path)
+    assert (ran.code, len(ran.said), ran.out) == (2, 1, "")
+    assert "wrist: nothing to check: got no fit of friction over velocity (Too few points" in ran.said[0]
+    assert "add ramp, points or tracking runs" in ran.said[0]
+    assert tree(tmp_path) == before
+    with pytest.raises(ValueError, match="nothing to check"):
+        trial(path)
+
+
+def test_a_joint_without_points_or_moving_runs_is_refused() -> None:
+    """Slow loading alone leaves nothing to check; one fitted direction is enough, the other being said to have nothing to try."""
+    few = static_fit("-", None)
+    with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
+        own_cases(joint_of({}))
+    with pytest.raises(ValueError, match=r"friction over velocity \(Too few points"):
+        own_cases(joint_of({"-": few}))
+    subject = own_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
+    assert not subject.cases
+    assert set(subject.skipped) == {"+", "-"}
+
+
+def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
+    """A joint of which only static fits are known."""
+    return Joint(name="j", kind="revolute", inputs=(), segments=(), static=static_fits, crosscheck={})
+
+
+def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
+    """Coulomb friction alone, or none for too few points."""
+    values = {"alpha_0": alpha_0, "alpha_1": None, "alpha_2": None, "v_s": None}
+    return StaticFit(
+        direction=direction,
+        parameters={name: Estimate(value=x, unit="") for name, x in values.items()},
+        rms=None,
+        relative_error=None,
+        n=2,
+        outcome=Outcome.TOO_FEW if alpha_0 is None else Outcome.NO_STRIBECK,
+    )
+
+
+def test_final_velocities_that_agree_have_plain_labels(tried: Trial) -> None:
+    """Where all starts end in one v_s the axis reaches a tenth to both sides, its labels differ, and its name lies within the figure."""
+    one = tried.cases[0]
+    same = {name: np.repeat(one.starts.best[:, None], len(one.starts.begun), axis=1) for name in one.starts.ended}
+    for shift in (0.0, 1e-7):
+        ended = {name: theta * (1 + shift * np.arange(theta.shape[1])) for name, theta in same.items()}
+        figure = trial_figures.starts_figure(replace(one, starts=replace(one.starts, ended=ended)), "revolute")
+        figure.draw_without_rendering()
+        ax, best = figure.axes[0], one.starts.best[3]
+        low, high = ax.get_ylim()
+        assert low <= 0.9 * best < 1.1 * best <= high
+        labels = [t.get_text() for t in ax.get_yticklabels()]
+        assert len(set(labels)) == len(labels) >= 3
+        assert max(map(len, labels)) <= 7
+        assert ax.yaxis.label.get_window_extent().x0 >= 0
+        assert ax.yaxis.label.get_window_extent().y1 <= figure.bbox.y1
 
 
 @pytest.mark.parametrize(

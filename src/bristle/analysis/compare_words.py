@@ -145,8 +145,13 @@ def doubts(first: Session, second: Session, shared: Sequence[str]) -> Iterator[s
 
 
 def _doubts_of(a: SessionJoint, b: SessionJoint) -> Iterator[str]:
-    if set(a.inputs) & set(b.inputs):
-        yield "some of the files are the same in both sessions, which are then not independent: errors are overstated, and changes missed."
+    same = len(set(a.inputs) & set(b.inputs))
+    if same:
+        of = max(len(set(a.inputs)), len(set(b.inputs)))
+        yield (
+            f"the sessions share data and are not independent: {'all' if same == of else f'{same} of {of}'} of the files are the same in both. "
+            "Errors of differences are overstated, and changes missed."
+        )
     if a.simulated != b.simulated:
         yield "one session is SIMULATED, the other measured."
     for pair in pairs(a, b):

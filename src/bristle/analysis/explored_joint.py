@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle import edro
+from bristle.analysis.plan_joint import Start, start_of
+from bristle.analysis.plan_limits import Limits, limits_of
 from bristle.analysis.sensitivity import Motion, motion
 from bristle.compensation.asked import of_experiment
 from bristle.compensation.model import DAMPING_RATIO, DEFLECTION, inertia_of
@@ -14,12 +16,15 @@ from bristle.compensation.subject import Subject, of_paper, one_way
 from bristle.data.experiment import Experiment
 from bristle.data.units import to_si
 from bristle.identification.estimate import Estimate, Joint
-from bristle.model import functions
-from bristle.model.arrays import evaluate
+from bristle.identification.pipeline import Measured
 from bristle.model.parameters import Kind, Lugre, Pair, unit
 
 _FREQUENCY = 0.5
 """Hz, of a motion that nobody gave; its top speed is half the fastest measured one."""
+RANGE = (1e-6, 1e4)
+"""Of a motion's amplitude over the measured travel, and of its peak speed over the fastest measured one."""
+_BRISTLE = ("sigma_0", "sigma_1")
+"""What is guessed where nothing was seen of it."""
 
 
 class Model(NamedTuple):
@@ -48,6 +53,26 @@ def motion_of(
     return motion(*found)
 
 
+def within(moved: Motion, kind: Kind, limits: Limits) -> Motion:
+    """The motion, if its amplitude and its peak speed are within `RANGE` of what was measured (or declared under `plan`).
+
+    Raises ValueError where they are not: there the model is of nothing.
+    """
+    q, v = unit("position", kind), unit("velocity", kind)
+    how = f", which is {moved.amplitude:g} {q} at {moved.frequency:g} Hz"
+    for name, got, known, si, what, whose in (
+        ("amplitude", moved.amplitude, limits.travel, q, "travel", ""),
+        ("peak speed", moved.top_speed, limits.velocity, v, "fastest speed", how),
+    ):
+        low, high = (share * known for share in RANGE)
+        if not low <= got <= high:
+            raise ValueError(
+                f"{name}: got {got:.3g} {si}{whose}; expected {low:.2g} to {high:.2g} {si}, "
+                f"{RANGE[0]:g} to {RANGE[1]:g} times the joint's {what}: choose another amplitude or frequency"
+            )
+    return moved
+
+
 def _quantity(name: str, given: str | float, si: str) -> float:
     if not isinstance(given, str):
         return float(given)
@@ -58,33 +83,46 @@ def _quantity(name: str, given: str | float, si: str) -> float:
 
 
 def of_joint(
-    experiment: Experiment, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
+    measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
 ) -> tuple[Model, Motion, Subject | str]:
-    """A user's joint: what is known of it, the motion, and its loop, or the sentence why there is none.
+    """A user's joint, as identified from `measured`: what is known of it, the motion, and its loop, or the sentence why there is none.
 
     Raises ValueError where nothing is known of its friction over velocity, or the motion cannot be.
     """
+    experiment, sets = measured.experiment, _sets(joint)
+    limits = _limits(measured)
     tone = experiment.adapt.frequency or _FREQUENCY
     speeds = [fit.velocity for fit in joint.static.values()] + ([joint.moving.velocity] if joint.moving else [])
     fastest = max((float(np.abs(v).max()) for v in speeds if v.size), default=1.0)
     wide = experiment.adapt.amplitude or float(f"{0.5 * fastest / (2 * np.pi * tone):.2g}")
-    moved = motion_of(joint.kind, amplitude, frequency, (wide, tone))
-    model = model_of(joint, moved.amplitude, _inertia(experiment, joint))
+    moved = within(motion_of(joint.kind, amplitude, frequency, (wide, tone)), joint.kind, limits)
+    model = _model(measured, joint, sets, limits)
     try:
         return model, moved, of_experiment(experiment, joint)
     except ValueError as error:
         return model, moved, str(error)
 
 
+def _limits(measured: Measured) -> Limits:
+    """How far and how fast it went, as a plan takes it. Raises ValueError where it did not move."""
+    limits, _ = limits_of(measured)
+    if not limits.travel > 0:
+        raise ValueError(
+            f"{measured.experiment.path.name}: the position is {limits.position[0]:g} throughout; expected runs that move, or plan.position"
+        )
+    return limits
+
+
 def of_gripper(
-    joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
+    measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
 ) -> tuple[Model, Motion, Subject | str]:
     """The paper's gripper rotation (+) in both directions, with the intervals that its simulated logs give; `joint` as identified from them.
 
     Raises ValueError where the motion cannot be.
     """
     subject = one_way(of_paper([joint])[0])
-    moved = motion_of("revolute", amplitude, frequency, (subject.amplitude, subject.frequency))
+    default = (subject.amplitude, subject.frequency)
+    moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
     p = edro.TABLE_1[joint.name].positive
     own = {name: _moved(e, getattr(p, name)) for name, e in _estimates(joint, "+").items() if e is not None}
     said = (
@@ -110,29 +148,36 @@ def _moved(e: Estimate, value: float) -> Estimate:
     )
 
 
-def _inertia(experiment: Experiment, joint: Joint) -> float | None:
+def _inertia_known(experiment: Experiment, joint: Joint) -> bool:
     try:
-        return inertia_of(experiment, joint)
+        return inertia_of(experiment, joint) > 0
     except ValueError:
-        return None
+        return False
 
 
-def model_of(joint: Joint, amplitude: float, J: float | None) -> Model:
-    """The friction of a joint, one set or a pair, with a bristle where none was seen.
-
-    Raises ValueError where nothing is known of its friction over velocity.
-    """
+def _sets(joint: Joint) -> dict[str, Lugre[float]]:
+    """What was fitted, by direction. Raises ValueError where nothing is known of the friction over velocity."""
     sets = {d: p for d in ("both", "+", "-") if (p := _values(joint, d)) is not None}
     if not sets:
         raise ValueError(
             f"{joint.name}: nothing is known of its friction over velocity; sensitivity needs ramp, points or tracking runs that were fitted"
         )
+    return sets
+
+
+def _model(measured: Measured, joint: Joint, sets: Mapping[str, Lugre[float]], limits: Limits) -> Model:
+    """The friction of a joint, one set or a pair, with the bristle of a plan's start where none was seen."""
     ways = ["both"] if "both" in sets else list(sets)
     said = [] if len(ways) > 1 or ways == ["both"] else [f"Only direction {ways[0]} is known; it is taken for both."]
     filled, estimates, assumed = [], dict[str, Estimate](), list[str]()
+    found = {d: _estimates(joint, d) for d in ways}
+    unseen = any(name in _missing(own) for own in found.values() for name in _BRISTLE)
+    start = start_of(measured, joint, limits) if unseen else None
+    inertia = _inertia_known(measured.experiment, joint)
     for d in ways:
-        own, tag = _estimates(joint, d), d if len(ways) > 1 else ""
-        p, missing, sentences = _filled(sets[d], own, amplitude, J, joint.kind)
+        own, tag = found[d], d if len(ways) > 1 else ""
+        guesses = _guesses(start, d, joint.kind, inertia=inertia) if start else {}
+        p, missing, sentences = _filled(sets[d], own, guesses, joint.kind)
         filled.append(p)
         assumed += [name + tag for name in missing]
         said += [f"{name}{tag}: {sentence}" for name, sentence in sentences.items()]
@@ -162,23 +207,32 @@ def _estimates(joint: Joint, d: str) -> dict[str, Estimate | None]:
     return own | ({"sigma_0": slow.sigma_0, "sigma_1": slow.sigma_1} if slow else {})
 
 
+def _missing(own: Mapping[str, Estimate | None]) -> list[str]:
+    return [name for name, e in own.items() if e is None or e.value is None]
+
+
+def _guesses(start: Start, d: str, kind: Kind, *, inertia: bool) -> dict[str, tuple[float, str]]:
+    """What a plan takes the bristle of a direction for, and how that is found: one joint, one guess."""
+    p, key = start.p(d), start.key("sigma_0", "+" if d == "both" else d)
+    stiff = f"{DEFLECTION:g} of the travel in deflection" if key in start.guessed else "as slow loading has it"
+    damped = f"(15) with a damping ratio of {DAMPING_RATIO:g}"
+    J = f"a guessed inertia of {start.inertia:.2g} {unit('inertia', kind)}"
+    return {
+        "sigma_0": (p.sigma_0, stiff),
+        "sigma_1": (p.sigma_1, damped if inertia else f"{damped} and {J}"),
+    }
+
+
 def _filled(
-    p: Lugre[float], own: Mapping[str, Estimate | None], amplitude: float, J: float | None, kind: Kind
+    p: Lugre[float], own: Mapping[str, Estimate | None], guesses: Mapping[str, tuple[float, str]], kind: Kind
 ) -> tuple[Lugre[float], list[str], dict[str, str]]:
     """The set with what was found, a bristle where none was seen, the names of what is assumed, and a sentence on each."""
-    p = p._replace(**{name: e.value for name, e in own.items() if e is not None and e.value is not None})
-    missing = [name for name, e in own.items() if e is None or e.value is None]
-    said = {}
-    if "sigma_0" in missing:
-        p = p._replace(sigma_0=p.alpha_0 / (DEFLECTION * amplitude))
-        said["sigma_0"] = f"{DEFLECTION:g} of the amplitude in deflection"
-    if "sigma_1" in missing:
-        damping = float(evaluate(functions.presliding_damping(), p.sigma_0, J, DAMPING_RATIO)[0]) if J else 0.0
-        p = p._replace(sigma_1=damping)
-        said["sigma_1"] = f"(15) with a damping ratio of {DAMPING_RATIO:g}" if J else "for no inertia is known"
-    said |= {name: "as it was held in the fit" for name in missing if name not in said}
-    sentences = {
-        name: f"these data do not show it; assumed {getattr(p, name):.3g} {unit(name, kind)}, {how}."
-        for name, how in said.items()
-    }
+    missing = _missing(own)
+    guessed = {name: guesses[name] for name in missing if name in guesses}
+    seen = {name: e.value for name, e in own.items() if e is not None and e.value is not None}
+    p = p._replace(**seen, **{name: value for name, (value, _) in guessed.items()})
+    sentences = {}
+    for name in missing:
+        how = guessed[name][1] if name in guessed else "as it was held in the fit"
+        sentences[name] = f"these data do not show it; assumed {getattr(p, name):.3g} {unit(name, kind)}, {how}."
     return p, missing, sentences

@@ -30,6 +30,8 @@ _OFTEN = 200
 """Samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there."""
 _CELL = 1000
 """Samples of a period in the map."""
+FREQUENCIES = (1e-6, 1e4)
+"""Hz, of a motion that makes sense."""
 _SLOWEST = 1e-300
 """The speed at which the joint breaks away, in the limit."""
 
@@ -70,11 +72,16 @@ class Motion(NamedTuple):
 def motion(amplitude: float, frequency: float) -> Motion:
     """The motion over the paper's window of 10 s at 1 kHz; two periods where that is longer, 200 samples a period where it is faster.
 
-    Raises ValueError where the amplitude, rad, or the frequency, Hz, is not positive and finite.
+    Raises ValueError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency outside `FREQUENCIES`.
     """
     for name, x in (("amplitude", amplitude), ("frequency", frequency)):
         if not 0 < x < np.inf:
             raise ValueError(f"{name}: got {x:g}; expected a positive number")
+    low, high = FREQUENCIES
+    if not low <= frequency <= high:
+        raise ValueError(
+            f"frequency: got {frequency:g} Hz; expected {low:g} to {high:g} Hz: choose one at which the joint may move"
+        )
     duration = max(min(DURATION, _OFTEN / frequency), 2 / frequency)
     return Motion(amplitude, frequency, duration, min(PERIOD * duration / DURATION, 1 / (_OFTEN * frequency)))
 

@@ -34,6 +34,10 @@ _TICKS = 9_000_000
 """Control periods of all closed loops together, which bounds their samples: about half a minute."""
 _LEAST = 32
 """Fewer samples tell nothing."""
+_LONGEST = 300_000
+"""Control periods of one loop, beyond which it is not simulated; ..."""
+_COARSE = 0.02
+"""... nor is it where one of them is a larger share of the reference's period."""
 _BATCH = 128
 """Closed loops, and ..."""
 _ROWS = 1024
@@ -215,6 +219,7 @@ def global_sensitivity(
     moved = _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), samples, seed)
     broken = _output(BREAKAWAY, "torque", spans, _breakaway(joints_at(pair, spans, points)), samples, seed)
     try:
+        _refuse_loop(subject)
         errors = _batched(error, looped, _BATCH)
     except ValueError as refused:  # a loop whose period is too long for some of these plants
         tracked = Output(
@@ -246,9 +251,18 @@ def _rms_error(subject: Subject, model: Pair[float], joints: Pair[Array]) -> Arr
     return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
 
+def _refuse_loop(subject: Subject) -> None:
+    """Raise ValueError where the reference is too fast for the loop's control period, or too slow to be simulated."""
+    how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
+    if subject.frequency * subject.period > _COARSE:
+        raise ValueError(f"{how}, which is more than {_COARSE:g} of the reference's")
+    if _ticks(subject) > _LONGEST:
+        raise ValueError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
+
+
 def _ticks(subject: Subject) -> int:
     """Control periods of one loop."""
-    return round(PERIODS / (subject.frequency * subject.period))
+    return max(round(PERIODS / (subject.frequency * subject.period)), 1)
 
 
 def _affordable(parameters: int, ticks: int) -> int:

@@ -67,7 +67,10 @@ def own_cases(joint: Joint, noise: float | None = None) -> Subject:
     Args:
         joint: identified.
         noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the four parameters.
+
+    Raises ValueError where nothing at all was fitted.
     """
+    check_fitted(joint)
     cases, skipped = [], {}
     for direction, fit in joint.static.items():
         if direction == "shared":
@@ -86,7 +89,18 @@ def own_cases(joint: Joint, noise: float | None = None) -> Subject:
         ends = (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
         label = joint.name if direction == "both" else f"{joint.name} ({direction})"
         cases.append(_case(label, f"the {fit.n} points measured", p, chosen, own, ends))
+    if not cases and not skipped:
+        skipped["both directions"] = "nothing to try: no friction over velocity was fitted by the grid."
     return Subject(title=joint.name, kind=joint.kind, cases=tuple(cases), skipped=skipped)
+
+
+def check_fitted(joint: Joint) -> None:
+    """Raises ValueError where a joint has neither a static nor a moving fit, so that there is nothing to check."""
+    if joint.moving is not None or any(fit.values() for d, fit in joint.static.items() if d != "shared"):
+        return
+    why = "; ".join(dict.fromkeys(fit.outcome.rstrip(".") for fit in joint.static.values()))
+    got = f"no fit of friction over velocity ({why})" if why else "no ramp, points or tracking run that is fitted"
+    raise ValueError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
 
 
 def _points(fit: StaticFit) -> tuple[Array, float]:

@@ -33,7 +33,7 @@ def forest_figure(compared: Comparison, joint: str) -> Figure | None:
     if not rows:
         return None
     figure = new_figure(1.3 + _ROW * len(rows))
-    figure.subplots_adjust(left=0.19, right=0.87, top=1 - 0.6 / figure.get_figheight())
+    figure.subplots_adjust(left=0.19, right=0.87, top=1 - 0.66 / figure.get_figheight())
     ax = figure.subplots()
     reach = _reach(rows)
     for which, (look, side) in enumerate(zip(_LOOKS, (-_APART, _APART), strict=True)):
@@ -61,6 +61,7 @@ def forest_figure(compared: Comparison, joint: str) -> Figure | None:
     ax.grid(visible=False, axis="y")
     ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False, borderaxespad=0.1)
     title(ax, shortened(joint, 30), compared.simulated)
+    ax.set_title(ax.get_title(loc="left"), loc="left", pad=25)  # above the legend
     return figure
 
 

@@ -17,6 +17,9 @@ from bristle.report.shown import shown
 from bristle.report.tracking import split
 from bristle.report.wording import measured, number, printable, shortened, slugs
 
+_NONE = 1e-99
+"""p-values below this are shown as below it."""
+_LEAST = f"< {_NONE:g}"
 _NAMES = {"adjusted_p": "p (Holm)", "changed": "changed?"}
 
 
@@ -93,8 +96,9 @@ def _joint(compared: Comparison, joint: str, slug: str) -> dict[str, Any]:
 
 
 def _few_digits(frame: pd.DataFrame) -> pd.DataFrame:
-    """The frame with its p-values in two digits, and what is no number as None."""
-    frame = frame.assign(adjusted_p=[float(f"{p:.2g}") for p in frame["adjusted_p"]])
+    """The frame with its p-values in two digits, or as below the least that is shown, and what is no number as None."""
+    few = [_LEAST if p < _NONE else float(f"{p:.2g}") for p in frame["adjusted_p"]]
+    frame = frame.assign(adjusted_p=pd.Series(few, index=frame.index, dtype=object))
     return frame.astype(object).where(frame.notna(), None)
 
 
@@ -142,4 +146,4 @@ def _line(c: Change) -> str:
 
 def _p(p: float | None) -> str:
     """A p-value with its sign of comparison."""
-    return "< 1e-99" if p is not None and p < 1e-99 else f"= {number(p, 2)}"
+    return _LEAST if p is not None and p < _NONE else f"= {number(p, 2)}"

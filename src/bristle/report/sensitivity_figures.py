@@ -171,7 +171,7 @@ def _ticks(ax: Axes, x: Exploration, every: int = 1) -> None:
 def map_figure(x: Exploration) -> Figure:
     """Each parameter's total share over amplitude and frequency, one panel each, in one logarithmic grey-safe scale."""
     figure = new_figure(6.6)
-    figure.subplots_adjust(left=0.13, right=0.86, top=0.9, hspace=0.28, wspace=0.12)
+    figure.subplots_adjust(left=0.16, right=0.86, top=0.9, hspace=0.28, wspace=0.12)
     axes = figure.subplots(3, 2, sharex=True, sharey=True).ravel()
     title(axes[0], x.name, x.simulated)
     norm = LogNorm(_LEAST, 1.0)

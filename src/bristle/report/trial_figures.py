@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from bristle.analysis.trial import REFINED
-from bristle.analysis.trial_results import ENOUGH, FREE, Trial, Tried
+from bristle.analysis.trial_results import ENOUGH, FREE, Starts, Trial, Tried
 from bristle.identification.static import PLAIN_GRID
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind
@@ -31,6 +31,8 @@ _MOST_FAILED = 0.2
 """A method that fails more often than this does not stretch the axis."""
 _LARGE = 3.0
 """Ratios beyond this are drawn on a logarithmic axis."""
+_NARROW = 0.1
+"""An axis of v_s reaches at least this share to both sides of the best."""
 _WIDE = 500.0
 """An axis that spans more than this has labels at powers of ten alone."""
 
@@ -79,7 +81,7 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 def starts_figure(tried: Tried, kind: Kind) -> Figure:
     """Where each random start ends, over where it begins; beneath, the share that ends in the best minimum."""
     figure = new_figure(5.2)
-    figure.subplots_adjust(hspace=0.12)
+    figure.subplots_adjust(left=0.19, hspace=0.12)
     ax, below = figure.subplots(2, height_ratios=(3, 2), sharex=True)
     many = tried.starts
     _titled(ax, tried.case.label, rows=1)
@@ -102,9 +104,9 @@ def starts_figure(tried: Tried, kind: Kind) -> Figure:
     ax.plot([], [], "o", color="#444444", markerfacecolor="none", label="hollow: elsewhere")
     ax.axhline(many.best[3], color="#000000", linewidth=1, label="refined grid")
     decimal_log(below)
-    _decimal(ax)
+    _final(ax, many)
     below.set_ylim(-5, 105)
-    ax.set_ylabel(axis("velocity", kind, "final Stribeck"))
+    ax.set_ylabel(axis("velocity", kind, "final Stribeck").replace("Stribeck ", "Stribeck\n"))
     below.set_xlabel(axis("velocity", kind, "Stribeck velocity of the start:").replace(": velocity", ""))
     below.set_ylabel("Ends in the best\nminimum (%)")
     _above(ax, columns=5, small=True)
@@ -186,6 +188,18 @@ def _group(tried: Tried, *, many: bool) -> str:
     return f"{tried.case.design}, noise {100 * tried.case.noise / tried.case.truth.alpha_0:.2g} %"
 
 
+def _final(ax: Axes, many: Starts) -> None:
+    """The axis of final v_s: logarithmic where they differ by a factor, else plain, and never so narrow that it shows rounding."""
+    ends = np.concatenate([[many.best[3]], *(theta[3] for name, theta in many.ended.items() if name != FREE)])
+    low, high = float(ends.min()), float(ends.max())
+    if high > _LARGE * low:
+        _decimal(ax)
+        return
+    ax.set_ylim(min(low * 0.98, (1 - _NARROW) * many.best[3]), max(high * 1.02, (1 + _NARROW) * many.best[3]))
+    ax.yaxis.set_major_locator(MaxNLocator(5))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:.3g}"))
+
+
 def _ratio_axis(ax: Axes) -> None:
     """Ratios from 1 up, with a little room beneath: a logarithmic axis where they are large."""
     top = ax.get_ylim()[1]
@@ -213,7 +227,7 @@ def _titled(ax: Axes, label: str, rows: int) -> None:
 
 def _above(ax: Axes, columns: int, *, small: bool = False) -> None:
     """The legend above the axes."""
-    extra: dict[str, Any] = {"handletextpad": 0.3, "columnspacing": 0.8} if small else {}
+    extra: dict[str, Any] = {"handletextpad": 0.3, "columnspacing": 0.7, "handlelength": 1.6} if small else {}
     ax.legend(
         loc="lower left",
         bbox_to_anchor=(0, 1.0),
