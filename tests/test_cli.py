@@ -405,6 +405,20 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
             assert re.search(rf"{name}: +{shown} ", ran.out)
 
 
+def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
+    """With --uncertainty the table that `Results.uncertainty` gives is printed, a line per parameter with its six ends; results.json has the same."""
+    file = write(tmp_path, speeds())
+    ran = run("identify", file, "--uncertainty", "-o", tmp_path / "out.json")
+    assert ran.code == 0
+    results = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    for sign, fit in results["joints"]["wrist"]["static"].items():
+        for name, ways in fit["uncertainty"].items():
+            ends = [f"{end:.5g}" for way in ("covariance", "profile", "bootstrap") for end in ways[way]]
+            (line,) = re.findall(rf"^.*static +{re.escape(sign)} +{name} .*$", ran.out, re.MULTILINE)
+            assert [float(x) for x in line.split()[-6:]] == pytest.approx([float(x) for x in ends], rel=1e-4)
+            assert ways["profile"] == fit["parameters"][name]["interval"]
+
+
 def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on whether it helps."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():

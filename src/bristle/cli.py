@@ -118,7 +118,10 @@ def identify(
         results = run(experiment, progress=progress, uncertainty=uncertainty)
     print(results.fit_report())
     if uncertainty:
-        print(results.uncertainty().to_string(index=False, float_format="{:.5g}".format, na_rep="-"))
+        frame = results.uncertainty()
+        print(frame.drop(columns="doubts").to_string(index=False, float_format="{:.5g}".format, na_rep="-"))
+        for x in frame[frame["doubts"] != ""].itertuples():
+            print(f"{x.fit} {x.parameter} {x.direction}: {x.doubts}")
     if output is not None:
         _write(output, results.to_json())
         print(f"Results: {output}")
