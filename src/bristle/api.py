@@ -1,6 +1,6 @@
 """What `import bristle` offers: experiment files in, results out. The command line only calls these."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,14 +23,13 @@ from bristle.compensation.subject import of_paper
 from bristle.data.experiment import Experiment, load_experiment
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
+from bristle.progress import Progress
 from bristle.report import summary
 from bristle.report.tracking import FITS, fits
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how many steps are done, and how many there are."""
 Source = Experiment | Path | str
 
 

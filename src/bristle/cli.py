@@ -5,16 +5,16 @@
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from bristle.progress import shown
+
 if TYPE_CHECKING:
-    from bristle.api import Progress, Results
-    from bristle.identification.estimate import Crosscheck
+    from bristle.api import Results
 
 app = typer.Typer(
     name="bristle",
@@ -26,6 +26,17 @@ app = typer.Typer(
 
 _WRONG_USE: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
 """What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it."""
+
+
+def _optional(none: str) -> Any:
+    """The argument that is an experiment file, or none, which means what is said."""
+    return typer.Argument(metavar="[EXPERIMENT]", help=f"The experiment file; none: {none}.", show_default=False)
+
+
+def _lands(what: str) -> Any:
+    """The option that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
+    return typer.Option("-o", "--output", metavar="DIR", help=f"Where the page lands [default: reports/NAME{what}].")
+
 
 _Experiment = Annotated[
     Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
@@ -74,26 +85,15 @@ def report(
     """
     from bristle import adapt as compensate
     from bristle import identify
-    from bristle.report.files import check_folder
-    from bristle.report.tracking import FITS, fits
+    from bristle.report.console import outcomes
 
     sources = experiments or []
-    folder = output or Path("reports") / (sources[0].stem if sources else "edro")
-    check_folder(folder)
-    with _progress() as progress:
+    folder = _folder(output, sources[0] if sources else None)
+    with shown() as progress:
         results = identify(*sources, progress=progress, uncertainty=uncertainty)
         compensated = None if sources else compensate(identified=results, progress=progress)
         page = results.write_report(folder, progress, compensated)
-    for joint in results.joints:
-        for direction, fit in joint.static.items():
-            print(f"{joint.name} {direction}: {fit.outcome} {_doubts(len(fit.doubts))}.")
-        for kind, moving in fits(joint).items():
-            held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
-            print(
-                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {_doubts(len(moving.doubts))}."
-            )
-        if joint.doubts:
-            print(f"{joint.name}: {_doubts(len(joint.doubts))} about the joint as a whole.")
+    _print(outcomes(results.joints))
     print(f"Report: {page}")
     _finish(results, strict)
 
@@ -114,7 +114,7 @@ def identify(
     from bristle import identify as run
 
     _check(output)
-    with _progress() as progress:
+    with shown() as progress:
         results = run(experiment, progress=progress, uncertainty=uncertainty)
     print(results.fit_report())
     if uncertainty:
@@ -138,26 +138,11 @@ def inspect(
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     from bristle.api import inspect as run
+    from bristle.report.console import segments as lines
 
     _check(output)
     measured = run(experiment)
-    unit = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}[measured.experiment.joint.kind]
-    for recorded, segments in zip(measured.runs, measured.segments, strict=True):
-        record = recorded.record
-        print(
-            f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
-        )
-        for note in record.notes:
-            print(f"    {note}")
-        for s in segments:
-            error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
-            print(
-                f"  {'kept    ' if s.accepted else 'rejected'} {s.start}-{s.stop}: {s.velocity:.4g} {unit[0]}, {s.torque:.4g}{error} {unit[1]}"
-            )
-            for reason in (*s.reasons, *s.doubts):
-                print(f"           {reason}")
-    kept = sum(s.accepted for found in measured.segments for s in found)
-    print(f"{kept} of {sum(map(len, measured.segments))} candidates kept.")
+    _print(lines(measured))
     if output is not None:
         from bristle.report.figures import inspect_figure
         from bristle.report.page import save_figure
@@ -172,18 +157,8 @@ def inspect(
 
 @app.command()
 def validate(
-    experiment: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[EXPERIMENT]",
-            help="The experiment file; none: a sweep over Table 1 (simulated, some minutes).",
-            show_default=False,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Where the page lands [default: reports/NAME-validate]."),
-    ] = None,
+    experiment: Annotated[Path | None, _optional("a sweep over Table 1 (simulated, some minutes)")] = None,
+    output: Annotated[Path | None, _lands("-validate")] = None,
     repetitions: Annotated[int, typer.Option(metavar="N", help="Simulated data sets of each case.")] = 1000,
     starts: Annotated[int, typer.Option(metavar="N", help="Random starts of each solver on one of them.")] = 100,
     noise: Annotated[
@@ -200,24 +175,15 @@ def validate(
     """
     from bristle import trial, write_trial
     from bristle.analysis.trial import check
-    from bristle.analysis.trial_verdict import overall, verdict
-    from bristle.report.files import check_folder
+    from bristle.report.trial_section import text
 
-    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}-validate"
-    check_folder(folder)
+    folder = _folder(output, experiment, "-validate")
     check(repetitions, starts, noise)
     results = _cross_checked(experiment) if experiment else None
-    with _progress() as progress:
+    with shown() as progress:
         tried = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
         page = write_trial(tried, folder) if tried.cases else None
-    for direction, why in tried.subject.skipped.items():
-        print(f"{tried.subject.title} {direction}: {why}")
-    for one in tried.cases if results else ():
-        print(f"{one.case.label}, SIMULATED, {one.case.design}, noise {one.case.noise:.3g}:")
-        for sentence in verdict(one):
-            print(f"  {sentence}")
-    for sentence in overall(tried):
-        print(sentence)
+    _print(text(tried, each=results is not None))
     if page:
         print(f"Page: {page}")
     if results:
@@ -228,17 +194,13 @@ def _cross_checked(experiment: Path) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     from bristle import identify as run
     from bristle.analysis.trial_cases import check_fitted
+    from bristle.report.console import checks
 
-    with _progress() as progress:
+    with shown() as progress:
         results = run(experiment, second_route=True, progress=progress)
     for joint in results.joints:
         check_fitted(joint)
-        for direction, check in joint.crosscheck.items():
-            _print_check(f"{joint.name} {direction}", "grid", check)
-        if joint.tracking is not None and joint.tracking.check is not None:
-            _print_check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.check)
-        elif joint.tracking is not None:
-            print(f"{joint.name}, moving runs: a simulated position has no second route; it was not checked")
+        _print(checks(joint))
     for what, seconds in results.timings.items():
         print(f"  {what}: {1000 * seconds:.2f} ms")
     return results
@@ -246,39 +208,19 @@ def _cross_checked(experiment: Path) -> "Results":
 
 @app.command()
 def adapt(
-    experiment: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[EXPERIMENT]",
-            help="The experiment file; none: the embedded Ed-Ro (simulated).",
-            show_default=False,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Where the page lands [default: reports/NAME-adapt]."),
-    ] = None,
+    experiment: Annotated[Path | None, _optional("the embedded Ed-Ro (simulated)")] = None,
+    output: Annotated[Path | None, _lands("-adapt")] = None,
 ) -> None:
     """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
     from bristle import adapt as run
     from bristle import write_adaptation
-    from bristle.report.files import check_folder
+    from bristle.report.compensation_section import text
 
-    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}-adapt"
-    check_folder(folder)
-    with _progress() as progress:
+    folder = _folder(output, experiment, "-adapt")
+    with shown() as progress:
         found = run(experiment, progress=progress)
         page = write_adaptation(found, folder)
-    for row in found.errors:
-        if not row.inertia:
-            shares = f"{row.identified / row.without:.3f} with compensation, {row.adaptive / row.without:.3f} adaptive"
-            print(
-                f"{row.joint}, {row.frequency:g} Hz: RMS error {row.without:.4g} without compensation; of it {shares}."
-            )
-    for x in found.adapted.factors:
-        print(f"{found.subjects[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}.")
-    for replay in found.replays:
-        print(f"{replay.file}, begun at {replay.begun}, {replay.adaptation.law}: {replay.verdict}")
+    _print(text(found))
     print(f"Page: {page}")
 
 
@@ -304,26 +246,15 @@ def compare(
     if output is not None:
         check_folder(output)
     compared = run(first, second)
-    for line in text(compared):
-        print(line)
+    _print(text(compared))
     if output is not None:
         print(f"Page: {write_comparison(compared, output)}")
 
 
 @app.command()
 def sensitivity(
-    experiment: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[EXPERIMENT]",
-            help="The experiment file; none: the paper's gripper rotation (+), simulated.",
-            show_default=False,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Where the page lands [default: reports/NAME-sensitivity]."),
-    ] = None,
+    experiment: Annotated[Path | None, _optional("the paper's gripper rotation (+), simulated")] = None,
+    output: Annotated[Path | None, _lands("-sensitivity")] = None,
     amplitude: Annotated[
         str | None,
         typer.Option(
@@ -344,8 +275,6 @@ def sensitivity(
 
     Example: bristle sensitivity wrist.yaml --amplitude "0.5 rad" --frequency "1 Hz" -o reports/wrist-sensitivity
     """
-    from bristle.report.files import check_folder
-
     if symbolic:
         from bristle.analysis.symbolic import formulas
         from bristle.report.sensitivity_section import symbolic_text
@@ -356,13 +285,11 @@ def sensitivity(
     from bristle import write_sensitivity
     from bristle.report.sensitivity_section import text
 
-    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}-sensitivity"
-    check_folder(folder)
-    with _progress() as progress:
+    folder = _folder(output, experiment, "-sensitivity")
+    with shown() as progress:
         found = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
         page = write_sensitivity(found, folder)
-    for line in text(found):
-        print(line)
+    _print(text(found))
     print(f"Page: {page}")
 
 
@@ -397,7 +324,7 @@ def plan(
     _check(output)
     if page is not None:
         check_folder(page)
-    with _progress() as progress:
+    with shown() as progress:
         planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
         references = to_csv(planned)
         written = None if page is None else write_plan(planned, page)
@@ -465,23 +392,6 @@ def _sentence(bad: Exception) -> str:
     return " ".join(text.split())
 
 
-@contextmanager
-def _progress() -> "Iterator[Progress]":
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:<42}"), BarColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("reading")
-
-        def update(what: str, done: int, total: int) -> None:
-            """What is being done, and how much of it."""
-            bar.update(task, description=what, completed=done, total=total)
-
-        yield update
-
-
 def _write(path: Path, text: str) -> None:
     from bristle.report.files import write_text
 
@@ -495,22 +405,23 @@ def _check(output: Path | None) -> None:
         check_file(output)
 
 
-def _print_check(title: str, first: str, check: "Crosscheck") -> None:
-    print(f"{title}: {check.verdict}")
-    print(
-        f"  cost: {first} {check.cost_grid:.8g}, full fit {check.cost_full:.8g}; starts {check.starts}, reached {check.reached}"
-    )
-    for name, value in check.parameters.items():
-        distance = check.difference_in_se.get(name)
-        apart = "" if distance is None else f" {distance:+.2e} standard errors from {first}"
-        print(f"  {name:<12} {value:<14.7g}{apart}")
+def _folder(output: Path | None, experiment: Path | None, what: str = "") -> Path:
+    """The folder asked for, or reports/NAME and what it is of, which can be written there."""
+    from bristle.report.files import check_folder
+
+    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}{what}"
+    check_folder(folder)
+    return folder
 
 
-def _doubts(count: int) -> str:
-    return f"{count} doubt{'' if count == 1 else 's'}"
+def _print(lines: Iterable[str]) -> None:
+    for line in lines:
+        print(line)
 
 
 def _finish(results: "Results", strict: bool) -> None:
+    from bristle.report.console import doubts
+
     if strict and results.doubts:
-        print(f"{_doubts(len(results.doubts))} (--strict)", file=sys.stderr)
+        print(f"{doubts(len(results.doubts))} (--strict)", file=sys.stderr)
         raise typer.Exit(3)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.data.loading import find_loadings, find_loops, smallest_step
+from bristle.data.encoder import smallest_step
+from bristle.data.loading import find_loadings, find_loops
 from bristle.data.record import Record
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre

@@ -89,7 +89,7 @@ def _refuse_units(joint: str, name: str, first: SessionJoint, second: SessionJoi
 
 def _difference(joint: str, name: str, pair: Pair) -> Change:
     a, b = (fit.parameters[name] for fit in pair)
-    value, error = (b.value or 0.0) - (a.value or 0.0), 0.0
+    value = (b.value or 0.0) - (a.value or 0.0)
     by_factor = name.rstrip("+-") in _RATIOS and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
     scale = log if by_factor else float
     apart = scale(b.value or 0.0) - scale(a.value or 0.0)
@@ -100,12 +100,11 @@ def _difference(joint: str, name: str, pair: Pair) -> Change:
     z = apart / hypot(*errors)
     p = 2 * float(stdtr(_welch(errors, [fit.freedom for fit in pair]), -abs(z)))
     error = abs(value / z) if z else hypot(a.standard_error or 0.0, b.standard_error or 0.0)
-    source = pair.first.source
     return Change(
         joint=joint,
         parameter=name,
         unit=a.unit,
-        source=source,
+        source=pair.first.source,
         first=a,
         second=b,
         difference=value,

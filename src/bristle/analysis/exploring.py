@@ -1,6 +1,6 @@
 """Everything that is found out about which parameters of a joint matter: local, mapped and global sensitivity, and Fisher information."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -16,8 +16,8 @@ from bristle.data.statistics import inflation
 from bristle.identification.estimate import Joint
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, Lugre, Pair, unit
+from bristle.progress import Progress, teller
 
-Progress = Callable[[str, int, int], None]
 SAMPLES = 1024
 """Of the Sobol indices, if no other number is given."""
 SEED = 0
@@ -82,7 +82,7 @@ def explore(
     """
     check_samples(samples)
     model, moved, subject = asked
-    tell = _teller(progress)
+    tell = teller(progress, _STEPS)
     tell("derivatives along the motion")
     near = local(model.p, moved)
     tell("map over amplitude and frequency")
@@ -97,17 +97,6 @@ def explore(
         settled=near.shares(last=moved.samples), map=mapped, tornado=swings,
         expected=expected, sobol=found, assumptions=(*model.said, *said, *why),
     )  # fmt: skip  # a list of values
-
-
-def _teller(progress: Progress | None) -> Callable[[str], None]:
-    done = iter(range(_STEPS))
-
-    def tell(what: str) -> None:
-        """One more step begins."""
-        if progress:
-            progress(what, next(done), _STEPS)
-
-    return tell
 
 
 def _sobol(

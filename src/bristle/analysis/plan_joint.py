@@ -8,7 +8,7 @@ import numpy as np
 from bristle.analysis.information import STATIC
 from bristle.analysis.plan_limits import Limits
 from bristle.compensation.model import DAMPING_RATIO, DEFLECTION
-from bristle.data.loading import smallest_step
+from bristle.data.encoder import resolution
 from bristle.data.record import freeze
 from bristle.data.statistics import inflation
 from bristle.identification.estimate import Estimate, Joint, StaticFit
@@ -129,7 +129,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         noise=noise,
         equation_noise=equation_noise,
         equation_step=step,
-        resolution=_resolution(measured),
+        resolution=resolution(measured.experiment, [run.record for run in measured.runs]),
         assumptions=tuple(said),
     )
 
@@ -178,12 +178,6 @@ def _declared(measured: Measured, joint: Joint, names: Sequence[str]) -> tuple[A
         return np.zeros((len(names), len(names))), ()
     matrix = embedded(names, ["inertia"], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
     return matrix, () if given.standard_error else ("inertia",)
-
-
-def _resolution(measured: Measured) -> float:
-    """One encoder count, rad, as declared or as the positions show it; 0 where they keep to no grid."""
-    steps = [smallest_step(run.record.position) for run in measured.runs if run.record.position is not None]
-    return measured.experiment.encoder_resolution or max(steps, default=0.0)
 
 
 def _filled(own: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugre[float], list[str]]:

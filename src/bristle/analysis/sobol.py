@@ -5,7 +5,6 @@ The parameters are drawn independently; correlations of a fit are not in it. Sal
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import count
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -18,8 +17,8 @@ from bristle.control.wiring import Wiring
 from bristle.model import functions
 from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre, Pair
+from bristle.progress import Progress, teller
 
-Progress = Callable[[str, int, int], None]
 """Called with what is being done, how many steps are done, and how many there are."""
 RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
 """Names of the outputs."""
@@ -204,7 +203,7 @@ def global_sensitivity(
         raise ValueError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
     fewer = min(samples, _affordable(len(spans), _ticks(subject)))
     points, looped = _points(spans, samples, seed), _points(spans, fewer, seed)
-    tell = _teller(progress, -(-len(points) // _ROWS) - (-len(looped) // _BATCH))
+    tell = teller(progress, -(-len(points) // _ROWS) - (-len(looped) // _BATCH))
 
     def torque(own: Array) -> Array:
         """RMS of T_f, N*m."""
@@ -216,20 +215,21 @@ def global_sensitivity(
         tell("Sobol: compensated loops")
         return _rms_error(subject, pair, joints_at(pair, spans, own))
 
+    def tracked() -> Output:
+        """The loop's output; without indices where not every plant drawn can be run, as with too long a control period."""
+        try:
+            _refuse_loop(subject)
+            errors = _batched(error, looped, _BATCH)
+        except ValueError as refused:
+            why = f"Not every plant drawn can be run: {refused}."
+            return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+        return _tracked(spans, errors, fewer, seed, subject.amplitude)
+
     moved = _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), samples, seed)
     broken = _output(BREAKAWAY, "torque", spans, _breakaway(joints_at(pair, spans, points)), samples, seed)
-    try:
-        _refuse_loop(subject)
-        errors = _batched(error, looped, _BATCH)
-    except ValueError as refused:  # a loop whose period is too long for some of these plants
-        tracked = Output(
-            name=TRACKING, quantity="position", indices=None, reason=f"Not every plant drawn can be run: {refused}."
-        )
-    else:
-        tracked = _tracked(spans, errors, fewer, seed, subject.amplitude)
     return Global(
         spans=spans,
-        outputs=(moved, broken, tracked),
+        outputs=(moved, broken, tracked()),
         amplitude=subject.amplitude,
         frequency=subject.frequency,
         seed=seed,
@@ -269,18 +269,6 @@ def _affordable(parameters: int, ticks: int) -> int:
     """The largest power of two of samples whose loops together take no more than `_TICKS` control periods."""
     most: int = max(_TICKS // ((parameters + 2) * ticks), _LEAST)
     return 1 << (most.bit_length() - 1)
-
-
-def _teller(progress: Progress | None, total: int) -> Callable[[str], None]:
-    """What tells the progress that another batch begins."""
-    done = count()
-
-    def tell(what: str) -> None:
-        """So much is done before it."""
-        if progress:
-            progress(what, next(done), total)
-
-    return tell
 
 
 def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Array:

@@ -31,6 +31,7 @@ from bristle.identification import uncertainty
 from bristle.identification.batch import solve_batch
 from bristle.identification.static import PLAIN_GRID, Projected, log_grid, plain_grid
 from bristle.model.arrays import Array
+from bristle.progress import Progress
 
 SEED, REPETITIONS, STARTS = 0, 1000, 100
 LOCAL = 50
@@ -44,8 +45,6 @@ _DRAWN = 300
 """Values of v_s over which the cost is drawn, and as many again where the data allow it."""
 _MIDDLE = (0.15865525393145707, 0.8413447460685429)
 """Quantiles a standard deviation off the middle of a Gaussian."""
-
-Progress = Callable[[str, int, int], None]
 
 
 def check(repetitions: int, starts: int, noise: float | None) -> None:

@@ -60,8 +60,7 @@ def coverage(case: Case, torques: Array, *, blind: bool) -> tuple[Coverage, ...]
 
 def _resampled(case: Case, torque: Array) -> Resampled:
     problem = case.problem(torque)
-    with np.errstate(invalid="ignore"):  # a draw without a peak has no interval, which then does not cover
-        return resample(problem, solve(problem, case.v_s_range), case.v_s_range, DRAWS)
+    return resample(problem, solve(problem, case.v_s_range), case.v_s_range, DRAWS)
 
 
 def declined(case: Case, torques: Array) -> float:

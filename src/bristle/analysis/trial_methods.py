@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 from bristle.data.record import freeze
 from bristle.identification import static
+from bristle.identification.crosscheck import OPTIONS
 from bristle.identification.ipopt import solver
 from bristle.identification.regression import Regression, from_points
 from bristle.model import law
@@ -27,7 +28,6 @@ LMFIT = find_spec("lmfit") is not None
 """Whether lmfit is installed."""
 _BEYOND = 1e3
 """How far beyond the grid's range v_s may go where it is set free, as a factor."""
-_IPOPT = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 _TOLERANCE = 1e-12
 """Of SciPy's solver, so that it ends in a minimum and not before."""
 _BLOCK = 500
@@ -141,7 +141,7 @@ def ipopt(case: Case, *, free: bool = False) -> Local:
     a = [x[k] * float(scale[k]) for k in range(3)]
     curve = law.steady_torque(ca.DM(case.velocity), Lugre(a[0], a[2], a[1], ca.exp(x[3]), 1.0, 0.0))
     residual = (torque - curve) / top
-    full = solver("full", x, ca.dot(residual, residual), torque, **_IPOPT)
+    full = solver("full", x, ca.dot(residual, residual), torque, **OPTIONS)
     lower, upper = np.array([0.0, 0.0, 0.0, low]), np.array([np.inf, np.inf, np.inf, high])
 
     def fit(measured: Array, start: Array) -> Array:

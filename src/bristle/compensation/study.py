@@ -14,9 +14,7 @@ from bristle.compensation.subject import Subject, one_way
 from bristle.control.adaptation import Law
 from bristle.control.closed import Trajectory
 from bristle.model.arrays import Array
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, how many steps are done, and how many there are."""
+from bristle.progress import Progress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
+from bristle.data.encoder import smallest_step
 from bristle.data.motion import derivative, smoothed, stretches
 from bristle.data.record import Record, freeze
 from bristle.model.arrays import Array
@@ -28,8 +29,6 @@ _SHORTEST = 8
 """Samples in a piece."""
 _SLIDES = (0.05, 0.8)
 """A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load."""
-_NEAR, _ENOUGH = 50.0, 8
-"""Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid by chance."""
 _CLOSED = 0.1
 """Of the range of torque: how far apart the ends of a closed cycle may be."""
 
@@ -158,19 +157,6 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
             else:
                 found.append(_loop(record.file, start, stop, y, T, quantum))
     return tuple(found), tuple(drifts)
-
-
-def smallest_step(position: Array) -> float:
-    """The encoder's count, from the steps between the readings that occur, in the unit of position; 0 where they keep to no grid."""
-    levels = np.unique(position)
-    if levels.size < 2:
-        return 0.0
-    steps = np.diff(levels)
-    steps = steps[steps > 1e-3 * np.median(steps)]
-    near = steps[steps < _NEAR * steps.min()]
-    step = float(near.sum() / np.round(near / np.median(near[near < 1.5 * near.min()])).sum())
-    on_grid = bool(np.abs(near / step - np.round(near / step)).max() < 0.1)
-    return step if on_grid and (near.size >= _ENOUGH or levels.size <= position.size / 2) else 0.0
 
 
 def _signals(record: Record) -> tuple[Array, Array]:

@@ -25,7 +25,11 @@ from bristle.model.arrays import Array
 
 DRAWS = 2000
 FEW = 8
-"""Blocks below which a bootstrap has little to draw from."""
+"""Blocks below which a bootstrap has little to draw from, and gives no interval."""
+ENOUGH = 20
+"""Blocks below which a bootstrap that parts from the other intervals is explained by them."""
+SHOWN = 500
+"""Draws kept of each parameter, to be drawn."""
 _OVERLAP = 4
 """Cells in a block: blocks begin at each cell."""
 _CELLS = 2000
@@ -85,6 +89,11 @@ def block_bootstrap(
     scores = np.array([J[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
     found = resample(grams, scores, of_stretch, told / size, sigma, draws, seed)
     return found._replace(steps=found.steps / size)
+
+
+def too_few(blocks: str) -> str:
+    """The doubt that there is no bootstrap, for so many blocks, in words."""
+    return f"No bootstrap: {blocks} are too few to draw from; {FEW} are needed."
 
 
 def block_length(scores: Array) -> int:

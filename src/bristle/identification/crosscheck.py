@@ -20,7 +20,8 @@ STARTS = 8
 SEED = 0
 _SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
-_OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
+OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
+"""Of IPOPT, for a fit to the last digits."""
 
 
 def full_fit(
@@ -44,7 +45,7 @@ def full_fit(
     linear = len(problem.names) - count
     theta = ca.vertcat(x[:linear] * scale[:linear], ca.exp(x[linear:]))
     residual = _residuals(problem, theta, v_s_range) / torque_scale
-    full = solver("full", x, ca.dot(residual, residual), **_OPTIONS)
+    full = solver("full", x, ca.dot(residual, residual), **OPTIONS)
     log_range = np.log(v_s_range)
     lower = np.concatenate([problem.lower, np.zeros(count), np.full(count, log_range[0])])
     upper = np.concatenate([np.full(linear, np.inf), np.full(count, log_range[1])])

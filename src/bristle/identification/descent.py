@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -127,10 +128,15 @@ def to_scaled(problem: Tracking, values: Mapping[str, float], scale: Array) -> A
     )
 
 
+def natural(name: str, x: Any, size: float) -> Any:
+    """A parameter at its scaled unknown, a number or (k,), whose size is `size`."""
+    return np.exp(x) if name.rstrip("+-") in LOGARITHMIC else x * size
+
+
 def from_scaled(problem: Tracking, x: Array, scale: Array) -> dict[str, float]:
     """The inverse of `to_scaled`."""
     return {
-        name: float(np.exp(value)) if name.rstrip("+-") in LOGARITHMIC else value * size
+        name: float(natural(name, value, size))
         for name, value, size in zip(problem.names, x.tolist(), scale.tolist(), strict=True)
     }
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from bristle.identification.descent import LOGARITHMIC, bounds, from_scaled, scaled, scales, to_scaled
+from bristle.identification.descent import LOGARITHMIC, bounds, from_scaled, natural, scaled, scales, to_scaled
 from bristle.identification.judged import SEEN
 from bristle.identification.linear import inverse_gram
 from bristle.identification.marquardt import minimise
@@ -24,6 +24,7 @@ from bristle.identification.tracking import Tracked
 from bristle.identification.trajectory import is_start
 from bristle.identification.uncertainty import student
 from bristle.model.arrays import Array
+from bristle.progress import Progress
 
 _TRIES, _BUDGET = 12, 40
 """Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth)."""
@@ -43,8 +44,6 @@ _STEEP = 1e3
 _OPEN = "No finite interval by the profile: with the others fitted anew, every value that a motion can show, on that side, fits about as well."
 _ROUGH = "The profile is hard to follow here, fits along it ran out of steps: its ends are rough."
 _LOST = "The profile is hard to follow here: the search for an end was given up, so a side that is open may have one."
-
-Progress = Callable[[str, int, int], None]
 
 
 class Profiled(NamedTuple):
@@ -211,7 +210,7 @@ def profile_moving(
         if progress:
             progress(f"profile of {name}", done, len(free))
         reach = student(found.judged.freedom) * float(errors[j])
-        if reach == 0:  # data without any noise
+        if reach**2 == 0:  # data without any noise
             out[name] = Profiled((found.values[name],) * 2, np.array([[found.values[name]], [0.0]]))
             continue
         if not np.isfinite(reach):
@@ -234,11 +233,6 @@ def _naive(jacobian: Array) -> Array:
     return out
 
 
-def natural(name: str, x: Array, size: float) -> Array:
-    """A parameter at values of its scaled unknown, whose size is `size`."""
-    return np.exp(x) if name.rstrip("+-") in LOGARITHMIC else x * size
-
-
 def widest(name: str) -> tuple[float, float]:
     """What a parameter may be at all."""
     return (0.0 if name.startswith(("alpha", "v_s", "sigma")) else -np.inf), np.inf
@@ -247,17 +241,14 @@ def widest(name: str) -> tuple[float, float]:
 def _profiled(path: _Path, name: str, reach: float, size: float) -> Profiled:
     """The interval of one parameter, in its unit; `size` is that of its scaled unknown."""
 
-    def natural(x: float) -> float:
+    def own(x: float) -> float:
         """The parameter at its scaled unknown."""
-        return float(np.exp(x)) if name.rstrip("+-") in LOGARITHMIC else x * size
+        return float(natural(name, x, size))
 
-    if path.high == 0:  # data without any noise
-        value = natural(next(iter(path.roots)))
-        return Profiled((value, value), np.array([[value], [0.0]]))
     ends = [path.end(reach, float(bound[path.which])) for bound in (path.surface.lower, path.surface.upper)]
-    low, high = (limit if x is None else natural(x) for x, limit in zip(ends, widest(name), strict=True))
-    known = {natural(x): root**2 for x, root in path.roots.items() if root < _STEEP}
-    known |= {natural(x): 1.0 for x in ends if x is not None}
+    low, high = (limit if x is None else own(x) for x, limit in zip(ends, widest(name), strict=True))
+    known = {own(x): root**2 for x, root in path.roots.items() if root < _STEEP}
+    known |= {own(x): 1.0 for x in ends if x is not None}
     is_open = None in ends and (high == np.inf or low < 0 or name.startswith(LOGARITHMIC))
     doubts = [_OPEN] if is_open and not path.lost else []
     if path.rough:

@@ -10,26 +10,23 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.identification import agreement
-from bristle.identification.blocks import FEW, Resampled, block_bootstrap
-from bristle.identification.descent import bounds, scales, to_scaled
+from bristle.identification.blocks import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
+from bristle.identification.descent import bounds, natural, scales, to_scaled
 from bristle.identification.estimate import Estimate, TrackingFit, Uncertainty
-from bristle.identification.moving_profile import Profiled, Progress, natural, profile_moving, widest
+from bristle.identification.moving_profile import Profiled, profile_moving, widest
 from bristle.identification.nested import projected
 from bristle.identification.tracking import SEED, Tracked
 from bristle.identification.trajectory import is_start
 from bristle.model.arrays import Array
+from bristle.progress import Progress
 
 _RESTARTS = 3
-_SHOWN = 500
-"""Draws kept of each parameter."""
 _AGAIN = "A profile found a lower cost than the fit had: the fit was done again from there."
 _STILL = "Profiles still find lower costs after {} new fits: distrust this one."
 _AT_BOUND = (
     "At its physical bound of zero: the intervals are one-sided, and there is no bootstrap, which knows no bounds."
 )
 _NOT_FITTED = "It was not fitted: there is nothing to profile or to draw."
-_FEW = 20
-"""Blocks below which a bootstrap that parts from the others is explained by them."""
 
 Again = Callable[[Mapping[str, float]], Tracked]
 """The fit done again, also from a start with every unknown in it."""
@@ -91,13 +88,13 @@ def _three(
     if at_bound:
         doubts = (*doubts, _AT_BOUND)
     elif blocks < FEW:
-        doubts = (*doubts, f"No bootstrap: {few} are too few to draw from; {FEW} are needed.")
+        doubts = (*doubts, too_few(few))
     bootstrap = None if drawn is None else (float(drawn[0]), float(drawn[1]))
     if e.value is not None:
         doubts = (
             *doubts,
             *agreement.doubts(
-                e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < _FEW else None
+                e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
             ),
         )
     curve = np.stack([moved(profile.curve[0]), profile.curve[1]])
@@ -107,7 +104,7 @@ def _three(
         profile=(low, high),
         bootstrap=bootstrap,
         curve=curve,
-        draws=np.zeros(0) if steps is None else moved(steps[1][:_SHOWN]),
+        draws=np.zeros(0) if steps is None else moved(steps[1][:SHOWN]),
         doubts=doubts,
     )
 

@@ -20,13 +20,23 @@ import numpy as np
 
 from bristle.data.loading import Loading
 from bristle.identification import agreement
-from bristle.identification.blocks import FEW, Resampled, block_bootstrap, block_length, cells, resample
+from bristle.identification.blocks import (
+    DRAWS,
+    ENOUGH,
+    FEW,
+    SHOWN,
+    Resampled,
+    block_bootstrap,
+    block_length,
+    cells,
+    resample,
+    too_few,
+)
 from bristle.identification.estimate import Estimate, Uncertainty
 from bristle.identification.stiffness import Level, Piece, by_edges, by_phase, by_samples, centred, of_loading
 from bristle.identification.uncertainty import student
 from bristle.model.arrays import Array
 
-DRAWS = 2000
 SEED = 0
 _NODES = 17
 """Values of g0 at which the estimator is evaluated; linear between them, ..."""
@@ -34,13 +44,9 @@ _FINE = 4001
 """... at so many."""
 _LEAST = 0.2
 """Of g0: what it may be at least."""
-_SHOWN = 500
-"""Draws kept."""
 _CURVE = 41
 _BEYOND = 1.3
 """How far the curve is drawn, in half-widths of the interval."""
-_ENOUGH = 20
-"""Blocks below which a bootstrap that parts from the others is explained by them."""
 
 
 class _Line(NamedTuple):
@@ -87,10 +93,10 @@ def stiffness_uncertainty(
         estimate.interval,
         profile,
         bootstrap_or_none,
-        few=few if drawn.blocks < _ENOUGH else None,
+        few=few if drawn.blocks < ENOUGH else None,
     )
     if bootstrap_or_none is None:
-        doubts = (*doubts, f"No bootstrap: {few} are too few to draw from; {FEW} are needed.")
+        doubts = (*doubts, too_few(few))
     values, shown = _natural(curve[0], inverse=inverse), _natural(draws, inverse=inverse)
     order = np.argsort(values)
     return Uncertainty(
@@ -98,7 +104,7 @@ def stiffness_uncertainty(
         profile=profile,
         bootstrap=bootstrap_or_none,
         curve=np.stack([values, curve[1]])[:, order[np.isfinite(values[order])]],
-        draws=np.zeros(0) if bootstrap_or_none is None else shown[np.isfinite(shown)][:_SHOWN],
+        draws=np.zeros(0) if bootstrap_or_none is None else shown[np.isfinite(shown)][:SHOWN],
         doubts=doubts,
     )
 

@@ -12,7 +12,7 @@ breaks a bound, the curve is, at each v_s, that of the best face whose extreme b
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import chain, combinations, product
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bristle.identification.linear import orthonormal
 from bristle.identification.reduced import reduced
 from bristle.identification.regression import Regression
-from bristle.identification.static import Projected, Solution
+from bristle.identification.static import Projected, Solution, subsets
 from bristle.identification.uncertainty import profile_interval, profile_threshold
 from bristle.model.arrays import Array
 
@@ -208,8 +208,7 @@ class Profiles:
     def _faces(self, j: int) -> Iterator[_Face]:
         """Every face on which parameter j is free."""
         others = [name for k, name in enumerate(self.names) if self.bounded[k] and k != j]
-        dropped = chain.from_iterable(combinations(others, size) for size in range(len(others) + 1))
-        return (_Face(self.problem, names) for names in dropped)
+        return (_Face(self.problem, names) for names in subsets(others))
 
     def _grid(self, box: Array, values: dict[int, int]) -> Array:
         """Points of log(v_s) over a box, the best one among them, (K, peaks)."""

@@ -6,15 +6,15 @@ from functools import partial
 
 import numpy as np
 
+from bristle.data.encoder import resolution
 from bristle.data.experiment import Experiment
-from bristle.data.loading import smallest_step
 from bristle.data.record import Record
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.judged import judge, without_deflections
 from bristle.identification.moving import directions, inertia, regressors
 from bristle.identification.moving_check import check_tracking
-from bristle.identification.moving_profile import Profiled, Progress
+from bristle.identification.moving_profile import Profiled
 from bristle.identification.moving_uncertainty import explored, with_three_ways
 from bristle.identification.simulation import simulation
 from bristle.identification.tracking import SEED, STARTS, Tracked, fit_tracking
@@ -22,6 +22,7 @@ from bristle.identification.trajectory import Prior, Tracking, tracking, with_pr
 from bristle.model import functions
 from bristle.model.arrays import evaluate
 from bristle.model.parameters import Lugre
+from bristle.progress import Progress
 
 _APART = 2.6
 """Combined standard errors by which two stages differ in one of a hundred cases."""
@@ -70,7 +71,7 @@ def track(
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
     pose = partial(_driven if by_torque else _simulated, experiment, moving)
-    resolution = _resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
+    count = resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
     def fitted(posed: Tracking, starts: int, *others: Mapping[str, float]) -> tuple[Tracked, Mapping[str, Profiled]]:
         """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
@@ -81,7 +82,7 @@ def track(
 
     def finished(found: Tracked, profiles: Mapping[str, Profiled]) -> TrackingFit:
         """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
-        fit = without_count_bias(found, records, pose, options.position_cutoff, resolution) if resolution else found.fit
+        fit = without_count_bias(found, records, pose, options.position_cutoff, count) if count else found.fit
         return with_three_ways(found, fit, profiles) if uncertainty else fit
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
@@ -109,12 +110,6 @@ def track(
     joint = finished(*fitted(told, 1, ended))
     agree = _consistency(priors, alone, joint)
     return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree, slow
-
-
-def _resolution(experiment: Experiment, records: Sequence[Record]) -> float:
-    """One encoder count, rad, as declared or as the positions show it; 0 where they keep to no grid."""
-    steps = [smallest_step(r.position) for r in records if r.position is not None]
-    return experiment.encoder_resolution or max(steps, default=0.0)
 
 
 def _simulated(

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from math import exp, log
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from bristle.identification.linear import bounded_least_squares, least_squares, 
 from bristle.identification.regression import Regression
 from bristle.model.arrays import Array
 
+T = TypeVar("T")
 GRID = 32
 """Values of v_s in the refined grid."""
 PLAIN_GRID = 500
@@ -151,6 +152,11 @@ def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
     return Inner(np.array([*solution, *v_s]), float(residuals @ residuals), held, residuals, jacobian)
 
 
+def subsets(items: Sequence[T]) -> list[tuple[T, ...]]:
+    """Every subset, the empty one first: the faces of what some bounds leave, by which of them hold."""
+    return list(chain.from_iterable(combinations(items, size) for size in range(len(items) + 1)))
+
+
 class Projected:
     """A problem with its linear columns projected out."""
 
@@ -187,7 +193,7 @@ class Projected:
         """J_s with each of some Stribeck columns (n, k), every bound kept: the least of what breaks none, with any friction columns dropped, (k,)."""
         bounded = np.flatnonzero(np.isfinite(self.lower)).tolist()
         least = np.full(shapes.shape[1], np.inf)
-        for dropped in chain.from_iterable(combinations(bounded, size + 1) for size in range(len(bounded))):
+        for dropped in subsets(bounded)[1:]:
             keep = np.delete(np.arange(self.lower.size), dropped)
             names = tuple(self.problem.linear_names[k] for k in keep)
             face = Projected(replace(self.problem, linear=self.problem.linear[:, keep], linear_names=names))

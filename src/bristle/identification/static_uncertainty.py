@@ -3,7 +3,7 @@
 import numpy as np
 
 from bristle.identification import agreement, bootstrap
-from bristle.identification.blocks import FEW, block_bootstrap
+from bristle.identification.blocks import FEW, SHOWN, block_bootstrap
 from bristle.identification.estimate import Uncertainty
 from bristle.identification.inference import Inferred
 from bristle.identification.profiles import others
@@ -14,8 +14,6 @@ _FEW = 8
 """Points beyond the parameters, below which they are few."""
 _DRAWN, _BEYOND = 61, 0.6
 """Values of v_s at which its profile is drawn, and how far beyond its interval, in shares of its logarithmic width."""
-_SHOWN = 500
-"""Draws kept of each parameter."""
 
 
 def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = bootstrap.SEED) -> dict[str, Uncertainty]:
@@ -47,7 +45,7 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
             profile=profile,
             bootstrap=resampled,
             curve=_curve(found, name, value),
-            draws=draws[np.isfinite(draws)][:_SHOWN],
+            draws=draws[np.isfinite(draws)][:SHOWN],
             doubts=doubts,
         )
     return out

@@ -1,6 +1,6 @@
 """What the page shows of the compensated joint: results -> the values that its template names; and its figures by name."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import pandas as pd
@@ -91,6 +91,18 @@ def section(study: Study) -> dict[str, Any]:
             (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
         ],
     }  # fmt: skip  # tables of words
+
+
+def text(study: Study) -> Iterator[str]:
+    """What the command line prints, a line each."""
+    for row in study.errors:
+        if not row.inertia:
+            shares = f"{row.identified / row.without:.3f} with compensation, {row.adaptive / row.without:.3f} adaptive"
+            yield f"{row.joint}, {row.frequency:g} Hz: RMS error {row.without:.4g} without compensation; of it {shares}."
+    for x in study.adapted.factors:
+        yield f"{study.subjects[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}."
+    for replay in study.replays:
+        yield f"{replay.file}, begun at {replay.begun}, {replay.adaptation.law}: {replay.verdict}"
 
 
 def _table(frame: pd.DataFrame, names: Mapping[str, str], *thousandths: str) -> Table:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from bristle.compensation.model import SEED
 from bristle.compensation.study import Study
 from bristle.identification.estimate import Joint
+from bristle.progress import Progress
 from bristle.report import (
     compensation_section,
     compensation_tables,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 __all__ = ["save_figure", "write_part", "write_report", "write_text"]
 
-Progress = Callable[[str, int, int], None]
 _DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "curve": lambda joint: figures.curve_figure(joint) if joint.static else None,
     "profile": figures.profile_figure,

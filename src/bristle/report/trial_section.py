@@ -1,5 +1,6 @@
 """The page of a trial: results -> tables, figures by name, and what the template names."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,16 @@ def write_trial(trial: Trial, folder: Path) -> Path:
         "resolution": resolution(trial),
     }
     return write_part(folder, "trial.html", section(trial, drawn, names), draw, frames)
+
+
+def text(trial: Trial, *, each: bool) -> Iterator[str]:
+    """What the command line prints, a line each; with the verdict on `each` case, where these are few."""
+    for direction, why in trial.subject.skipped.items():
+        yield f"{trial.subject.title} {direction}: {why}"
+    for one in trial.cases if each else ():
+        yield f"{one.case.label}, SIMULATED, {one.case.design}, noise {one.case.noise:.3g}:"
+        yield from (f"  {sentence}" for sentence in verdict(one))
+    yield from overall(trial)
 
 
 def section(trial: Trial, drawn: Any, names: list[str]) -> dict[str, Any]:

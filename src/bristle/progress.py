@@ -1,0 +1,39 @@
+"""How far a long work is: told by what does it, shown by whoever asked for it."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how many steps are done, and how many there are."""
+
+
+def teller(progress: Progress | None, total: int) -> Callable[[str], None]:
+    """What tells that another of so many steps begins, by what it is; silent where nobody wants to know."""
+    done = count()
+
+    def tell(what: str) -> None:
+        """So many steps are done before it."""
+        if progress:
+            progress(what, next(done), total)
+
+    return tell
+
+
+@contextmanager
+def shown() -> Iterator[Progress]:
+    """A progress bar on the terminal's standard error, gone at the end; nothing where that is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description:<42}"), BarColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("reading")
+
+        def update(what: str, done: int, total: int) -> None:
+            """What is being done, and how much of it."""
+            bar.update(task, description=what, completed=done, total=total)
+
+        yield update
