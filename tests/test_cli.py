@@ -474,11 +474,13 @@ def test_an_interrupt_is_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pa
     assert tree(tmp_path) == before
 
 
-@pytest.mark.parametrize("defect", [RuntimeError("ours"), KeyError("ours"), np.linalg.LinAlgError("ours")])
+@pytest.mark.parametrize(
+    "defect", [RuntimeError("ours"), KeyError("ours"), ValueError("ours"), np.linalg.LinAlgError("ours")]
+)
 def test_our_own_defect_is_not_called_bad_input(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: Exception
 ) -> None:
-    """Any exception that is no word about the input leaves `main`, so that Python ends with its traceback and 1."""
+    """Any exception but InputError and OSError leaves `main`, so that Python ends with its traceback and 1."""
     monkeypatch.setattr("bristle.api.identify_joint", _raiser(defect))
     monkeypatch.setattr(sys, "argv", ["bristle", "identify", str(write(tmp_path, FEW))])
     with pytest.raises(type(defect), match="ours"):

@@ -21,6 +21,7 @@ from bristle.compensation.replay import replays
 from bristle.compensation.study import Study, study
 from bristle.compensation.subject import of_paper
 from bristle.data.experiment import Experiment, load_experiment
+from bristle.errors import InputError
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured, identify_joint, measure
 from bristle.progress import Progress
@@ -72,7 +73,7 @@ class Results:
         """Write the HTML report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
 
         With what `adapt` returned, its sections follow.
-        Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
         from bristle.report.page import write_report
 
@@ -100,7 +101,7 @@ def identify(
     With `second_route` moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
     With `uncertainty` each parameter of moving runs gets its intervals by profile and bootstrap too; those of static and presliding fits always do.
 
-    Raises ValueError in one sentence where a file cannot be used, or where two experiments name the same joint.
+    Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
     loaded = _load(experiments)
     timings: dict[str, float] = {}
@@ -122,7 +123,7 @@ def adapt(
 ) -> Study:
     """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
 
-    With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first. Raises ValueError in one sentence
+    With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first. Raises InputError in one sentence
     where a file cannot be used, nothing is known of the inertia or of part of the model, or the loop cannot be run as asked.
     """
     if experiment is None:
@@ -141,7 +142,7 @@ def adapt(
 def write_adaptation(compensated: Study, folder: Path | str) -> Path:
     """Write what `adapt` returned as a page with figures and tables into a folder; returns the path of index.html.
 
-    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
     from bristle.report.page import write_adaptation as write
 
@@ -152,21 +153,21 @@ def write_adaptation(compensated: Study, folder: Path | str) -> Path:
 def compare(first: Path | str, second: Path | str) -> Comparison:
     """Which parameters changed beyond their joint uncertainty between two sessions, from the `results.json` of each.
 
-    Raises ValueError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
+    Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
     units.
     """
     from bristle.report.reading import read_session
 
     sessions = [read_session(Path(path)) for path in (first, second)]
     if Path(first).samefile(second):
-        raise ValueError(f"{second}: is the same file as {first}; expected the results.json of another session")
+        raise InputError(f"{second}: is the same file as {first}; expected the results.json of another session")
     return compare_sessions(*sessions)
 
 
 def write_comparison(compared: Comparison, folder: Path | str) -> Path:
     """Write what `compare` returned as a page with figures and tables into a folder; returns the path of index.html.
 
-    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
     from bristle.report.compare_section import write_comparison as write
 
@@ -191,7 +192,7 @@ def sensitivity(
         samples: of the Sobol indices, a power of two, at least 32; 0: none.
         progress: told of every step.
 
-    Raises ValueError in one sentence where a file cannot be used, nothing is known of its friction over velocity, or the motion or the samples
+    Raises InputError in one sentence where a file cannot be used, nothing is known of its friction over velocity, or the motion or the samples
     cannot be.
     """
     check_samples(samples)
@@ -208,7 +209,7 @@ def sensitivity(
 def write_sensitivity(explored: Exploration, folder: Path | str) -> Path:
     """Write what `sensitivity` returned as a page with figures and tables into a folder; returns the path of index.html.
 
-    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
     from bristle.report.sensitivity_section import write_sensitivity as write
 
@@ -236,7 +237,7 @@ def trial(
         noise: standard deviation of a point's torque over alpha_0; None: the fit's own, or both levels of the sweep.
         progress: called as it goes.
 
-    Raises ValueError in one sentence where a file cannot be used, or a number makes no trial.
+    Raises InputError in one sentence where a file cannot be used, or a number makes no trial.
     """
     check_trial(repetitions, starts, noise)
     if experiment is not None and identified is None:
@@ -248,7 +249,7 @@ def trial(
 def write_trial(tried: Trial, folder: Path | str) -> Path:
     """Write what `trial` returned as a page with figures and tables into a folder; returns the path of index.html.
 
-    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
     from bristle.report.trial_section import write_trial as write
 
@@ -266,7 +267,7 @@ def plan(
         aim: the parameter whose interval is to shrink, or `all`.
         progress: called with what is being done, how many steps are done, and how many there are.
 
-    Raises ValueError in one sentence where a file cannot be used, or its limits leave nothing to plan.
+    Raises InputError in one sentence where a file cannot be used, or its limits leave nothing to plan.
     """
     loaded = _load([experiment])[0]
     check_plan(velocities, aim)
@@ -279,7 +280,7 @@ def plan(
 def write_plan(planned: Plan, folder: Path | str) -> Path:
     """Write what `plan` returned as a page with figures and tables into a folder; returns the path of index.html.
 
-    Only what bristle made there before is replaced. Raises ValueError where the folder cannot be used, with nothing half-written.
+    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
     from bristle.report.plan_section import write_plan as write
 
@@ -289,7 +290,7 @@ def write_plan(planned: Plan, folder: Path | str) -> Path:
 def inspect(experiment: Source) -> Measured:
     """Read an experiment's runs and cut them into segments, without fitting anything.
 
-    Raises ValueError in one sentence where a file cannot be used.
+    Raises InputError in one sentence where a file cannot be used.
     """
     return measure(experiment)
 
@@ -300,7 +301,7 @@ def _load(experiments: Sequence[Source]) -> list[Experiment]:
     names = [experiment.joint.name for experiment in loaded]
     for name in names:
         if names.count(name) > 1:
-            raise ValueError(
+            raise InputError(
                 f"joint.name: {names.count(name)} experiments name their joint {name!r}; give each joint its own name"
             )
     return loaded

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from bristle.errors import InputError
 from bristle.progress import shown
 
 if TYPE_CHECKING:
@@ -352,7 +353,7 @@ def new(
     if output is None:
         print(text)
     elif output.exists():
-        raise ValueError(f"{output}: is there already; name a new file with -o, or move this one")
+        raise InputError(f"{output}: is there already; name a new file with -o, or move this one")
     else:
         _write(output, text)
         print(f"Draft: {output}")
@@ -372,9 +373,7 @@ def main() -> NoReturn:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
         code = 0
-    except (ValueError, OSError) as bad:
-        if type(bad).__name__ == "LinAlgError":
-            raise
+    except (InputError, OSError) as bad:
         code = 2
         print(f"bristle: {_sentence(bad)}", file=sys.stderr)
     except _WRONG_USE as wrong:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.identification.estimate import Estimate
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
@@ -33,12 +34,12 @@ class Span(NamedTuple):
 
 
 def spans_of(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
-    """The intervals of a box, in its order. Raises ValueError where it is empty or one of them is not an interval."""
+    """The intervals of a box, in its order. Raises InputError where it is empty or one of them is not an interval."""
     if not box:
-        raise ValueError("box is empty; expected at least one parameter with its interval")
+        raise InputError("box is empty; expected at least one parameter with its interval")
     for name, (low, high) in box.items():
         if not (np.isfinite([low, high]).all() and low < high):
-            raise ValueError(
+            raise InputError(
                 f"box: {name}: got [{low:g}, {high:g}]; expected finite numbers, low < high: leave out what is to stay as it is"
             )
     return tuple(Span(name, low, high, low > 0 and high > DECADE * low) for name, (low, high) in box.items())
@@ -47,16 +48,16 @@ def spans_of(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
 def ordered(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
     """The intervals in the order of `Lugre`, whatever the order of the box, so that this does not change the samples.
 
-    Names are those of `Lugre`, for both directions at once, or with + or - for one. Raises ValueError where a name or an interval cannot be.
+    Names are those of `Lugre`, for both directions at once, or with + or - for one. Raises InputError where a name or an interval cannot be.
     """
     known = {name + d: None for name in Lugre._fields for d in ("", "+", "-")}
     for name, (low, _) in box.items():
         if name not in known or (name[-1] in "+-" and name[:-1] in box):
-            raise ValueError(
+            raise InputError(
                 f"box: got {name!r} among {', '.join(box)}; expected {', '.join(Lugre._fields)}, each for both directions, or with + and - for one"
             )
         if low < 0 or (low == 0 and name.rstrip("+-") in _POSITIVE):
-            raise ValueError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
+            raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
     return spans_of({name: box[name] for name in known if name in box})
 
 

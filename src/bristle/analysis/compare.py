@@ -15,6 +15,7 @@ from scipy.special import fdtrc, stdtr, stdtrit
 
 from bristle.analysis.compare_words import doubts, hints, incomparable, sentence, verdict
 from bristle.analysis.compared import Change, Comparison, Fit, Pair, Session, SessionJoint, SetChange, pairs, usable
+from bristle.errors import InputError
 from bristle.identification.estimate import Estimate
 from bristle.model.arrays import Array
 
@@ -29,17 +30,17 @@ _FEW = 4.0
 def compare(first: Session, second: Session) -> Comparison:
     """Which parameters of the joints that both sessions hold changed beyond their joint uncertainty, from `first` to `second`.
 
-    Raises ValueError where no joint is in both, a joint is of another kind, or a parameter has another unit.
+    Raises InputError where no joint is in both, a joint is of another kind, or a parameter has another unit.
     """
     shared = [name for name in first if name in second]
     if not shared:
-        raise ValueError(
+        raise InputError(
             f"no joint is in both sessions: one has {', '.join(first) or 'none'}, the other {', '.join(second) or 'none'}; "
             "give the joint one name in both experiment files"
         )
     for name in shared:
         if first[name].kind != second[name].kind:
-            raise ValueError(
+            raise InputError(
                 f"{name}: is {first[name].kind} in one session and {second[name].kind} in the other; compare results of one joint"
             )
     changes = _adjusted([change for name in shared for change in _changes(name, first[name], second[name])])
@@ -78,11 +79,11 @@ def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[
 
 
 def _refuse_units(joint: str, name: str, first: SessionJoint, second: SessionJoint) -> None:
-    """Raise ValueError where a parameter has more than one unit."""
+    """Raise InputError where a parameter has more than one unit."""
     found = (fit.parameters[name].unit for session in (first, second) for fit in session.fits if name in fit.parameters)
     units = list(dict.fromkeys(found))
     if len(units) > 1:
-        raise ValueError(
+        raise InputError(
             f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results of one joint, in one unit"
         )
 

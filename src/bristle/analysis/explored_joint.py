@@ -15,6 +15,7 @@ from bristle.compensation.model import DAMPING_RATIO, DEFLECTION, inertia_of
 from bristle.compensation.subject import Subject, of_paper, one_way
 from bristle.data.experiment import Experiment
 from bristle.data.units import to_si
+from bristle.errors import InputError
 from bristle.identification.estimate import Estimate, Joint
 from bristle.identification.pipeline import Measured
 from bristle.model.parameters import Kind, Lugre, Pair, unit
@@ -43,7 +44,7 @@ def motion_of(
 ) -> Motion:
     """The motion asked for, as quantities with units or SI numbers; what is None is the default's (amplitude, frequency).
 
-    Raises ValueError where it is no quantity of its kind, or not positive.
+    Raises InputError where it is no quantity of its kind, or not positive.
     """
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
     found = [
@@ -56,7 +57,7 @@ def motion_of(
 def within(moved: Motion, kind: Kind, limits: Limits) -> Motion:
     """The motion, if its amplitude and its peak speed are within `RANGE` of what was measured (or declared under `plan`).
 
-    Raises ValueError where they are not: there the model is of nothing.
+    Raises InputError where they are not: there the model is of nothing.
     """
     q, v = unit("position", kind), unit("velocity", kind)
     how = f", which is {moved.amplitude:g} {q} at {moved.frequency:g} Hz"
@@ -66,7 +67,7 @@ def within(moved: Motion, kind: Kind, limits: Limits) -> Motion:
     ):
         low, high = (share * known for share in RANGE)
         if not low <= got <= high:
-            raise ValueError(
+            raise InputError(
                 f"{name}: got {got:.3g} {si}{whose}; expected {low:.2g} to {high:.2g} {si}, "
                 f"{RANGE[0]:g} to {RANGE[1]:g} times the joint's {what}: choose another amplitude or frequency"
             )
@@ -78,8 +79,8 @@ def _quantity(name: str, given: str | float, si: str) -> float:
         return float(given)
     try:
         return to_si(given, si)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
 
 
 def of_joint(
@@ -87,7 +88,7 @@ def of_joint(
 ) -> tuple[Model, Motion, Subject | str]:
     """A user's joint, as identified from `measured`: what is known of it, the motion, and its loop, or the sentence why there is none.
 
-    Raises ValueError where nothing is known of its friction over velocity, or the motion cannot be.
+    Raises InputError where nothing is known of its friction over velocity, or the motion cannot be.
     """
     experiment, sets = measured.experiment, _sets(joint)
     limits = _limits(measured)
@@ -99,15 +100,15 @@ def of_joint(
     model = _model(measured, joint, sets, limits)
     try:
         return model, moved, of_experiment(experiment, joint)
-    except ValueError as error:
+    except InputError as error:
         return model, moved, str(error)
 
 
 def _limits(measured: Measured) -> Limits:
-    """How far and how fast it went, as a plan takes it. Raises ValueError where it did not move."""
+    """How far and how fast it went, as a plan takes it. Raises InputError where it did not move."""
     limits, _ = limits_of(measured)
     if not limits.travel > 0:
-        raise ValueError(
+        raise InputError(
             f"{measured.experiment.path.name}: the position is {limits.position[0]:g} throughout; expected runs that move, or plan.position"
         )
     return limits
@@ -118,7 +119,7 @@ def of_gripper(
 ) -> tuple[Model, Motion, Subject | str]:
     """The paper's gripper rotation (+) in both directions, with the intervals that its simulated logs give; `joint` as identified from them.
 
-    Raises ValueError where the motion cannot be.
+    Raises InputError where the motion cannot be.
     """
     subject = one_way(of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)
@@ -151,15 +152,15 @@ def _moved(e: Estimate, value: float) -> Estimate:
 def _inertia_known(experiment: Experiment, joint: Joint) -> bool:
     try:
         return inertia_of(experiment, joint) > 0
-    except ValueError:
+    except InputError:
         return False
 
 
 def _sets(joint: Joint) -> dict[str, Lugre[float]]:
-    """What was fitted, by direction. Raises ValueError where nothing is known of the friction over velocity."""
+    """What was fitted, by direction. Raises InputError where nothing is known of the friction over velocity."""
     sets = {d: p for d in ("both", "+", "-") if (p := _values(joint, d)) is not None}
     if not sets:
-        raise ValueError(
+        raise InputError(
             f"{joint.name}: nothing is known of its friction over velocity; sensitivity needs ramp, points or tracking runs that were fitted"
         )
     return sets

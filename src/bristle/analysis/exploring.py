@@ -13,6 +13,7 @@ from bristle.analysis.sensitivity import Local, Map, Motion, Tornado, grid, loca
 from bristle.analysis.sobol import Global, global_sensitivity
 from bristle.compensation.subject import Subject
 from bristle.data.statistics import inflation
+from bristle.errors import InputError
 from bristle.identification.estimate import Joint
 from bristle.model.arrays import Array
 from bristle.model.parameters import Kind, Lugre, Pair, unit
@@ -63,9 +64,9 @@ class Exploration:
 
 
 def check_samples(samples: int) -> None:
-    """Raises ValueError where so many samples cannot be drawn; 0 is no Sobol indices at all."""
+    """Raises InputError where so many samples cannot be drawn; 0 is no Sobol indices at all."""
     if samples and (samples < _LEAST or samples & (samples - 1)):
-        raise ValueError(
+        raise InputError(
             f"samples: got {samples}; expected a power of two, at least {_LEAST}, or 0 to leave the Sobol indices out"
         )
 
@@ -78,7 +79,7 @@ def explore(
 ) -> Exploration:
     """Local, mapped and global sensitivity and the information of a joint; `asked` as `of_joint` or `of_gripper` gives it.
 
-    Raises ValueError where so many samples cannot be drawn.
+    Raises InputError where so many samples cannot be drawn.
     """
     check_samples(samples)
     model, moved, subject = asked
@@ -113,7 +114,7 @@ def _sobol(
     own = replace(subject, amplitude=moved.amplitude, frequency=moved.frequency)
     try:
         return global_sensitivity(model.p, box, own, samples=samples, seed=SEED, progress=progress), ()
-    except ValueError as error:
+    except InputError as error:
         return None, (f"No Sobol indices: {error}.",)
 
 

@@ -19,6 +19,7 @@ from scipy.special import ndtri
 from bristle.analysis.information import STATIC, covariance, static_information
 from bristle.bench import steady_points
 from bristle.data.record import freeze
+from bristle.errors import InputError
 from bristle.identification.batch import solve_batch
 from bristle.identification.static import default_range
 from bristle.model import functions
@@ -99,12 +100,12 @@ def design(task: Task, count: int, aim: str = "all") -> Design:
         count: of runs, at least 4 so that they show all four parameters by themselves.
         aim: one of `STATIC`, or `all`.
 
-    Raises ValueError for fewer runs, or another aim.
+    Raises InputError for fewer runs, or another aim.
     """
     if count < len(STATIC):
-        raise ValueError(f"got {count} velocities; expected at least {len(STATIC)}, as many as there are parameters")
+        raise InputError(f"got {count} velocities; expected at least {len(STATIC)}, as many as there are parameters")
     if aim != "all" and aim not in STATIC:
-        raise ValueError(f"got {aim!r}; constant velocities show {', '.join(STATIC)}: name one of them, or all")
+        raise InputError(f"got {aim!r}; constant velocities show {', '.join(STATIC)}: name one of them, or all")
     grid = np.geomspace(task.low, task.high, CANDIDATES)
     criterion = _Criterion(task, aim)
     rows = criterion.rows(grid)

@@ -11,6 +11,7 @@ from bristle.compensation.model import DAMPING_RATIO, DEFLECTION
 from bristle.data.encoder import resolution
 from bristle.data.record import freeze
 from bristle.data.statistics import inflation
+from bristle.errors import InputError
 from bristle.identification.estimate import Estimate, Joint, StaticFit
 from bristle.identification.pipeline import Measured
 from bristle.model import functions
@@ -83,14 +84,14 @@ class Start:
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     """What is known of an identified joint; what is not is guessed, each guess with a sentence.
 
-    Raises ValueError where nothing is known of its friction over velocity.
+    Raises InputError where nothing is known of its friction over velocity.
     """
     bare = "both" in joint.static or (joint.moving is not None and "alpha_0" in joint.moving.parameters)
     tags = ("",) if bare else ("+", "-")
     said: list[str] = []
     estimates = {tag: _estimates(joint, tag) for tag in tags}
     if not any("alpha_0" in own for own in estimates.values()):
-        raise ValueError(
+        raise InputError(
             f"{joint.name}: nothing is known of its friction over velocity, from which a plan starts; add ramp, points or tracking runs"
         )
     for tag, other in (("+", "-"), ("-", "+")):

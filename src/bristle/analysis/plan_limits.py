@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bristle.data.experiment import Run
+from bristle.errors import InputError
 from bristle.identification.pipeline import Measured
 from bristle.model.arrays import Array
 from bristle.model.parameters import unit
@@ -58,7 +59,7 @@ class Limits:
 def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
     """The limits of an experiment, and a sentence for each that nobody declared.
 
-    Raises ValueError where declared limits leave no speed to choose, or no time.
+    Raises InputError where declared limits leave no speed to choose, or no time.
     """
     experiment, asked = measured.experiment, measured.experiment.plan
     kind = experiment.joint.kind
@@ -117,7 +118,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
     if "rate" not in asked.model_fields_set:
         said.append(f"Rate of the references: {asked.rate:g} Hz, a default; give plan.rate.")
     if not limits.slowest < limits.velocity:
-        raise ValueError(
+        raise InputError(
             f"{experiment.path.name}: plan: the slowest constant speed, {limits.slowest:g}, is not below the fastest, {limits.velocity:g}; "
             "give plan.minimum_velocity and plan.velocity"
         )

@@ -15,6 +15,7 @@ from numpy.polynomial import Polynomial
 from bristle.analysis.plan_limits import Limits
 from bristle.analysis.plan_motion import Lines, Loads, course
 from bristle.data.record import freeze
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 SETTLE = 0.6
@@ -99,12 +100,12 @@ def run_in(speed: float, deflection: float) -> float:
 def passes(velocity: float, run: int, deflection: float, limits: Limits) -> list[Hold]:
     """The holds of one run, as many as the travel makes necessary, whose averaging times add up to `limits.hold`.
 
-    Raises ValueError where the travel is too short for any.
+    Raises InputError where the travel is too short for any.
     """
     before, ramp = run_in(abs(velocity), deflection), ramp_time(velocity, limits)
     room = _USED * limits.travel / abs(velocity) - before - ramp
     if room < min(SHORTEST, limits.hold):
-        raise ValueError(
+        raise InputError(
             f"the travel of {limits.travel:.3g} leaves {max(room, 0.0):.2g} s to average at a velocity of {velocity:.3g}; "
             f"expected at least {SHORTEST:g} s: widen plan.position, lower plan.velocity, or raise plan.acceleration"
         )
@@ -115,14 +116,14 @@ def passes(velocity: float, run: int, deflection: float, limits: Limits) -> list
 def fastest(deflection: float, limits: Limits) -> float:
     """The largest speed up to `limits.velocity` at which the travel leaves a hold of half of `limits.hold`, or of SHORTEST, rad/s.
 
-    Raises ValueError where that is not above the slowest.
+    Raises InputError where that is not above the slowest.
     """
     speeds = np.geomspace(limits.slowest, limits.velocity, 400)
     least = max(SHORTEST, 0.5 * limits.hold)
     needed = [v * (run_in(v, deflection) + least + ramp_time(v, limits)) for v in speeds.tolist()]
     fits = speeds[np.array(needed) <= _USED * limits.travel]
     if fits.size < 2:
-        raise ValueError(
+        raise InputError(
             f"the travel of {limits.travel:.3g} is too short for a hold of {least:.2g} s at any speed above {limits.slowest:.3g}; "
             "widen plan.position, or shorten plan.hold"
         )

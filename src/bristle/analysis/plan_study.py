@@ -17,6 +17,7 @@ from bristle.analysis.plan_reference import Reference
 from bristle.data.loading import Loading
 from bristle.data.motion import stretches
 from bristle.data.record import freeze
+from bristle.errors import InputError
 from bristle.identification.estimate import Joint
 from bristle.identification.pipeline import Measured
 from bristle.model import functions
@@ -113,7 +114,7 @@ def plan(
         aim: the parameter whose interval is to shrink, one of `AIMS`, or `all`.
         progress: called with what is being done, how many steps are done, and how many there are.
 
-    Raises ValueError where the aim is no parameter, nothing is known of friction over velocity, or the limits leave nothing to plan.
+    Raises InputError where the aim is no parameter, nothing is known of friction over velocity, or the limits leave nothing to plan.
     """
     check_plan(velocities, aim)
     tell = progress or (lambda *_: None)
@@ -160,19 +161,19 @@ def plan(
 def check_plan(velocities: int, aim: str) -> None:
     """Whether so many velocities (4 to 1000, for there are four parameters) can be planned for an aim, which is one of `AIMS` or `all`.
 
-    Raises ValueError where they cannot.
+    Raises InputError where they cannot.
     """
     if not len(STATIC) <= velocities <= _MOST:
-        raise ValueError(
+        raise InputError(
             f"got {velocities} velocities; expected {len(STATIC)} to {_MOST}: four parameters take at least as many runs"
         )
     if aim not in (*AIMS, "all"):
-        raise ValueError(f"got {aim!r} as what to plan for; expected one of {', '.join(AIMS)}, or all")
+        raise InputError(f"got {aim!r} as what to plan for; expected one of {', '.join(AIMS)}, or all")
 
 
 def _check_aim(start: Start, aim: str) -> None:
     if aim in start.given:
-        raise ValueError(
+        raise InputError(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
 
@@ -195,7 +196,7 @@ def _within_time(
         if limits.time is None or needed <= limits.time:
             return directions, loads, short, share
         share *= min(0.9, limits.time / needed)
-    raise ValueError(
+    raise InputError(
         f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading and a "
         "motion; give more time or fewer velocities"
     )
@@ -238,7 +239,7 @@ def _allowed(p: Lugre[float], high: float, limits: Limits) -> float:
     speeds = np.geomspace(limits.slowest, high, static.CANDIDATES)
     fits = speeds[np.abs(evaluate(functions.steady_torque(), speeds, *p[:4])[0]) <= limits.torque]
     if fits.size < 2:
-        raise ValueError(
+        raise InputError(
             f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
         )
     return float(fits[-1])

@@ -17,6 +17,7 @@ from bristle.analysis.information import cleared
 from bristle.compensation.subject import sine
 from bristle.control.wiring import Course
 from bristle.data.record import freeze
+from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre, Pair
@@ -72,14 +73,14 @@ class Motion(NamedTuple):
 def motion(amplitude: float, frequency: float) -> Motion:
     """The motion over the paper's window of 10 s at 1 kHz; two periods where that is longer, 200 samples a period where it is faster.
 
-    Raises ValueError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency outside `FREQUENCIES`.
+    Raises InputError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency outside `FREQUENCIES`.
     """
     for name, x in (("amplitude", amplitude), ("frequency", frequency)):
         if not 0 < x < np.inf:
-            raise ValueError(f"{name}: got {x:g}; expected a positive number")
+            raise InputError(f"{name}: got {x:g}; expected a positive number")
     low, high = FREQUENCIES
     if not low <= frequency <= high:
-        raise ValueError(
+        raise InputError(
             f"frequency: got {frequency:g} Hz; expected {low:g} to {high:g} Hz: choose one at which the joint may move"
         )
     duration = max(min(DURATION, _OFTEN / frequency), 2 / frequency)

@@ -14,6 +14,7 @@ from bristle.analysis.periodic import rms_torque
 from bristle.compensation.subject import Subject
 from bristle.control.closed import simulate
 from bristle.control.wiring import Wiring
+from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre, Pair
@@ -112,7 +113,7 @@ def indices(
         samples: a power of two; the function is evaluated at samples * (p + 2) points.
         seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
 
-    Raises ValueError where SALib is not installed, the box or the samples cannot be used, or the function's values are not finite numbers of
+    Raises InputError where SALib is not installed, the box or the samples cannot be used, or the function's values are not finite numbers of
     that shape.
     """
     spans = spans_of(box)
@@ -123,14 +124,14 @@ def indices(
             f"function returned shape {values.shape}; expected ({len(points)},) or ({len(points)}, outputs)"
         )
     if not np.isfinite(values).all():
-        raise ValueError("function returned a value that is not finite; expected numbers throughout: narrow the box")
+        raise InputError("function returned a value that is not finite; expected numbers throughout: narrow the box")
     return tuple(_analysed(spans, column, samples, seed) for column in values.reshape(len(points), -1).T)
 
 
 def _points(spans: Sequence[Span], samples: int, seed: int) -> Array:
     """Saltelli's sample of the box, (samples * (p + 2), p)."""
     if samples < 2 or samples & (samples - 1) or seed < 0:
-        raise ValueError(
+        raise InputError(
             f"got {samples} samples and seed {seed}; expected a power of two, as 256 or 1024, and a seed of zero or more"
         )
     shares = _salib().sample.sobol.sample(_problem(spans), samples, calc_second_order=False, seed=seed)
@@ -160,13 +161,13 @@ def _problem(spans: Sequence[Span]) -> dict[str, Any]:
 
 
 def _salib() -> Any:
-    """SALib. Raises ValueError where it is not installed."""
+    """SALib. Raises InputError where it is not installed."""
     try:
         import SALib
         import SALib.analyze.sobol
         import SALib.sample.sobol
     except ImportError as error:
-        raise ValueError(
+        raise InputError(
             "Sobol indices need SALib, which is not installed; install it with pip install 'bristle[sensitivity]'"
         ) from error
     return SALib
@@ -195,12 +196,12 @@ def global_sensitivity(
         seed: as in `indices`.
         progress: told of every batch.
 
-    Raises ValueError where SALib is not installed, or the box or the samples cannot be used.
+    Raises InputError where SALib is not installed, or the box or the samples cannot be used.
     """
     pair = Pair(p, p) if isinstance(p, Lugre) else p
     spans = ordered(box)
     if samples < _LEAST:
-        raise ValueError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
+        raise InputError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
     fewer = min(samples, _affordable(len(spans), _ticks(subject)))
     points, looped = _points(spans, samples, seed), _points(spans, fewer, seed)
     tell = teller(progress, -(-len(points) // _ROWS) - (-len(looped) // _BATCH))
@@ -220,7 +221,7 @@ def global_sensitivity(
         try:
             _refuse_loop(subject)
             errors = _batched(error, looped, _BATCH)
-        except ValueError as refused:
+        except InputError as refused:
             why = f"Not every plant drawn can be run: {refused}."
             return Output(name=TRACKING, quantity="position", indices=None, reason=why)
         return _tracked(spans, errors, fewer, seed, subject.amplitude)
@@ -252,12 +253,12 @@ def _rms_error(subject: Subject, model: Pair[float], joints: Pair[Array]) -> Arr
 
 
 def _refuse_loop(subject: Subject) -> None:
-    """Raise ValueError where the reference is too fast for the loop's control period, or too slow to be simulated."""
+    """Raise InputError where the reference is too fast for the loop's control period, or too slow to be simulated."""
     how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
     if subject.frequency * subject.period > _COARSE:
-        raise ValueError(f"{how}, which is more than {_COARSE:g} of the reference's")
+        raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
     if _ticks(subject) > _LONGEST:
-        raise ValueError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
+        raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
 
 
 def _ticks(subject: Subject) -> int:

@@ -27,6 +27,7 @@ from bristle.analysis.trial_results import (
     Tried,
 )
 from bristle.bench import steady_points
+from bristle.errors import InputError
 from bristle.identification import uncertainty
 from bristle.identification.batch import solve_batch
 from bristle.identification.static import PLAIN_GRID, Projected, log_grid, plain_grid
@@ -48,12 +49,12 @@ _MIDDLE = (0.15865525393145707, 0.8413447460685429)
 
 
 def check(repetitions: int, starts: int, noise: float | None) -> None:
-    """Whether a trial can be run so: raises ValueError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
+    """Whether a trial can be run so: raises InputError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
     for name, value, least, usual in (("repetitions", repetitions, 20, REPETITIONS), ("starts", starts, 1, STARTS)):
         if value < least:
-            raise ValueError(f"{name}: got {value}; a trial needs at least {least}, usual are {usual}")
+            raise InputError(f"{name}: got {value}; a trial needs at least {least}, usual are {usual}")
     if noise is not None and not 0 < noise < np.inf:
-        raise ValueError(f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02")
+        raise InputError(f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02")
 
 
 def run_trial(

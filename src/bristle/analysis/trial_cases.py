@@ -8,6 +8,7 @@ import numpy as np
 from bristle import edro
 from bristle.analysis.trial_methods import NAMES, Case
 from bristle.data.statistics import inflation
+from bristle.errors import InputError
 from bristle.identification.estimate import Joint, StaticFit
 from bristle.identification.static import default_range
 from bristle.model.arrays import Array
@@ -68,7 +69,7 @@ def own_cases(joint: Joint, noise: float | None = None) -> Subject:
         joint: identified.
         noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the four parameters.
 
-    Raises ValueError where nothing at all was fitted.
+    Raises InputError where nothing at all was fitted.
     """
     check_fitted(joint)
     cases, skipped = [], {}
@@ -95,12 +96,12 @@ def own_cases(joint: Joint, noise: float | None = None) -> Subject:
 
 
 def check_fitted(joint: Joint) -> None:
-    """Raises ValueError where a joint has neither a static nor a moving fit, so that there is nothing to check."""
+    """Raises InputError where a joint has neither a static nor a moving fit, so that there is nothing to check."""
     if joint.moving is not None or any(fit.values() for d, fit in joint.static.items() if d != "shared"):
         return
     why = "; ".join(dict.fromkeys(fit.outcome.rstrip(".") for fit in joint.static.values()))
     got = f"no fit of friction over velocity ({why})" if why else "no ramp, points or tracking run that is fitted"
-    raise ValueError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
+    raise InputError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
 
 
 def _points(fit: StaticFit) -> tuple[Array, float]:

@@ -21,6 +21,7 @@ from bristle.control.adaptation import Adaptation, steady_gradient
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
 from bristle.data.experiment import AdaptOptions, Experiment
+from bristle.errors import InputError
 from bristle.identification.estimate import Joint
 from bristle.model import functions
 from bristle.model.arrays import evaluate
@@ -47,7 +48,7 @@ _HALF = 0.5
 def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     """A user's joint with its own `adapt` options, or with what bristle takes where there are none.
 
-    Raises ValueError where no inertia is known, the runs do not give a whole model, or the adaptation cannot be as it is asked.
+    Raises InputError where no inertia is known, the runs do not give a whole model, or the adaptation cannot be as it is asked.
     """
     asked, found = experiment.adapt, identified(joint)
     J = inertia_of(experiment, joint)
@@ -58,7 +59,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     speed = 2 * np.pi * frequency * amplitude
     beyond = speed / fastest
     if beyond > _BEYOND:
-        raise ValueError(
+        raise InputError(
             f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
             f"expected at most {_BEYOND:g} times: lower adapt.amplitude or adapt.frequency"
         )
@@ -115,12 +116,12 @@ def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
 def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
     """Compensator and adaptation as `adapt` asks for them; rates that are not given are zero.
 
-    Raises ValueError, with the file's name, where they cannot be so.
+    Raises InputError, with the file's name, where they cannot be so.
     """
     asked = experiment.adapt
     longest = _COARSE / (asked.frequency or _FREQUENCY)
     if asked.period > longest:
-        raise ValueError(
+        raise InputError(
             f"{experiment.path}: adapt.period: got {asked.period:g} s; expected at most {longest:g} s, a fiftieth of the reference's period"
         )
     names = ("law", "step", "parameters", "gamma", "limits", "dead_zone", "leakage", "forgetting")
@@ -131,8 +132,8 @@ def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
         adaptation = Adaptation(**given)
         name: Any = asked.compensator
         return replace(Compensator(name=name, adaptation=adaptation), adaptation=None), adaptation
-    except ValueError as error:
-        raise ValueError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
+    except InputError as error:
+        raise InputError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
 
 
 def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[str]) -> Adaptation:

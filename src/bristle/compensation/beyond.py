@@ -13,6 +13,7 @@ from bristle.control.closed import simulate
 from bristle.control.continuous import Sine, simulate_continuous
 from bristle.control.pid import Sliding
 from bristle.control.wiring import Course, Wiring
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 
@@ -185,7 +186,7 @@ def sampling(subjects: Sequence[Subject]) -> tuple[Sampled, ...]:
             course = sine(subject.amplitude, subject.frequency, paper.SETTLE, h)
             try:
                 held = simulate(Wiring(compensator=subject.compensator), [case], course, h)
-            except ValueError:  # a longer period than the loop bears
+            except InputError:  # a longer period than the loop bears
                 continue
             rows.append(Sampled(subject.name, h, float(np.abs(held.position - exact.position).max())))
     return tuple(rows)

@@ -12,6 +12,7 @@ from bristle.control.adaptation import Adaptation, Law, laws_for
 from bristle.control.closed import Trajectory, simulate
 from bristle.control.compensator import Compensator
 from bristle.control.wiring import Case, Wiring
+from bristle.errors import InputError
 
 LONG, SETTLE, SHORT = 30.0, 10.0, 20.0
 """s: a run of Fig. 8, from when on its error counts, and a run of the adaptation."""
@@ -60,7 +61,7 @@ def _errors(subject: Subject, *, inertia: bool) -> list[Errors]:
     moved = run(replace(subject.compensator, adaptation=subject.adaptation), [found] * 2)
     without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
     if not max(fed) < 10 * subject.amplitude:
-        raise ValueError(
+        raise InputError(
             f"{subject.name}: the loop diverges with {subject.compensator.name}; choose lugre, lower gains, or a shorter period"
         )
     asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))

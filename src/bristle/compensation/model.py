@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bristle.data.experiment import Experiment
+from bristle.errors import InputError
 from bristle.identification.estimate import Joint
 from bristle.model import functions
 from bristle.model.arrays import evaluate
@@ -27,7 +28,7 @@ _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
 def identified(joint: Joint) -> Pair[float]:
     """The model that was identified: of all runs at once, or of constant velocities and slow loading.
 
-    Raises ValueError where part of it is missing.
+    Raises InputError where part of it is missing.
     """
     return Pair(*(_identified(joint, direction) for direction in "+-"))
 
@@ -43,7 +44,7 @@ def _identified(joint: Joint, direction: str) -> Lugre[float]:
     known = slow and slow.sigma_0.value
     if p is None or not slow or not known:
         what = "friction over velocity" if p is None else "bristle stiffness (sigma_0)"
-        raise ValueError(
+        raise InputError(
             f"{joint.name}: nothing is known of the {what} in direction {direction}; "
             "a compensator needs a tracking run, or ramp and presliding runs in both directions"
         )
@@ -81,7 +82,7 @@ def truth_of(joint: Joint) -> Pair[float] | None:
 
 
 def inertia_of(experiment: Experiment, joint: Joint) -> float:
-    """J, kg*m**2: identified, else as the experiment file gives it. Raises ValueError where nothing tells it."""
+    """J, kg*m**2: identified, else as the experiment file gives it. Raises InputError where nothing tells it."""
     for fit in (joint.joint_fit, joint.tracking):
         J = fit.known.get("inertia", 0.0) if fit is not None else 0.0
         if J > 0:
@@ -91,7 +92,7 @@ def inertia_of(experiment: Experiment, joint: Joint) -> float:
     motor = experiment.motor
     if motor is not None and np.isfinite(motor.J):
         return motor.J
-    raise ValueError(
+    raise InputError(
         f"{joint.name}: no inertia is known, without which no loop can be simulated; give it as inertia, or a tracking run that shows it"
     )
 

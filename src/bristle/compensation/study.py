@@ -48,7 +48,7 @@ def study(
 ) -> Study:
     """Run all of it; for the `paper`'s joints its Table 2 as it has that.
 
-    Raises ValueError where a loop cannot be run: a control period longer than it bears.
+    Raises InputError where a loop cannot be run: a control period longer than it bears.
     """
     first = subjects[0]
     adapting = one_way(first) if paper else first

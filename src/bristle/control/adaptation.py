@@ -23,6 +23,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import casadi as ca
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model import law as friction
 from bristle.model.arrays import Array, evaluate
@@ -45,7 +46,7 @@ _LARGEST = 1e150
 class Adaptation:
     """Which gains move, by which law and how fast.
 
-    Raises ValueError where a law, a step or a parameter is unknown, a rate negative or not finite, or the limits do not enclose the start, 1.
+    Raises InputError where a law, a step or a parameter is unknown, a rate negative or not finite, or the limits do not enclose the start, 1.
     """
 
     law: Law = "partial"
@@ -69,18 +70,18 @@ class Adaptation:
         """Refuse what cannot work."""
         for name, value, known in (("law", self.law, LAWS), ("step", self.step, STEPS)):
             if value not in known:
-                raise ValueError(f"adaptation: {name}: got {value!r}; expected one of {', '.join(known)}")
+                raise InputError(f"adaptation: {name}: got {value!r}; expected one of {', '.join(known)}")
         wrong = [name for name in self.parameters if name not in _ADAPTABLE]
         if wrong or not self.parameters or len(set(self.parameters)) < len(self.parameters):
-            raise ValueError(
+            raise InputError(
                 f"adaptation: parameters: got {', '.join(self.parameters) or 'none'}; expected some of {', '.join(_ADAPTABLE)}, each once"
             )
         if self.law == "printed" and set(self.parameters) - _TYPESET:
-            raise ValueError(
+            raise InputError(
                 "adaptation: law: printed is typeset for alpha_0 and alpha_2 alone; choose partial or total for others"
             )
         if len(self.gamma) != len(self.parameters):
-            raise ValueError(
+            raise InputError(
                 f"adaptation: gamma: got {len(self.gamma)} rates for {len(self.parameters)} parameters; expected one each"
             )
         for name, values in (
@@ -91,10 +92,10 @@ class Adaptation:
         ):
             bad = [x for x in values if not 0 <= x < inf]
             if bad:
-                raise ValueError(f"adaptation: {name}: got {bad[0]:g}; expected zero or more, and finite")
+                raise InputError(f"adaptation: {name}: got {bad[0]:g}; expected zero or more, and finite")
         low, high = self.limits
         if not (0 < low <= 1 <= high and isfinite(high)):
-            raise ValueError(
+            raise InputError(
                 f"adaptation: limits: got {low:g} to {high:g}; expected 0 < lower <= 1 <= upper: the gains start at 1"
             )
 

@@ -20,6 +20,7 @@ from bristle.control.loop import THREADS
 from bristle.control.period import at_rest, numbers_of, stiff_tick, tick
 from bristle.control.stability import refuse_long_period
 from bristle.control.wiring import Case, Course, Wiring
+from bristle.errors import InputError
 from bristle.model.arrays import Array, bound, chained
 
 _CHUNK = 1000
@@ -97,23 +98,23 @@ def simulate(
         period: s.
         stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times slower.
 
-    Raises ValueError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that the
+    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that the
     wiring has, or nothing is to be run.
     """
     n = course.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:
-        raise ValueError(
+        raise InputError(
             f"got {len(cases)} cases, {n} samples and a period of {period:g} s; expected at least one, two, and a positive period"
         )
     given = np.stack([np.broadcast_to(np.asarray(x, dtype=float), (len(cases), n)) for x in course], axis=-1)
     numbers = np.array([numbers_of(case, period) for case in cases])
     if not (np.isfinite(given).all() and np.isfinite(numbers).all()):
-        raise ValueError(
+        raise InputError(
             "the reference, load, drift or noise of a run, or its case, holds a value that is not finite; expected numbers throughout"
         )
     lacking = [k for k, case in enumerate(cases) if wiring.inductance and not case.motor.L > 0]
     if lacking:
-        raise ValueError(
+        raise InputError(
             f"wiring: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
         )
     refuse_long_period(wiring, cases, period)

@@ -23,6 +23,7 @@ import numpy as np
 from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, learn
 from bristle.control.adaptation import start as nothing_learnt
 from bristle.control.pid import differentiated
+from bristle.errors import InputError
 from bristle.model import functions, law
 from bristle.model.arrays import bound
 from bristle.model.parameters import Pair, pair_of
@@ -57,7 +58,7 @@ class Measurement(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compensator:
-    """Which compensator, and its settings. Raises ValueError at an unknown name, adaptation of what has no bristle, or a number out of range."""
+    """Which compensator, and its settings. Raises InputError at an unknown name, adaptation of what has no bristle, or a number out of range."""
 
     name: Name = "lugre"
     velocity: Velocity = "reference"
@@ -77,17 +78,17 @@ class Compensator:
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
         if self.name not in NAMES:
-            raise ValueError(f"compensator: got {self.name!r}; expected one of {', '.join(NAMES)}")
+            raise InputError(f"compensator: got {self.name!r}; expected one of {', '.join(NAMES)}")
         if self.velocity not in get_args(Velocity):
-            raise ValueError(f"compensator: velocity: got {self.velocity!r}; expected reference or measured")
+            raise InputError(f"compensator: velocity: got {self.velocity!r}; expected reference or measured")
         if self.adaptation is not None and not self.name.startswith("lugre"):
-            raise ValueError(
+            raise InputError(
                 f"compensator: {self.name} cannot adapt; expected one of {', '.join(n for n in NAMES if n.startswith('lugre'))}"
             )
         for what in ("share", "inertia", "softness", "filter_time", "observer_gain"):
             value = getattr(self, what)
             if not 0 <= value < inf or (what == "softness" and value == 0):
-                raise ValueError(
+                raise InputError(
                     f"compensator: {what}: got {value:g}; expected {'a positive number' if what == 'softness' else 'zero or more'}, and finite"
                 )
 

@@ -17,6 +17,7 @@ from bristle.control.closed import Trajectory
 from bristle.control.compensator import Compensator, Measurement, Reference
 from bristle.control.loop import plant_rates
 from bristle.control.wiring import Case
+from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.parameters import Pair
 
@@ -50,7 +51,7 @@ def simulate_continuous(case: Case, compensator: Compensator, sine: Sine, durati
         duration: s.
         period: between the instants that are logged, s.
 
-    Raises ValueError where the case or the compensator has what is sampled alone, or period and duration are not positive.
+    Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not positive.
     """
     _check(case, compensator, duration, period)
     gains = compensating.adapted_count(compensator)
@@ -77,13 +78,13 @@ def simulate_continuous(case: Case, compensator: Compensator, sine: Sine, durati
 
 def _check(case: Case, compensator: Compensator, duration: float, period: float) -> None:
     if case.torque_limit < inf or case.gains.filter_time > 0:
-        raise ValueError(
+        raise InputError(
             f"continuous: got a torque limit of {case.torque_limit:g} N*m and a filter of {case.gains.filter_time:g} s; expected inf and 0"
         )
     if compensator.adaptation and compensator.adaptation.step == "least-squares":
-        raise ValueError("continuous: adaptation: step: got least-squares; expected gradient or normalised")
+        raise InputError("continuous: adaptation: step: got least-squares; expected gradient or normalised")
     if not 0 < period <= duration < inf:
-        raise ValueError(
+        raise InputError(
             f"continuous: got a period of {period:g} s and a duration of {duration:g} s; expected 0 < period <= duration, finite"
         )
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bristle.control.compensator import Compensator
 from bristle.control.period import controlled, moved, numbers_of, plant_size
 from bristle.control.wiring import Case, Wiring
+from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Motor, Pair
@@ -31,7 +32,7 @@ _HALVINGS, _BISECTIONS = 10, 10
 
 
 def refuse_long_period(wiring: Wiring, cases: Sequence[Case], period: float) -> None:
-    """Raises ValueError where a case diverges at this control period, s, and would not at a shorter one. Sliding mode is bounded: never refused."""
+    """Raises InputError where a case diverges at this control period, s, and would not at a shorter one. Sliding mode is bounded: never refused."""
     if wiring.controller == "sliding":
         return
     rows = np.array([_linear(case, p) for case in cases for p in case.plant])
@@ -43,7 +44,7 @@ def refuse_long_period(wiring: Wiring, cases: Sequence[Case], period: float) -> 
     worst = int(blamed.argmax())
     if blamed[worst] > _LEAST:
         which = f"case {worst // 2}: " if len(cases) > 1 else ""
-        raise ValueError(
+        raise InputError(
             f"{which}got a control period of {period:g} s, in which the loop's fastest mode grows by a factor of "
             f"{exp(blamed[worst]):.4g}; the loop bears about {bearable[worst]:.2g} s: shorten the period, or lower the gains or the delay"
         )

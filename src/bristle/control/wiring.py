@@ -5,6 +5,7 @@ from typing import Literal, NamedTuple
 
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains, Sliding
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 from bristle.model.parameters import Motor, Pair
 
@@ -14,7 +15,7 @@ _KNOWN = {"drive": ("torque", "voltage"), "controller": ("pid", "sliding"), "der
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:
-    """What is connected to what; the numbers stand in `Case`. Raises ValueError where that cannot work."""
+    """What is connected to what; the numbers stand in `Case`. Raises InputError where that cannot work."""
 
     compensator: Compensator = field(default_factory=Compensator)
     drive: Literal["torque", "voltage"] = "torque"
@@ -41,25 +42,25 @@ class Wiring:
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
         if self.delay < 0 or self.substeps < 1:
-            raise ValueError(
+            raise InputError(
                 f"wiring: got delay {self.delay} and substeps {self.substeps}; expected zero or more, and one or more"
             )
         for what, known in _KNOWN.items():
             if getattr(self, what) not in known:
-                raise ValueError(f"wiring: {what}: got {getattr(self, what)!r}; expected {' or '.join(known)}")
+                raise InputError(f"wiring: {what}: got {getattr(self, what)!r}; expected {' or '.join(known)}")
         if self.controller == "sliding" and self.derivative == "measurement":
-            raise ValueError(
+            raise InputError(
                 "wiring: derivative: got measurement for sliding mode, whose surface needs that of the error"
             )
         if self.inductance and self.drive == "torque":
-            raise ValueError(
+            raise InputError(
                 "wiring: inductance: got a drive of torque, whose current does not lag; choose drive voltage"
             )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """The numbers of one run. Raises ValueError where sliding mode has no boundary layer."""
+    """The numbers of one run. Raises InputError where sliding mode has no boundary layer."""
 
     plant: Pair[float]
     """Friction as it is."""
@@ -77,7 +78,7 @@ class Case:
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
         if not self.sliding.layer > 0:
-            raise ValueError(f"case: sliding: layer: got {self.sliding.layer:g}; expected a positive number")
+            raise InputError(f"case: sliding: layer: got {self.sliding.layer:g}; expected a positive number")
 
 
 class Course(NamedTuple):

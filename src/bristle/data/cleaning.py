@@ -12,6 +12,7 @@ from bristle.data.document import Model
 from bristle.data.reading import Table
 from bristle.data.record import Record
 from bristle.data.signals import Cleaning, Context, Signal, Signals
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 _TURN = 2 * np.pi
@@ -50,7 +51,7 @@ def make_record(
 ) -> Record:
     """The record of a time series. Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque.
 
-    Raises ValueError where the data cannot be used as declared.
+    Raises InputError where the data cannot be used as declared.
     """
     rows = _scaled(table, signals, context)
     if signals.time is not None and signals.time.rate is not None:
@@ -81,7 +82,7 @@ def make_points(
     *,
     labels: Mapping[str, str] | None = None,
 ) -> Record:
-    """The record of velocity-torque pairs: time counts them. Raises ValueError where the data cannot be used as declared."""
+    """The record of velocity-torque pairs: time counts them. Raises InputError where the data cannot be used as declared."""
     rows = _scaled(table, signals, context)
     _drop_non_finite(rows, table, cleaning)
     _enough(rows)
@@ -126,7 +127,7 @@ def _drop_non_finite(rows: _Rows, table: Table, cleaning: Cleaning) -> None:
     for name, values in rows.data.items():
         good = np.isfinite(values)
         if not good.any():
-            raise ValueError(
+            raise InputError(
                 f"{name} holds no finite number in any of {table.rows} rows; name the column that was logged"
             )
         finite &= good
@@ -134,11 +135,11 @@ def _drop_non_finite(rows: _Rows, table: Table, cleaning: Cleaning) -> None:
     if not bad.size:
         return
     if cleaning.non_finite == "refuse":
-        raise ValueError(
+        raise InputError(
             f"{_count(bad.size)} (first: row {bad[0] + 1}) not finite (inf, nan or empty); mend the log, or declare cleaning: {{non_finite: drop}}"
         )
     if bad.size == table.rows:
-        raise ValueError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
+        raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
     rows.notes.append(f"{_count(bad.size)} dropped: inf, nan or empty (first: row {bad[0] + 1}).")
     rows.keep(finite)
 
@@ -156,7 +157,7 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     ):
         if bad.any() and action == "refuse":
             k = int(np.flatnonzero(bad)[0])
-            raise ValueError(
+            raise InputError(
                 f"{what} in {_count(int(bad.sum()))}, first at row {rows.number[k]} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); "
                 f"split the log, or declare cleaning: {{{key}: drop}}"
             )
@@ -172,7 +173,7 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     intervals = np.diff(rows.data["time"])
     step = float(np.median(intervals))
     if not (np.isfinite(step) and step > 0):
-        raise ValueError(
+        raise InputError(
             f"time spans {rows.data['time'][0]:.9g} s to {rows.data['time'][-1]:.9g} s; expected finite seconds; check the unit of time"
         )
     wide = intervals > gap * step
@@ -201,7 +202,7 @@ def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool
     elif revolute and not declared:
         full = np.flatnonzero(np.abs(np.abs(jumps) / _TURN - 1) < 0.1)
         if full.size:
-            raise ValueError(
+            raise InputError(
                 f"position jumps by a full turn between samples, {full.size} times (first: row {rows.number[full[0] + 1]}); "
                 "declare wraps: true under signals.position, or wraps: false if the joint does move so fast"
             )
@@ -214,7 +215,7 @@ def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
         if not isinstance(signal, Signal) or not signal.delay:
             continue
         if not abs(signal.delay) < _LATEST * (time[-1] - time[0]):
-            raise ValueError(
+            raise InputError(
                 f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s; expected less than a tenth of it, such as 1 ms"
             )
         parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)
@@ -227,7 +228,7 @@ def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
 
 def _enough(rows: _Rows) -> None:
     if rows.number.size < 2:
-        raise ValueError(f"only {_count(rows.number.size)} left; expected a log with many samples")
+        raise InputError(f"only {_count(rows.number.size)} left; expected a log with many samples")
 
 
 def _refuse_constant(rows: _Rows) -> None:
@@ -238,7 +239,7 @@ def _refuse_constant(rows: _Rows) -> None:
                 if name == "velocity" and "position" in rows.data
                 else ""
             )
-            raise ValueError(
+            raise InputError(
                 f"{name} is {values[0]:g} (SI) in all {values.size} rows, which is a set point or a dead sensor, not a measurement; "
                 f"name another column{advice}"
             )

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 MAX_VALUES = 200_000_000
@@ -45,7 +46,7 @@ class Key:
 def read_mat(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
     """Columns of a MATLAB file of version 5 to 7, by variable or dotted path: `q`, `data.q`, `data.run{2}.q`, `runs(3).q`.
 
-    Braces and parentheses count from 1, as MATLAB writes them. Raises ValueError.
+    Braces and parentheses count from 1, as MATLAB writes them. Raises InputError.
     """
     variables = _load_mat(path, sorted({_root(key) for key in keys}))
     return {key: _numeric(_walk(variables, str(key.column)), key) for key in keys}
@@ -58,25 +59,25 @@ def _load_mat(path: Path, names: Sequence[str]) -> dict[str, Any]:
     with path.open("rb") as file:
         head = file.read(520)
     if b"MATLAB 7.3" in head[:128] or b"\x89HDF" in (head[:4], head[512:516]):
-        raise ValueError(
+        raise InputError(
             "is a MAT-file of version 7.3 (HDF5), which is not read; in MATLAB save it again with save(file, '-v7', ...)"
         )
     if head[126:128] not in (b"IM", b"MI"):
-        raise ValueError("is no MAT-file of version 5 to 7; in MATLAB save it with save(file, '-v7', ...)")
+        raise InputError("is no MAT-file of version 5 to 7; in MATLAB save it with save(file, '-v7', ...)")
     try:
         shapes = {name: shape for name, shape, _ in scipy.io.whosmat(path)}
         for name in names:
             if name not in shapes:
-                raise ValueError(f"no variable {name!r}; there are: {', '.join(sorted(shapes))}")
+                raise InputError(f"no variable {name!r}; there are: {', '.join(sorted(shapes))}")
             _bounded(np.prod(shapes[name], dtype=float))
         return dict(scipy.io.loadmat(path, variable_names=list(names)))
     except (*_BROKEN, MatReadError, UnicodeDecodeError) as error:
-        raise ValueError(f"is damaged, or no MAT-file ({error}); save it again") from error
+        raise InputError(f"is damaged, or no MAT-file ({error}); save it again") from error
 
 
 def _root(key: Key) -> str:
     if not isinstance(key.column, str) or not _PATH.fullmatch(key.column):
-        raise ValueError(
+        raise InputError(
             f"column {key.column!r} is no variable of a MAT-file; expected a name or a dotted path such as data.q or data.run{{2}}.q"
         )
     return str(_PART.findall(key.column)[0])
@@ -95,7 +96,7 @@ def _walk(variables: dict[str, Any], path: str) -> object:
 def _item(value: object, number: int, seen: str) -> object:
     items = value.ravel(order="F") if isinstance(value, np.ndarray) else np.array([value], dtype=object)
     if not 1 <= number <= items.size:
-        raise ValueError(f"{seen} has {items.size} elements; element {number} is not among them (they count from 1)")
+        raise InputError(f"{seen} has {items.size} elements; element {number} is not among them (they count from 1)")
     return items[number - 1]
 
 
@@ -104,11 +105,11 @@ def _field(value: object, name: str, seen: str) -> object:
         value = value.flat[0]
     names = getattr(getattr(value, "dtype", None), "names", None)
     if not names:
-        raise ValueError(f"{seen} is no struct, so it has no field {name!r}; name {seen} itself, or a struct")
+        raise InputError(f"{seen} is no struct, so it has no field {name!r}; name {seen} itself, or a struct")
     if name not in names:
-        raise ValueError(f"{seen} has no field {name!r}; there are: {', '.join(names)}")
+        raise InputError(f"{seen} has no field {name!r}; there are: {', '.join(names)}")
     if isinstance(value, np.ndarray) and value.size != 1:
-        raise ValueError(f"{seen} is an array of {value.size} structs; say which, as in {seen}(1).{name}")
+        raise InputError(f"{seen} is an array of {value.size} structs; say which, as in {seen}(1).{name}")
     return value.flat[0][name] if isinstance(value, np.ndarray) else value[name]  # type: ignore[index]  # a np.void here
 
 
@@ -117,37 +118,37 @@ def _numeric(value: object, key: Key) -> Array:
     while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
         value = value.flat[0]
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
-        raise ValueError(f"column {key} holds no plain array of numbers; expected one number per sample")
+        raise InputError(f"column {key} holds no plain array of numbers; expected one number per sample")
     _bounded(value.size)
     if key.index is not None:
         if value.ndim != 2 or key.index >= value.shape[1]:
-            raise ValueError(
+            raise InputError(
                 f"column {key}: the array has shape {value.shape}; index counts the columns of a matrix from 0"
             )
         value = value[:, key.index]
     if value.size != max(value.shape, default=0):
-        raise ValueError(
+        raise InputError(
             f"column {key} is a matrix of shape {value.shape}; say which column with index: 0 to {value.shape[-1] - 1}"
         )
     return np.asarray(value, dtype=float).ravel()
 
 
 def read_npz(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a NumPy archive, by the name of the array. Raises ValueError; pickled objects are refused."""
+    """Columns of a NumPy archive, by the name of the array. Raises InputError; pickled objects are refused."""
     try:
         with zipfile.ZipFile(path) as archive:
             _bounded(sum(member.file_size for member in archive.infolist()) / 4)
         with np.load(path, allow_pickle=False) as arrays:
             missing = [key for key in keys if key.column not in arrays.files]
             if missing:
-                raise ValueError(f"no array {missing[0]}; there are: {', '.join(arrays.files)}")
+                raise InputError(f"no array {missing[0]}; there are: {', '.join(arrays.files)}")
             return {key: _numeric(arrays[str(key.column)], key) for key in keys}
     except (*_BROKEN, zipfile.BadZipFile, RuntimeError, SyntaxError) as error:
-        raise ValueError(f"is damaged, or no NPZ file ({error}); write it again with numpy.savez") from error
+        raise InputError(f"is damaged, or no NPZ file ({error}); write it again with numpy.savez") from error
 
 
 def read_parquet(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a Parquet file, by name or by number from 0. Raises ValueError; needs the extra `parquet`."""
+    """Columns of a Parquet file, by name or by number from 0. Raises InputError; needs the extra `parquet`."""
     parquet, broken = _pyarrow()
     try:
         file = parquet.ParquetFile(path)
@@ -156,12 +157,12 @@ def read_parquet(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
             if key.index is not None or (
                 key.column not in there if isinstance(key.column, str) else key.column >= len(there)
             ):
-                raise ValueError(f"no column {key}; there are: {', '.join(there)}")
+                raise InputError(f"no column {key}; there are: {', '.join(there)}")
         names = {key: key.column if isinstance(key.column, str) else there[key.column] for key in keys}
         _bounded(file.metadata.num_rows * len(names))
         frame = file.read(columns=sorted(set(names.values()))).to_pandas()
     except broken as error:
-        raise ValueError(f"is damaged, or no Parquet file ({error}); write it again") from error
+        raise InputError(f"is damaged, or no Parquet file ({error}); write it again") from error
     return {
         key: _column(
             frame[name].to_numpy(dtype=float, na_value=np.nan) if frame[name].dtype.kind in "iuf" else None, key
@@ -172,14 +173,14 @@ def read_parquet(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
 
 def _column(values: Array | None, key: Key) -> Array:
     if values is None:
-        raise ValueError(f"column {key} holds no numbers; expected one number per sample")
+        raise InputError(f"column {key} holds no numbers; expected one number per sample")
     return values
 
 
 def names_of(path: Path) -> tuple[str, ...]:
     """Names of the one-dimensional numeric columns that a MAT, NPZ or Parquet file offers, structs as dotted paths; a name may repeat.
 
-    Raises ValueError where the file cannot be read.
+    Raises InputError where the file cannot be read.
     """
     suffix = path.suffix.lower()
     if suffix == ".mat":
@@ -196,7 +197,7 @@ def names_of(path: Path) -> tuple[str, ...]:
     try:
         return tuple(parquet.ParquetFile(path).schema_arrow.names)
     except broken as error:
-        raise ValueError(f"is damaged, or no Parquet file ({error}); write it again") from error
+        raise InputError(f"is damaged, or no Parquet file ({error}); write it again") from error
 
 
 def _vectors(name: str, value: object) -> list[str]:
@@ -215,7 +216,7 @@ def _pyarrow() -> tuple[Any, tuple[type[Exception], ...]]:
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise ValueError(
+        raise InputError(
             "is a Parquet file, which needs pyarrow; install it with pip install 'bristle[parquet]'"
         ) from error
     return parquet, (pyarrow.ArrowException, *_BROKEN)
@@ -223,4 +224,4 @@ def _pyarrow() -> tuple[Any, tuple[type[Exception], ...]]:
 
 def _bounded(values: float) -> None:
     if values > MAX_VALUES:
-        raise ValueError(f"holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")
+        raise InputError(f"holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")

@@ -9,6 +9,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
+from bristle.errors import InputError
+
 MAX_BYTES = 1_000_000
 """Largest experiment file, bytes."""
 MAX_DEPTH = 30
@@ -59,18 +61,18 @@ class _Loader(yaml.SafeLoader):
 
 
 def read_text(path: Path) -> str:
-    """The text of a file of at most `MAX_BYTES`. Raises ValueError where it cannot be read."""
+    """The text of a file of at most `MAX_BYTES`. Raises InputError where it cannot be read."""
     try:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise ValueError(unreadable(path, error)) from error
+        raise InputError(unreadable(path, error)) from error
     if len(content) > MAX_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_BYTES} bytes; expected an experiment file, which is a page of YAML")
+        raise InputError(f"{path}: larger than {MAX_BYTES} bytes; expected an experiment file, which is a page of YAML")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(
+        raise InputError(
             f"{path}: not text in UTF-8 (byte {error.start}); expected an experiment file in YAML"
         ) from error
 
@@ -85,25 +87,25 @@ def unreadable(path: Path | str, error: OSError) -> str:
 
 
 def parse(text: str, name: str) -> dict[str, Any]:
-    """The mapping that a YAML text holds. Raises ValueError with the line where it is malformed."""
+    """The mapping that a YAML text holds. Raises InputError with the line where it is malformed."""
     try:
         loader = _Loader(text)
         document = loader.get_single_data()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
-        raise ValueError(f"{name}:{where} {error.problem or error.context}") from error
+        raise InputError(f"{name}:{where} {error.problem or error.context}") from error
     except yaml.YAMLError as error:
-        raise ValueError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
     except (ValueError, TypeError, LookupError, OverflowError) as error:
-        raise ValueError(f"{name}: holds a value that YAML cannot read ({error}); put it in quotes") from error
+        raise InputError(f"{name}: holds a value that YAML cannot read ({error}); put it in quotes") from error
     if not isinstance(document, dict):
-        raise ValueError(f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs:")
+        raise InputError(f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs:")
     return document
 
 
 def validate(model: type[M], data: dict[str, Any], name: str, context: object) -> M:
-    """The model that the data describe. Raises ValueError naming the key, what was got and what to do."""
+    """The model that the data describe. Raises InputError naming the key, what was got and what to do."""
     try:
         return model.model_validate(data, context=context)
     except ValidationError as error:
@@ -111,7 +113,7 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
         found = [e for e in errors if not any(o is not e and o["loc"][: len(e["loc"])] == e["loc"] for o in errors)]
         first = min(found, key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise ValueError(f"{name}: {_sentence(first, model)}{more}") from error
+        raise InputError(f"{name}: {_sentence(first, model)}{more}") from error
 
 
 def short(value: object) -> str:

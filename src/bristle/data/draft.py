@@ -10,6 +10,7 @@ from bristle.data.containers import names_of
 from bristle.data.document import unreadable
 from bristle.data.reading import BINARY, read_table, text_layout
 from bristle.data.signals import DRIVE
+from bristle.errors import InputError
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
@@ -58,7 +59,7 @@ def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, 
     """The text of an experiment file for a data file, and one sentence for each thing that was not guessed, or only assumed.
 
     Data files are named relative to `folder`, where the draft will be saved; None: beside the data. What is marked FILL IN must be filled in before
-    the draft can be used. Raises ValueError where the data file cannot be read.
+    the draft can be used. Raises InputError where the data file cannot be read.
     """
     names, told = _columns(data_file)
     found = _guesses(names)
@@ -109,7 +110,7 @@ def _columns(path: Path) -> tuple[tuple[str, ...], str]:
             return names, ", ".join(_text(name) for name in names) or "none that is a vector of numbers"
         layout = text_layout(path)
     except OSError as error:
-        raise ValueError(unreadable(path, error)) from error
+        raise InputError(unreadable(path, error)) from error
     if layout.names:
         return layout.names, ", ".join(_text(name) for name in layout.names)
     numbered = ", ".join(f"{k} (first value {_text(cell)})" for k, cell in enumerate(layout.first) if cell)

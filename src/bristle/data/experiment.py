@@ -31,6 +31,7 @@ from bristle.data.options import (
 from bristle.data.record import Record
 from bristle.data.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
 from bristle.data.steady import Thresholds
+from bristle.errors import InputError
 from bristle.model.parameters import Kind, Lugre, Motor
 
 __all__ = [
@@ -101,7 +102,7 @@ class Experiment(Model):
     @classmethod
     def _both_or_each(cls, sets: dict[str, TrueSet]) -> dict[str, TrueSet]:
         if "both" in sets and len(sets) > 1:
-            raise ValueError("got both beside + or -; expected either both, or + and -")
+            raise InputError("got both beside + or -; expected either both, or + and -")
         return sets
 
     @model_validator(mode="after")
@@ -119,21 +120,21 @@ def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
     signals = run.signals.over(experiment.signals) if run.signals else experiment.signals
     drive, moving = signals.drive(), run.experiment != "points"
     if drive is None:
-        raise ValueError(f"{where}: no torque; name one of torque, voltage and current under signals")
+        raise InputError(f"{where}: no torque; name one of torque, voltage and current under signals")
     if moving and signals.time is None:
-        raise ValueError(
+        raise InputError(
             f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
         )
     needs_position = run.experiment == "presliding" or (moving and "gravity" in (experiment.fit.regressors or ()))
     if signals.position is None and (needs_position or signals.velocity is None):
         wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
-        raise ValueError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")
+        raise InputError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")
     if not moving and (signals.velocity is None or drive != "torque"):
-        raise ValueError(f"{where}: points are pairs of velocity and torque; name both under signals")
+        raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
     constants = experiment.motor_constants
     if drive != "torque" and (constants is None or (drive == "voltage" and constants.resistance is None)):
         wanted = "motor.torque_constant" if constants is None else "motor.resistance"
-        raise ValueError(
+        raise InputError(
             f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
         )
 
@@ -141,12 +142,12 @@ def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
 def load_experiment(path: str | Path) -> Experiment:
     """The experiment that a YAML file describes; the data files are not read yet.
 
-    Raises ValueError in one sentence that names the file, the key or the line, what was got and what to do.
+    Raises InputError in one sentence that names the file, the key or the line, what was got and what to do.
     """
     path = Path(path)
     data = parse(read_text(path), str(path))
     if "path" in data:
-        raise ValueError(f"{path}: unknown key 'path'; data files are named under runs, as files")
+        raise InputError(f"{path}: unknown key 'path'; data files are named under runs, as files")
     data = {key: value for key, value in data.items() if value is not None}  # a heading with nothing under it
     return validate(Experiment, {**data, "path": path}, str(path), _context(data))
 
@@ -170,7 +171,7 @@ class Run:
 def read_runs(experiment: Experiment) -> tuple[Run, ...]:
     """Every file that the experiment names, as a record with velocity and torque; tracking runs have acceleration as well.
 
-    Raises ValueError in one sentence that names the file and what is wrong with it.
+    Raises InputError in one sentence that names the file and what is wrong with it.
     """
     found = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
     return tuple(
@@ -184,7 +185,7 @@ def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
     folder, variables = experiment.parent, {}
     for name in _VARIABLE.findall(files):
         if not os.environ.get(name):
-            raise ValueError(
+            raise InputError(
                 f"{experiment}: runs: files {files!r} needs the environment variable {name}, which is not set; set it to a folder"
             )
         variables[name] = os.environ[name]
@@ -192,7 +193,7 @@ def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
     found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
     if not found:
         what = "matches no file" if glob.has_magic(pattern) else "is no file"
-        raise ValueError(
+        raise InputError(
             f"{experiment}: runs: files {files!r} {what}; expected a path or glob relative to the folder of the experiment file"
         )
     return [(folder / match, _shown(match, folder, variables)) for match in found]
@@ -222,8 +223,8 @@ def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Reco
             return (
                 record if run.experiment == "points" else _complete(experiment, run.experiment, record, signals.drive())
             )
-        except ValueError as error:
-            raise ValueError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
+        except InputError as error:
+            raise InputError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
 
 
 def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:

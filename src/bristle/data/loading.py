@@ -15,6 +15,7 @@ from scipy.signal import find_peaks
 from bristle.data.encoder import smallest_step
 from bristle.data.motion import derivative, smoothed, stretches
 from bristle.data.record import Record, freeze
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 _PROMINENT = 0.1
@@ -103,7 +104,7 @@ def find_loadings(
         resolution: one count, rad; None: the smallest step seen.
         breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the noise floor.
 
-    Raises ValueError where the joint slides from the start, in one sentence.
+    Raises InputError where the joint slides from the start, in one sentence.
     """
     position, torque = _signals(record)
     quantum = resolution or smallest_step(position)
@@ -161,7 +162,7 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
 
 def _signals(record: Record) -> tuple[Array, Array]:
     if record.position is None or record.torque is None:
-        raise ValueError(f"{record.file}: presliding needs position and torque; name both under signals")
+        raise InputError(f"{record.file}: presliding needs position and torque; name both under signals")
     return record.position, record.torque
 
 
@@ -216,10 +217,10 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
     early = position - position[0] <= share * travel
     if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
         if float((position - position.mean()) @ (torque - torque.mean())) < 0:
-            raise ValueError(
+            raise InputError(
                 f"{file}: the joint moves against its torque; a drive's torque is positive along positive velocity: give it scale: -1 under signals"
             )
-        raise ValueError(
+        raise InputError(
             f"{file}: the joint slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
             "a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
         )

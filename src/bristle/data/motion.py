@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 ORDER = 4
@@ -23,13 +24,13 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
     it is; the acceleration is then its derivative, after the same filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it.
     Stretches shorter than 16 samples are left out of the record and counted.
 
-    Raises ValueError where there is neither position nor velocity, or no stretch is long enough.
+    Raises InputError where there is neither position nor velocity, or no stretch is long enough.
     """
     record = _without_short_stretches(record)
     source = "position" if record.velocity is None else "velocity"
     values = record.position if record.velocity is None else record.velocity
     if values is None:
-        raise ValueError(f"{record.file}: neither position nor velocity; name one of them under signals")
+        raise InputError(f"{record.file}: neither position nor velocity; name one of them under signals")
     used = usable(record, cutoff)
     lowered = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency" if used < cutoff else ""
     smooth = smoothed(record, values, used)
@@ -96,7 +97,7 @@ def _without_short_stretches(record: Record) -> Record:
     pieces = stretches(record)
     long = [s for s in pieces if s.stop - s.start >= SHORTEST]
     if not long:
-        raise ValueError(
+        raise InputError(
             f"{record.file}: no stretch without a gap has {SHORTEST} samples, too few to differentiate; log velocity, or raise cleaning.gap"
         )
     if len(long) == len(pieces):

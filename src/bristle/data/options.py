@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field, StrictBool, StrictStr, ValidationIn
 from bristle.data import units
 from bristle.data.document import Model, short
 from bristle.data.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
+from bristle.errors import InputError
 from bristle.model.parameters import Kind, Lugre
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
@@ -28,14 +29,14 @@ def read_inertia(value: object, info: ValidationInfo) -> object:
         return value
     number, error = units.plus_minus(value, si("inertia", info.context))
     if not number > 0:
-        raise ValueError(f"got {short(value)}; expected a positive inertia")
+        raise InputError(f"got {short(value)}; expected a positive inertia")
     return Inertia(value=number, standard_error=error)
 
 
 def read_fixed(value: object, info: ValidationInfo) -> object:
     """Read `{sigma_1: 0.02 N*m*s/rad, ...}`, each with its unit, and perhaps a direction's sign at its name's end."""
     if not isinstance(value, dict):
-        raise ValueError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
+        raise InputError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
     known = (
         "alpha_0",
         "alpha_1",
@@ -50,7 +51,7 @@ def read_fixed(value: object, info: ValidationInfo) -> object:
     )
     wrong = [name for name in value if str(name).rstrip("+-") not in known]
     if wrong:
-        raise ValueError(f"got {short(wrong[0])}; expected one of {', '.join(known)}, with + or - for one direction")
+        raise InputError(f"got {short(wrong[0])}; expected one of {', '.join(known)}, with + or - for one direction")
     if not isinstance(info.context, Context):
         return value
     return {name: units.to_si(x, si(str(name).rstrip("+-"), info.context)) for name, x in value.items()}
@@ -122,11 +123,11 @@ class FitOptions(Model):
     @model_validator(mode="after")
     def _consistent(self) -> "FitOptions":
         if self.regressors is not None and "offset" in self.regressors and self.directions == "separate":
-            raise ValueError(
+            raise InputError(
                 "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, or set directions: symmetric"
             )
         if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
-            raise ValueError(
+            raise InputError(
                 f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"
             )
         return self
@@ -180,7 +181,7 @@ class AdaptOptions(Model):
     def _known_start(self) -> "AdaptOptions":
         wrong = [name for name in self.start if name not in Lugre._fields]
         if wrong:
-            raise ValueError(f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}")
+            raise InputError(f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}")
         return self
 
 
@@ -233,11 +234,11 @@ class PlanOptions(Model):
     @model_validator(mode="after")
     def _ordered(self) -> "PlanOptions":
         if self.position is not None and not self.position[0] < self.position[1]:
-            raise ValueError(
+            raise InputError(
                 f"plan.position: got {self.position[0]:g} to {self.position[1]:g}; expected the smaller value first"
             )
         if self.velocity is not None and self.minimum_velocity is not None and self.minimum_velocity >= self.velocity:
-            raise ValueError(
+            raise InputError(
                 f"plan.minimum_velocity: got {self.minimum_velocity:g}; expected less than plan.velocity, {self.velocity:g}"
             )
         return self
@@ -245,15 +246,15 @@ class PlanOptions(Model):
     @model_validator(mode="after")
     def _sampled(self) -> "PlanOptions":
         if self.rate < 20:
-            raise ValueError(
+            raise InputError(
                 f"plan.rate: got {self.rate:g} Hz; expected at least 20 Hz, four samples of the shortest turn"
             )
         if self.frequency is not None and self.frequency < 0.2:
-            raise ValueError(
+            raise InputError(
                 f"plan.frequency: got {self.frequency:g} Hz; expected at least 0.2 Hz, three periods of a motion"
             )
         if self.frequency is not None and "rate" in self.model_fields_set and self.rate < 10 * self.frequency:
-            raise ValueError(
+            raise InputError(
                 f"plan.rate: got {self.rate:g} Hz; expected at least {10 * self.frequency:g} Hz, ten samples of a period of plan.frequency"
             )
         return self

@@ -16,6 +16,7 @@ import numpy as np
 from bristle.data import containers
 from bristle.data.containers import Key
 from bristle.data.document import short, unreadable
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Layout(NamedTuple):
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Table:
     """The columns `keys` of a file; its suffix says which format: .mat, .npz, .parquet, and text for any other.
 
-    Raises ValueError in one sentence, opening with `shown` (or the path), where the file or a column cannot be read as numbers.
+    Raises InputError in one sentence, opening with `shown` (or the path), where the file or a column cannot be read as numbers.
     """
     name = shown or str(path)
     try:
@@ -79,19 +80,19 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Tab
         else:
             columns, notes = _read_text(path, keys)
     except OSError as error:
-        raise ValueError(unreadable(name, error)) from error
+        raise InputError(unreadable(name, error)) from error
     except MemoryError as error:
-        raise ValueError(f"{name}: does not fit into memory; cut it into several runs") from error
+        raise InputError(f"{name}: does not fit into memory; cut it into several runs") from error
     except ValueError as error:
-        raise ValueError(f"{name}: {' '.join(str(error).split())}") from error
+        raise InputError(f"{name}: {' '.join(str(error).split())}") from error
     lengths = {key: column.size for key, column in columns.items()}
     if len(set(lengths.values())) > 1:
-        raise ValueError(
+        raise InputError(
             f"{name}: columns differ in length: {', '.join(f'{k} has {n} rows' for k, n in lengths.items())}; name columns of one length"
         )
     rows = next(iter(lengths.values()), 0)
     if rows == 0 and keys:
-        raise ValueError(f"{name}: holds no row of numbers; expected a log with a row per sample")
+        raise InputError(f"{name}: holds no row of numbers; expected a log with a row per sample")
     return Table(columns=columns, rows=rows, sha256=digest, notes=notes)
 
 
@@ -99,24 +100,24 @@ def _digest(path: Path, *, text: bool) -> str:
     """SHA-256 of a file, which is read once, in pieces; refuses what is too large, empty, or (as text) binary or one long line."""
     size = path.stat().st_size
     if size > MAX_BYTES:
-        raise ValueError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")
+        raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")
     digest, open_line = hashlib.sha256(), 0
     with path.open("rb") as file:
         for piece in iter(lambda: file.read(2**20), b""):
             digest.update(piece)
             lines = piece.replace(b"\r", b"\n").split(b"\n") if text else []
             if text and max(open_line + len(lines[0]), *map(len, lines)) > MAX_LINE:
-                raise ValueError(f"has a line longer than {MAX_LINE} bytes; expected one row of numbers per line")
+                raise InputError(f"has a line longer than {MAX_LINE} bytes; expected one row of numbers per line")
             open_line = len(lines[-1]) + (open_line if len(lines) == 1 else 0) if text else 0
     if size == 0:
-        raise ValueError("the file is empty; expected a log with a row per sample")
+        raise InputError("the file is empty; expected a log with a row per sample")
     return digest.hexdigest()
 
 
 def text_layout(path: Path) -> Layout:
     """Delimiter, header, decimal sign and comments of a text file, from its first lines.
 
-    The delimiter is the one that cuts most lines into the same number of columns, most of them numbers. Raises ValueError where the file is no text.
+    The delimiter is the one that cuts most lines into the same number of columns, most of them numbers. Raises InputError where the file is no text.
     """
     with path.open("rb") as file:
         encoding, lines = _decode(file)
@@ -127,7 +128,7 @@ def text_layout(path: Path) -> Layout:
         if line.strip() and not (comment and line.lstrip().startswith(comment))
     ]
     if not rows:
-        raise ValueError("holds no row of numbers; expected a log with a row per sample")
+        raise InputError("holds no row of numbers; expected a log with a row per sample")
     body = [line for _, line in rows[-200:]]
     delimiter = max(_DELIMITERS, key=lambda d: _fitness(body, d))
     cells = [(i, split(line, delimiter)) for i, line in rows]
@@ -154,7 +155,7 @@ def split(line: str, delimiter: str) -> list[str]:
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     except csv.Error as error:
-        raise ValueError(f"is not a table of numbers ({error})") from error
+        raise InputError(f"is not a table of numbers ({error})") from error
 
 
 def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
@@ -162,7 +163,7 @@ def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
     whole = len(sample) < _SAMPLE
     encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     if encoding != "utf-16" and b"\0" in sample:
-        raise ValueError("is not a text file; expected CSV text, or a .mat, .npz or .parquet file")
+        raise InputError("is not a text file; expected CSV text, or a .mat, .npz or .parquet file")
     try:
         text = sample.decode(encoding)
     except UnicodeDecodeError as error:
@@ -191,7 +192,7 @@ def _width(rows: Sequence[Sequence[str]]) -> int:
     usual = _usual([len(row) for row in rows])
     wide = next((k for k, row in enumerate(rows) if any(row[usual:])), None)
     if wide is not None:
-        raise ValueError(
+        raise InputError(
             f"its rows differ in width: row {wide + 1} has {len(rows[wide])} columns; expected {usual} as in the others"
         )
     return max(map(len, rows))
@@ -209,7 +210,7 @@ def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple
     layout = text_layout(path)
     where = {key: _place(key, layout) for key in keys}
     if not layout.first:
-        raise ValueError("has a header and no row of numbers; expected a log with a row per sample")
+        raise InputError("has a header and no row of numbers; expected a log with a row per sample")
     try:
         frame = pd.read_csv(
             path,
@@ -226,7 +227,7 @@ def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple
             low_memory=False,
         )
     except pd.errors.ParserError as error:
-        raise ValueError(f"its rows differ in width: {error}; expected {layout.width} columns in every row") from error
+        raise InputError(f"its rows differ in width: {error}; expected {layout.width} columns in every row") from error
     notes = ("Numbers have a decimal comma.",) if layout.decimal == "," else ()
     return {key: _numbers(frame[place], key) for key, place in where.items()}, notes
 
@@ -235,17 +236,17 @@ def _place(key: Key, layout: Layout) -> int:
     """Which column of the file a key names, from 0."""
     column, there = key.column, ", ".join(layout.names) or f"0 to {layout.width - 1}, without a header"
     if key.index is not None:
-        raise ValueError(
+        raise InputError(
             f"column {column!r} has an index, which only a matrix in a MAT or NPZ file needs; leave it out"
         )
     if isinstance(column, int):
         if column >= layout.width:
-            raise ValueError(f"no column {column}; columns count from 0, and there are: {short_list(there)}")
+            raise InputError(f"no column {column}; columns count from 0, and there are: {short_list(there)}")
         return column
     if layout.names.count(column) != 1:
         problem = "several columns" if column in layout.names else "no column"
         advice = "; a column number is written without quotes" if column.isdigit() else ""
-        raise ValueError(f"{problem} named {column!r}; there are: {short_list(there)}{advice}")
+        raise InputError(f"{problem} named {column!r}; there are: {short_list(there)}{advice}")
     return layout.names.index(column)
 
 
@@ -263,7 +264,7 @@ def _numbers(column: "pd.Series[float]", key: Key) -> Array:
     numbers = pd.to_numeric(text.map(lambda cell: None if isinstance(cell, bool) else cell), errors="coerce")
     bad = np.flatnonzero(numbers.isna() & text.notna())
     if bad.size:
-        raise ValueError(
+        raise InputError(
             f"row {bad[0] + 1} of column {key} holds {short(text.iloc[bad[0]])}; expected a number (rows count from 1, after the header)"
         )
     return np.asarray(numbers, dtype=float)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ _SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration")
 class Record:
     """One run. Every signal is a read-only copy of shape (n,), n >= 1, finite; m, N and kg stand in for rad, N*m and kg*m**2 where prismatic.
 
-    Raises ValueError where a signal has another length, holds a value that is not finite, or time does not increase.
+    Raises InputError where a signal has another length, holds a value that is not finite, or time does not increase.
     """
 
     file: str
@@ -55,16 +56,16 @@ class Record:
         time = _frozen(self.time)
         object.__setattr__(self, "time", time)
         if time.ndim != 1 or time.size == 0:
-            raise ValueError(f"{self.file}: time has shape {time.shape}; expected one column with at least one row")
+            raise InputError(f"{self.file}: time has shape {time.shape}; expected one column with at least one row")
         if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
-            raise ValueError(f"{self.file}: time must be finite and increase strictly from sample to sample")
+            raise InputError(f"{self.file}: time must be finite and increase strictly from sample to sample")
         for name in _SIGNALS:
             value = getattr(self, name)
             if value is None:
                 continue
             array = _frozen(value)
             if array.shape != time.shape or not np.isfinite(array).all():
-                raise ValueError(f"{self.file}: {name} must be finite and as long as time, {time.size} samples")
+                raise InputError(f"{self.file}: {name} must be finite and as long as time, {time.size} samples")
             object.__setattr__(self, name, array)
 
     @property

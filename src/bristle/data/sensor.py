@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 Expression = Any
@@ -33,8 +34,8 @@ def quantise(x: Expression, resolution: Expression) -> Expression:
 def white_noise(rng: np.random.Generator, standard_deviation: float, shape: tuple[int, ...]) -> Array:
     """Normal, independent, zero-mean noise, in the unit of `standard_deviation`.
 
-    Raises ValueError if the standard deviation is negative.
+    Raises InputError if the standard deviation is negative.
     """
     if not standard_deviation >= 0:
-        raise ValueError(f"the standard deviation of noise is {standard_deviation}; expected zero or more")
+        raise InputError(f"the standard deviation of noise is {standard_deviation}; expected zero or more")
     return standard_deviation * rng.standard_normal(shape)

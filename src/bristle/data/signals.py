@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, StrictInt, StrictStr, ValidationInf
 
 from bristle.data import units
 from bristle.data.document import Model
+from bristle.errors import InputError
 from bristle.model.parameters import Kind, unit
 
 DRIVE = ("torque", "voltage", "current")
@@ -67,11 +68,11 @@ class Signal(Model):
     @classmethod
     def _counted_from_zero(cls, column: int | str) -> int | str:
         if isinstance(column, int) and column < 0:
-            raise ValueError(f"got {column}; expected a name or a number counted from 0")
+            raise InputError(f"got {column}; expected a name or a number counted from 0")
         return column
 
     def factor(self, name: str, context: Context) -> float:
-        """What logged values are multiplied by to be in SI. Raises ValueError where the unit does not fit."""
+        """What logged values are multiplied by to be in SI. Raises InputError where the unit does not fit."""
         return units.factor(self.unit, si(name, context), scale=self.scale, resolution=context.resolution)
 
 
@@ -82,14 +83,14 @@ class Position(Signal):
     """True: at each full turn; or at a period such as `360 deg`; None: not declared, so a jump of a full turn is refused."""
 
     def period(self, context: Context) -> float | None:
-        """Where the position wraps, rad or m; None where it does not. Raises ValueError where a prismatic joint has no explicit period."""
+        """Where the position wraps, rad or m; None where it does not. Raises InputError where a prismatic joint has no explicit period."""
         if isinstance(self.wraps, str):
             period = units.to_si(self.wraps, si("position", context))
             if not period > 0:
-                raise ValueError(f"wraps: got {self.wraps!r}; expected a positive period such as '360 deg'")
+                raise InputError(f"wraps: got {self.wraps!r}; expected a positive period such as '360 deg'")
             return period
         if self.wraps and context.kind == "prismatic":
-            raise ValueError(
+            raise InputError(
                 "wraps: true means a full turn, which a prismatic joint does not have; give the period, such as wraps: '10 mm'"
             )
         return units.to_si("360 deg", "rad") if self.wraps else None
@@ -106,7 +107,7 @@ class Time(Model):
     @model_validator(mode="after")
     def _one_of_both(self) -> "Time":
         if (self.column is None) == (self.rate is None) or (self.column is not None and self.unit is None):
-            raise ValueError(
+            raise InputError(
                 "expected either a column with its unit, as in {column: t, unit: s}, or a rate, as in {rate: 1 kHz}"
             )
         if self.unit is not None:
@@ -137,7 +138,7 @@ class Signals(Model):
     def _one_drive(self) -> "Signals":
         given = [name for name in DRIVE if getattr(self, name) is not None]
         if len(given) > 1:
-            raise ValueError(f"got {' and '.join(given)}; expected exactly one of torque, voltage, current")
+            raise InputError(f"got {' and '.join(given)}; expected exactly one of torque, voltage, current")
         return self
 
     def over(self, base: "Signals") -> "Signals":

@@ -12,6 +12,7 @@ from bristle.data.judging import Thresholds, doubts, reasons, sticks
 from bristle.data.plateaus import Stretch, stretches
 from bristle.data.record import Record
 from bristle.data.statistics import residual_doubts
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_doubts"]
@@ -72,10 +73,10 @@ def find_segments(
         encoder_resolution: rad; by default the smallest step of the position.
 
     Raises:
-        ValueError: where the record has no velocity or no torque.
+        InputError: where the record has no velocity or no torque.
     """
     if record.velocity is None or record.torque is None:
-        raise ValueError(
+        raise InputError(
             f"{record.file}: a ramp run needs velocity and torque; name position or velocity, and torque, under signals"
         )
     edges = (*record.starts, record.time.size)

@@ -8,6 +8,8 @@ import tokenize
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from bristle.errors import InputError
+
 if TYPE_CHECKING:
     import pint
 
@@ -50,7 +52,7 @@ _REFUSALS = (
 def to_si(value: object, target: str) -> float:
     """A quantity such as `1.5e-3 rad`, in `target`, an SI unit; for an encoder also `4096 counts/rev`, the size of one count.
 
-    Raises ValueError where there is no number, no unit, or a unit of another dimension.
+    Raises InputError where there is no number, no unit, or a unit of another dimension.
     """
     if isinstance(value, str):
         if target in ("rad", "m") and (per := _PER_TURN.fullmatch(value)) and float(per[1]) > 0:
@@ -58,19 +60,19 @@ def to_si(value: object, target: str) -> float:
         found = _QUANTITY.fullmatch(value)
         if found and found[2]:
             return float(found[1]) * factor(found[2], target)
-    raise ValueError(f"got {_short(value)}; expected a number with its unit, such as {_example(target)}")
+    raise InputError(f"got {_short(value)}; expected a number with its unit, such as {_example(target)}")
 
 
 def plus_minus(value: object, target: str) -> tuple[float, float | None]:
     """`x unit` as (x, None), and `x ± s unit` (also `x +/- s unit`, or with a unit after x as well) as (x, s), both in `target`.
 
-    Raises ValueError as `to_si`, and where s is not positive.
+    Raises InputError as `to_si`, and where s is not positive.
     """
     found = _UNCERTAIN.fullmatch(value) if isinstance(value, str) else None
     if not found:
         return to_si(value, target), None
     if not float(found[3]) > 0:
-        raise ValueError(f"got {_short(value)}; expected a positive standard error after ±, or none at all")
+        raise InputError(f"got {_short(value)}; expected a positive standard error after ±, or none at all")
     first, second = found[2] or found[4] or "1", found[4] or found[2] or "1"
     return float(found[1]) * factor(first, target), float(found[3]) * factor(second, target)
 
@@ -78,12 +80,12 @@ def plus_minus(value: object, target: str) -> tuple[float, float | None]:
 def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: float | None = None) -> float:
     """What a value in `unit` is multiplied by to be in `target`: `unit` times `scale`, which may have a unit of its own.
 
-    `counts` (alone or first, as in `counts/s`) are worth `resolution`, rad or m. Raises ValueError where the dimension differs.
+    `counts` (alone or first, as in `counts/s`) are worth `resolution`, rad or m. Raises InputError where the dimension differs.
     """
     number, times = _scale(scale)
     if counts := _COUNTS.match(unit.strip()):
         if resolution is None:
-            raise ValueError(
+            raise InputError(
                 f"unit {unit!r} needs encoder_resolution, the size of one count, such as '4096 counts/rev'"
             )
         number *= resolution
@@ -95,14 +97,14 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
     torque_like = "N" in target or "kg" in target
     if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
         by_scale = f" times scale {scale!r}" if times != "1" else ""
-        raise ValueError(f"unit {unit!r}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}")
+        raise InputError(f"unit {unit!r}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}")
     return number * size / target_size
 
 
 def _scale(scale: str | float) -> tuple[float, str]:
     found = _QUANTITY.fullmatch(str(scale))
     if not found or float(found[1]) == 0:
-        raise ValueError(
+        raise InputError(
             f"scale {scale!r} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
         )
     return float(found[1]), found[2] or "1"
@@ -120,11 +122,11 @@ def _parse(unit: str) -> "pint.Unit":
     text = "dimensionless" if text in ("1", "-") else text.replace("%", "percent")
     bad = f"unit {_short(unit)} is not known; expected a unit such as rad, deg/s, N*m or mA"
     if not _UNIT.fullmatch(text) or _POWER.search(text):
-        raise ValueError(bad)
+        raise InputError(bad)
     try:
         return _registry().parse_units(text)
     except _REFUSALS as error:
-        raise ValueError(bad) from error
+        raise InputError(bad) from error
 
 
 @cache

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.identification.marquardt import Minimum, minimise
 from bristle.identification.nested import descend
 from bristle.identification.regression import SEEN
@@ -32,7 +33,7 @@ _BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
 def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
     """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
 
-    Raises ValueError as `minimise` does.
+    Raises InputError as `minimise` does.
     """
     scale, box = scales(problem, start), bounds(problem)
     near = _brought_near(problem, scale, box, start, most)
@@ -51,7 +52,7 @@ def _brought_near(
     )
     try:
         found = minimise(scaled(few, scale), to_scaled(problem, start, scale), *box, most, _NEAR)
-    except ValueError:
+    except InputError:
         return start
     near, measured = from_scaled(problem, found.x, scale), between.measured
     return min((near, start), key=lambda values: np.sum((measured - np.concatenate(modelled(between, values))) ** 2))

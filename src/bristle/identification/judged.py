@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bristle.data.statistics import inflation
+from bristle.errors import InputError
 from bristle.identification.descent import fit, polished, scales, slopes_of_scaling
 from bristle.identification.linear import inverse_gram
 from bristle.identification.marquardt import Minimum
@@ -52,7 +53,7 @@ def judge(
         moved = {name: value * _factor(name, rng) for name, value in start.items()}
         try:
             ends.append(fit(problem, with_deflections(problem, moved), _TRIES))
-        except ValueError:  # a random start may well lie where nothing depends on anything
+        except InputError:  # a random start may well lie where nothing depends on anything
             continue
     values, minimum = polished(problem, *min(ends, key=lambda end: end[1].cost))
     reached = max(sum(m.cost <= minimum.cost * (1 + _SAME) + 1e-20 for _, m in ends), 1)

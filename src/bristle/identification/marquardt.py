@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 
 _DAMPING = 1e-4
@@ -51,14 +52,14 @@ def minimise(
         most: steps tried.
         settled: what lowers the cost by less than this share of the residuals' variance is no step any more.
 
-    Raises ValueError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
+    Raises InputError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
     """
     x = np.clip(start, lower, upper)
     residuals, jacobian = evaluate(x)
     cost = float(residuals @ residuals)
     if not np.isfinite(cost) or not (jacobian.T @ residuals).any():
         what = "the gradient is zero" if np.isfinite(cost) else "the cost is not finite"
-        raise ValueError(
+        raise InputError(
             f"at the start of the fit {what}; the motion shows none of the parameters, or the start is wrong"
         )
     damping, taken, scale, converged = _DAMPING, 0, np.zeros(x.size), False

@@ -9,6 +9,7 @@ import numpy as np
 from bristle.data.experiment import Experiment
 from bristle.data.record import Record
 from bristle.data.statistics import inflation
+from bristle.errors import InputError
 from bristle.identification import regression
 from bristle.identification.descent import fit
 from bristle.identification.estimate import ModelComparison, StaticFit, TrackingFit
@@ -80,7 +81,7 @@ def of_moving(
         static: static fits of the moving runs themselves; empty where other runs gave them.
         alone: all parameters of the moving runs.
 
-    Raises ValueError as the fits of moving runs do.
+    Raises InputError as the fits of moving runs do.
     """
     if alone.quantity != "torque":
         return None
@@ -214,7 +215,7 @@ def _lugre(
     }
     for called, directions in variants.items():
         if called != done and not experiment.fit.shared:
-            with suppress(ValueError):  # a start that shows nothing is no reason to fail: then this one is left out
+            with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
                 found[called] = _refitted(experiment, records, held, alone, called, directions)
     return [found[called] for called in variants if called in found]
 

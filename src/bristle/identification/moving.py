@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bristle.data.experiment import Experiment
 from bristle.data.options import Inertia
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.identification import regression
 from bristle.identification.estimate import Crosscheck, StaticFit
 from bristle.identification.fit import Where, fit_static
@@ -27,26 +28,26 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
 
 
 def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
-    """Raise ValueError where the drive's torque (n,) opposes the velocity (n,): friction opposes motion, so its sign is wrong."""
+    """Raise InputError where the drive's torque (n,) opposes the velocity (n,): friction opposes motion, so its sign is wrong."""
     if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
-        raise ValueError(
+        raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
             "scale: -1 under signals, or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
         )
 
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
-    """Raise ValueError where the torque of moving runs opposes their velocity."""
+    """Raise InputError where the torque of moving runs opposes their velocity."""
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
     refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
 
 
 def refuse_mixed_rates(records: Sequence[Record]) -> None:
-    """Raise ValueError where moving runs were sampled at different rates: one decimation filter serves them all."""
+    """Raise InputError where moving runs were sampled at different rates: one decimation filter serves them all."""
     steps = {r.file: r.step for r in records}
     first, last = min(steps, key=lambda f: steps[f]), max(steps, key=lambda f: steps[f])
     if steps[last] > 1.05 * steps[first]:
-        raise ValueError(
+        raise InputError(
             f"runs: tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
             "fit them in experiments of their own, or resample one"
         )
@@ -57,7 +58,7 @@ def fit_moving(
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[str, ...]]:
     """Static parameters and the declared regressors from moving runs, by linear least squares with the grid: fits, cross-checks, doubts.
 
-    Raises ValueError where a run lacks a signal, is too short, or its torque opposes its velocity.
+    Raises InputError where a run lacks a signal, is too short, or its torque opposes its velocity.
     """
     fixed, prior = inertia(experiment)
     moving, asked = directions(experiment, records), regressors(experiment)
@@ -84,7 +85,7 @@ def _above(problem: Regression, speed: float | None) -> tuple[Regression, NDArra
         return problem, np.ones(problem.torque.size, dtype=bool)
     fast = np.abs(problem.velocity if problem.smooth is None else problem.smooth @ problem.velocity) > speed
     if fast.sum() <= problem.linear.shape[1]:
-        raise ValueError(
+        raise InputError(
             f"fit.moving_above: {int(fast.sum())} of {fast.size} equations are faster than {speed:.3g}, too few for a fit; lower it"
         )
     return problem.rows(fast), fast

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
+from bristle.errors import InputError
 from bristle.identification.descent import LOGARITHMIC, bounds, from_scaled, natural, scaled, scales, to_scaled
 from bristle.identification.judged import SEEN
 from bristle.identification.linear import inverse_gram
@@ -142,7 +143,7 @@ class _Path:
         lower, upper, start = (np.where(held, value, bound) for bound in (lower, upper, start))
         try:
             found = minimise(self._evaluate, start, lower, upper, _TRIES, _SETTLED * self.high * rows / cost)
-        except ValueError:
+        except InputError:
             return None
         excess = (found.cost - cost) / self.high
         if heed and excess < -_BETTER:

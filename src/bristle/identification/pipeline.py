@@ -13,6 +13,7 @@ from bristle.data.experiment import Experiment, Run, load_experiment, read_runs
 from bristle.data.judging import POSITION_DIFFERS
 from bristle.data.record import Record
 from bristle.data.steady import Segment, find_segments, nothing_left, unit_mistake
+from bristle.errors import InputError
 from bristle.identification import regression
 from bristle.identification.estimate import (
     Consistency,
@@ -68,7 +69,7 @@ class Measured:
 def measure(experiment: Experiment | Path | str) -> Measured:
     """Read an experiment's runs and cut the constant-velocity ones into segments.
 
-    Raises ValueError where a file cannot be read as declared, in one sentence.
+    Raises InputError where a file cannot be read as declared, in one sentence.
     """
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
@@ -91,7 +92,7 @@ def identify_joint(
     part of the result. With `second_route` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its
     parameters get their intervals by profile and bootstrap too, as static and presliding ones always do, and `progress` is told how far that is.
 
-    Raises ValueError where no run can be fitted, saying which threshold ate what.
+    Raises InputError where no run can be fitted, saying which threshold ate what.
     """
     experiment = measured.experiment
     training, held = measured.moving(hold_out=False), measured.moving(hold_out=True)
@@ -99,7 +100,7 @@ def identify_joint(
         refuse_mixed_rates([*training, *held])
         refuse_opposing_runs(experiment, training)
     elif experiment.fit.predict == "position":
-        raise ValueError(
+        raise InputError(
             f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
         )
     points, slow = measured.points(hold_out=False), measured.slow
@@ -159,7 +160,7 @@ def _static(
         held = measured.moving(hold_out=True)
         return fit_moving(measured.experiment, training, held, timings) if by_velocity else ({}, {}, ())
     if not measured.slow or kinds & {"ramp", "points"}:
-        raise ValueError(_nothing_to_fit(measured))
+        raise InputError(_nothing_to_fit(measured))
     return {}, {}, ()
 
 
@@ -210,7 +211,7 @@ def _refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
             same = a.sha256 == b.sha256 and run.kind == other.kind and a.time.size == b.time.size
             if same and all(_equal(getattr(a, name), getattr(b, name)) for name in ("time", "torque", "velocity")):
                 what = "is held out and fitted as well" if run.hold_out != other.hold_out else "is given twice"
-                raise ValueError(
+                raise InputError(
                     f"{experiment.path.name}: runs: {a.file} {what} (as {b.file}, the same bytes); name each run once"
                 )
 
@@ -228,7 +229,7 @@ def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
 def _given_points(record: Record) -> tuple[Segment, ...]:
     velocity, torque = record.velocity, record.torque
     if velocity is None or torque is None:
-        raise ValueError(f"{record.file}: points need the signals velocity and torque; name both under signals")
+        raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
     resting = "At rest: the friction torque of a joint at rest is not a function of its velocity; leave such rows out."
     return tuple(
         Segment(
@@ -255,7 +256,7 @@ def _fit_points(
     if measured.moving(hold_out=False):  # which can tell the inertia, as points cannot
         regressors = tuple(r for r in regressors if r != "inertia")
     if "inertia" in regressors:
-        raise ValueError(
+        raise InputError(
             f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
             "leave it out, or give the runs as experiment: tracking"
         )
@@ -295,7 +296,7 @@ def _points_problem(points: Sequence[Segment], directions: tuple[str, ...], regr
         extra["offset"] = np.ones(len(points))
     if "gravity" in regressors:
         if any(s.position is None for s in points):
-            raise ValueError(
+            raise InputError(
                 "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
             )
         extra |= regression.gravity(np.array([s.position for s in points], dtype=float))

@@ -8,6 +8,7 @@ import numpy as np
 from bristle.data.loading import Loading, Loop, find_loadings, find_loops
 from bristle.data.options import FitOptions
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.identification.agreement import PARTED
 from bristle.identification.estimate import Estimate, Presliding, PreslidingFit
 from bristle.identification.presliding_uncertainty import stiffness_uncertainty
@@ -47,13 +48,13 @@ def identify_presliding(
         resolution: one encoder count, rad; None: from the data.
         kind: of the joint.
 
-    Raises ValueError where a run holds no loading from zero torque, or slides from its start.
+    Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """
     found: list[Loading] = []
     for record in records:
         own = find_loadings(record, options.presliding_cutoff, resolution, options.breakaway_displacement)
         if not own:
-            raise ValueError(
+            raise InputError(
                 f"{record.file}: the torque never grows slowly from zero; a presliding run is a slow ramp or cycle of torque from rest"
             )
         found += own

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import signal, sparse
 
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.model.arrays import Array, evaluate
 from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shape_slope
 
@@ -186,7 +187,7 @@ def from_records(
         The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples dropped at ends.
 
     Raises:
-        ValueError: where a stretch is too short for the filter, with the length it needs.
+        InputError: where a stretch is too short for the filter, with the length it needs.
     """
     smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
     velocity = np.concatenate([_needed(r, "velocity") for r in records])
@@ -255,12 +256,12 @@ def _moves(velocity: Array, direction: str) -> Array:
 def _needed(record: Record, name: str) -> Array:
     values: Array | None = getattr(record, name)
     if values is None:
-        raise ValueError(f"{record.file}: the fit needs {name}, which this run does not have; add it under signals")
+        raise InputError(f"{record.file}: the fit needs {name}, which this run does not have; add it under signals")
     return values
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises ValueError where the record lacks what one needs."""
+    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises InputError where the record lacks what one needs."""
     columns: dict[str, Array] = {}
     if "inertia" in regressors:
         columns["inertia"] = _needed(record, "acceleration")
@@ -279,7 +280,7 @@ def gravity(position: Array) -> dict[str, Array]:
 def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
     """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost.
 
-    Raises ValueError where no stretch is longer than the transients.
+    Raises InputError where no stretch is longer than the transients.
     """
     lengths = np.concatenate(stretches).astype(int)
     samples = int(lengths.sum())
@@ -291,7 +292,7 @@ def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[s
     pairs = zip(ends - lengths, ends, strict=True)
     centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
     if centres.size == 0:
-        raise ValueError(
+        raise InputError(
             f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
             f"log longer, or set fit.decimation below {decimation}"
         )

@@ -18,6 +18,7 @@ from scipy import sparse
 from bristle.control.loop import THREADS, Current, State, plant_step
 from bristle.data.motion import stretches
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.identification.trajectory import Motion, Tracking, by_name
 from bristle.model import motor
 from bristle.model.arrays import Array
@@ -97,10 +98,10 @@ def simulation(
         horizon: length of a window, s.
         decimation: samples of a window over which measured and simulated position are averaged to one equation.
 
-    Raises ValueError where a record has no position, or nothing tells the inertia.
+    Raises InputError where a record has no position, or nothing tells the inertia.
     """
     if "inertia" not in posed.extra_names:
-        raise ValueError(
+        raise InputError(
             "fit.predict: position simulates the motor, which needs an inertia; give it as inertia, or among fit.regressors"
         )
     by_voltage = constants is not None and all(r.voltage is not None for r in records)
@@ -117,7 +118,7 @@ def _windows(
     """The windows of a stretch: each of the same length, the last of what is left."""
     drive = record.voltage if by_voltage else record.torque
     if record.position is None or drive is None:
-        raise ValueError(f"{record.file}: fit.predict: position needs the position; name it under signals")
+        raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
     size = max(round(horizon / record.step), _SHORTEST)
     bounds = [k for k in range(0, whole.time.size, size) if whole.time.size - k >= _SHORTEST]
     found = []

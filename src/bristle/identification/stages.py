@@ -9,6 +9,7 @@ import numpy as np
 from bristle.data.encoder import resolution
 from bristle.data.experiment import Experiment
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.identification.counts import without_count_bias
 from bristle.identification.estimate import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.judged import judge, without_deflections
@@ -66,7 +67,7 @@ def track(
         uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
         progress: called with what is done, how much of it, and of how much.
 
-    Raises ValueError where a run lacks a signal, or shows none of the parameters.
+    Raises InputError where a run lacks a signal, or shows none of the parameters.
     """
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
@@ -190,7 +191,7 @@ def _fixed(experiment: Experiment, problem: Tracking) -> dict[str, float]:
     for name, value in experiment.fit.fixed.items():
         meant = [n for n in known if n == name or n.rstrip("+-") == name]
         if not meant:
-            raise ValueError(
+            raise InputError(
                 f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(known)}"
             )
         fixed |= dict.fromkeys(meant, value)

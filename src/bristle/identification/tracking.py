@@ -63,7 +63,7 @@ def fit_tracking(
         seed: of the others.
         others: further starts, whole, as another fit ended.
 
-    Raises ValueError where a start shows no dependence on any parameter.
+    Raises InputError where a start shows no dependence on any parameter.
     """
     problem, judged, bent = _settled(problem, start, starts, seed, others)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]

@@ -15,6 +15,7 @@ from scipy import sparse
 
 from bristle.data.motion import stretches
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.identification.nested import Block
 from bristle.identification.regression import decimator, extra_columns
 from bristle.model.arrays import Array
@@ -174,7 +175,7 @@ def tracking(
 ) -> Tracking:
     """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `Tracking`.
 
-    Raises ValueError where a record lacks what a regressor needs, is at rest, or has a stretch too short for the filter.
+    Raises InputError where a record lacks what a regressor needs, is at rest, or has a stretch too short for the filter.
     """
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
@@ -183,11 +184,11 @@ def tracking(
         names = tuple(extra)
         columns = np.column_stack(list(extra.values())) if extra else np.zeros((record.time.size, 0))
         if record.velocity is None or record.torque is None or (inertia is not None and record.acceleration is None):
-            raise ValueError(
+            raise InputError(
                 f"{record.file}: a tracking run needs position (or velocity) and torque; name them under signals"
             )
         if not record.velocity.any():
-            raise ValueError(
+            raise InputError(
                 f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
             )
         known = 0.0 if inertia is None or record.acceleration is None else inertia * record.acceleration

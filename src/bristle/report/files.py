@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
+from bristle.errors import InputError
+
 MANIFEST = ".bristle-manifest"
 """Lists what the last report made in its folder, one relative path per line."""
 _OWN = (
@@ -21,7 +23,7 @@ _HEAD = 4096
 def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8 under a temporary name, then rename it; an older file stays whole until then.
 
-    Raises ValueError as `check_file` does, and OSError where it cannot be written.
+    Raises InputError as `check_file` does, and OSError where it cannot be written.
     """
     write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
@@ -40,28 +42,28 @@ def write_bytes(path: Path, data: bytes) -> None:
 def check_file(path: Path) -> None:
     """Whether a file can be written there, as far as can be told before.
 
-    Raises ValueError where the path is a folder or lies in none, or holds a file that bristle did not make.
+    Raises InputError where the path is a folder or lies in none, or holds a file that bristle did not make.
     """
     if path.is_dir():
-        raise ValueError(f"{path}: is a folder; name a file")
+        raise InputError(f"{path}: is a folder; name a file")
     if not path.parent.is_dir():
-        raise ValueError(f"{path}: its folder {path.parent} does not exist; create it or name another file")
+        raise InputError(f"{path}: its folder {path.parent} does not exist; create it or name another file")
     if path.is_file():
         with path.open("rb") as file:
             head = file.read(_HEAD)
         if head and not any(mark in head for mark in _OWN):
-            raise ValueError(f"{path}: is there already, and bristle did not make it; move it, or name another file")
+            raise InputError(f"{path}: is there already, and bristle did not make it; move it, or name another file")
 
 
 def check_folder(folder: Path) -> None:
     """Whether a report can be written there, as far as can be told before.
 
-    Raises ValueError where the folder is a file, or neither it nor the nearest one above it that exists can be written.
+    Raises InputError where the folder is a file, or neither it nor the nearest one above it that exists can be written.
     """
     _refuse_foreign(folder, {})
     nearest = next(path for path in (folder.resolve(), *folder.resolve().parents) if path.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK):
-        raise ValueError(f"{folder}: {nearest} cannot be written; name another folder")
+        raise InputError(f"{folder}: {nearest} cannot be written; name another folder")
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -78,7 +80,7 @@ def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
     What the last call made there and this one does not is removed; anything else in the folder stays.
 
-    Raises ValueError where the folder is a file or holds files of these names that bristle did not make, and OSError where it cannot be
+    Raises InputError where the folder is a file or holds files of these names that bristle did not make, and OSError where it cannot be
     written (a full disk, no permission); nothing is changed in either case.
     """
     folder = folder.resolve()
@@ -98,18 +100,18 @@ def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _refuse_foreign(folder: Path, files: Mapping[str, bytes]) -> set[str]:
-    """What bristle made in the folder before; ValueError where something else is in the way."""
+    """What bristle made in the folder before; InputError where something else is in the way."""
     if folder.exists() and not folder.is_dir():
-        raise ValueError(f"{folder}: is a file; a report needs a folder, name another one")
+        raise InputError(f"{folder}: is a file; a report needs a folder, name another one")
     made = _made(folder / MANIFEST)
     for name in files:
         path = folder / name
         if path.parent != folder and (path.parent.is_symlink() or (path.parent.exists() and not path.parent.is_dir())):
-            raise ValueError(
+            raise InputError(
                 f"{path.parent}: is in the way of the report's own folder; move it, or name another folder"
             )
         if os.path.lexists(path) and (name not in made or path.is_dir()):
-            raise ValueError(f"{path}: is there already, and bristle did not make it; move it, or name another folder")
+            raise InputError(f"{path}: is there already, and bristle did not make it; move it, or name another folder")
     return made
 
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from bristle.compensation.model import SEED
 from bristle.compensation.study import Study
+from bristle.errors import InputError
 from bristle.identification.estimate import Joint
 from bristle.progress import Progress
 from bristle.report import (
@@ -71,7 +72,7 @@ def write_report(
         study: of the compensated joints, whose sections then follow; None: none.
 
     Raises:
-        ValueError: no joint, two joints of one name, the folder is a file, or files in it that bristle did not make are in the way.
+        InputError: no joint, two joints of one name, the folder is a file, or files in it that bristle did not make are in the way.
         OSError: the folder cannot be written; nothing in it is changed.
     """
     names = [joint.name for joint in joints]
@@ -96,11 +97,11 @@ def write_report(
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure as the .svg or .png file that its path names.
 
-    Raises ValueError for another suffix, and as `write_text` does.
+    Raises InputError for another suffix, and as `write_text` does.
     """
     kind = path.suffix.lower().lstrip(".")
     if kind not in {"svg", "png"}:
-        raise ValueError(f"{path}: figures are written as .svg or .png; end the name with one of them")
+        raise InputError(f"{path}: figures are written as .svg or .png; end the name with one of them")
     write_bytes(path, render_as(figure, kind))
 
 

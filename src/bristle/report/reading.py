@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from bristle.analysis.compared import Fit, Session, SessionJoint
+from bristle.errors import InputError
 from bristle.identification.estimate import Estimate
 from bristle.model.arrays import Array
 from bristle.report.schema import Bound, JointJson, ParameterJson, ResultsJson, TrackingJson
@@ -25,10 +26,10 @@ _NOT_CONVERGED = "The fit did not converge"
 def read_session(path: Path) -> Session:
     """The joints of a results file, by name.
 
-    Raises ValueError in one sentence where it is no results file of schema bristle-results/1, and OSError where it cannot be read.
+    Raises InputError in one sentence where it is no results file of schema bristle-results/1, and OSError where it cannot be read.
     """
     if path.is_file() and path.stat().st_size > LARGEST:
-        raise ValueError(f"{path}: has {path.stat().st_size} bytes; a results file has at most {LARGEST}")
+        raise InputError(f"{path}: has {path.stat().st_size} bytes; a results file has at most {LARGEST}")
     try:
         document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
         results = ResultsJson.model_validate(document)
@@ -42,11 +43,11 @@ def read_session(path: Path) -> Session:
 
 
 def _refuse(token: str) -> Any:
-    raise ValueError(f"{token} is no JSON")
+    raise InputError(f"{token} is no JSON")
 
 
-def _no_results(path: Path, why: str) -> ValueError:
-    return ValueError(
+def _no_results(path: Path, why: str) -> InputError:
+    return InputError(
         f"{path}: is no results file of schema bristle-results/1 ({printable(why)}); expected a results.json that bristle wrote"
     )
 
@@ -54,7 +55,7 @@ def _no_results(path: Path, why: str) -> ValueError:
 def _joint(path: Path, name: str, joint: JointJson, results: ResultsJson) -> SessionJoint:
     try:
         fits = tuple(_fits(joint))
-    except ValueError as error:
+    except InputError as error:
         raise _no_results(path, f"{shortened(name)}: {error}") from error
     inputs = tuple(x.sha256 for x in results.inputs if x.joint == name)
     return SessionJoint(kind=joint.kind, fits=fits, simulated=joint.simulated, inputs=inputs)
@@ -93,12 +94,12 @@ def _moving(source: str, fit: TrackingJson) -> Fit:
 
 
 def _estimate(p: ParameterJson) -> Estimate:
-    """The estimate; raises ValueError where its numbers are none, or contradict one another."""
+    """The estimate; raises InputError where its numbers are none, or contradict one another."""
     interval = None if p.interval is None else (_number(p.interval[0]), _number(p.interval[1]))
     if not all(x is None or x == 0 or 1 / _FAR < abs(x) < _FAR for x in (p.value, p.standard_error)):
-        raise ValueError(f"a value or standard error is beyond {_FAR:g}, or below {1 / _FAR:g}")
+        raise InputError(f"a value or standard error is beyond {_FAR:g}, or below {1 / _FAR:g}")
     if (p.standard_error or 0.0) < 0 or (interval is not None and not interval[0] <= interval[1]):
-        raise ValueError("a standard error is negative, or an interval ends before it begins")
+        raise InputError("a standard error is negative, or an interval ends before it begins")
     return Estimate(
         value=p.value, unit=p.unit, standard_error=p.standard_error, interval=interval, doubts=tuple(p.doubts)
     )
@@ -111,9 +112,9 @@ def _number(bound: Bound) -> float:
 
 
 def _matrix(rows: list[list[float | None]], size: int) -> Array:
-    """The covariance, (size, size), nan where it has no number; raises ValueError where it has another shape."""
+    """The covariance, (size, size), nan where it has no number; raises InputError where it has another shape."""
     if len(rows) != size or any(len(row) != size for row in rows):
-        raise ValueError(f"a covariance is not of the {size} parameters that are free")
+        raise InputError(f"a covariance is not of the {size} parameters that are free")
     return np.array(
         [[np.nan if x is None or abs(x) > _FAR**2 else x for x in row] for row in rows], dtype=float
     ).reshape(size, size)
