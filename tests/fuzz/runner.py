@@ -1,0 +1,123 @@
+"""A case run by `server`, and what must hold of any case whatever is in it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from pathlib import Path
+
+from .inputs import Case
+from .server import BYTES, SECONDS
+
+ROOT = Path(__file__).parents[2]
+LONGEST = 600
+"""Characters of a sentence at the most."""
+
+
+@dataclass
+class Server:
+    """The process that runs cases, and what it has seen."""
+
+    process: subprocess.Popen[str]
+    folder: Path
+    codes: Counter[int] = field(default_factory=Counter)
+    past: int = 0
+    slowest: float = 0.0
+    largest: float = 0.0
+
+    @property
+    def runs(self) -> int:
+        """Cases so far."""
+        return sum(self.codes.values())
+
+    def check(self, case: Case) -> None:
+        """Run a case; AssertionError where something does not hold of it."""
+        folder = self.folder / "case"
+        for path in self.folder.glob("case*"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        folder.mkdir()
+        for name, data in case.files.items():
+            (folder / name).write_bytes(data)
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write(json.dumps({"folder": str(folder), "arguments": case.arguments}) + "\n")
+        self.process.stdin.flush()
+        answer = json.loads(self.process.stdout.readline())
+        self.codes[answer["code"]] += 1
+        self.past += answer["code"] in {0, 3} or answer["past"]
+        self.slowest, self.largest = max(self.slowest, answer["seconds"]), max(self.largest, answer["bytes"])
+        _hold(case, folder, answer)
+
+    def __str__(self) -> str:
+        codes = ", ".join(f"{code}: {count}" for code, count in sorted(self.codes.items()))
+        return (
+            f"{self.runs} inputs; exit codes {codes}; {self.past / max(self.runs, 1):.0%} past the reader; "
+            f"slowest {self.slowest:.1f} s, largest {self.largest / 2**20:.0f} MiB"
+        )
+
+
+@contextmanager
+def server() -> Iterator[Server]:
+    """A server, and a folder of its own, which are gone afterwards."""
+    threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "ARROW_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "tests.fuzz.server"]
+    with (
+        tempfile.TemporaryDirectory(prefix="bristle-fuzz-") as folder,
+        subprocess.Popen(  # noqa: S603  # our own command
+            command, cwd=ROOT, env=os.environ | threads, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as process,
+    ):
+        try:
+            yield Server(process, Path(folder))
+        finally:
+            process.terminate()
+
+
+def _hold(case: Case, folder: Path, answer: Mapping[str, float]) -> None:
+    err = Path(f"{folder}.err").read_text(encoding="utf-8", errors="replace")
+    code, made = answer["code"], {p.name for p in folder.iterdir()} - set(case.files)
+    assert code in {0, 2, 3}, f"exit code {code}: {err[-3000:]}"
+    assert answer["seconds"] <= SECONDS, f"{answer['seconds']:.1f} s"
+    assert answer["bytes"] <= BYTES, f"{answer['bytes'] / 2**20:.0f} MiB"
+    assert "Traceback" not in err, err[-3000:]
+    assert "Warning" not in err, err[-3000:]
+    for name, data in case.files.items():
+        assert (folder / name).read_bytes() == data, f"{name} was changed"
+    if code == 2:
+        sentences = [line for line in err.splitlines() if line.strip()]
+        assert len(sentences) == 1, err[-3000:]
+        assert sentences[0].startswith("bristle: "), err
+        assert len(sentences[0]) <= LONGEST, err
+        assert not made, f"left behind: {made}"
+    elif "-o" in case.arguments:
+        assert made == {case.arguments[case.arguments.index("-o") + 1]}, made
+    if (folder / "out" / "index.html").exists():
+        _page_holds((folder / "out" / "index.html").read_text(encoding="utf-8"))
+
+
+class _Ids(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.tags: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Remember each id and element; no handler stands in an attribute."""
+        self.tags.add(tag)
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+        assert not [name for name, _ in attrs if name.startswith("on")], attrs
+
+
+def _page_holds(page: str) -> None:
+    seen = _Ids()
+    seen.feed(page)
+    twice = [name for name, count in Counter(seen.ids).items() if count > 1]
+    assert not twice, f"ids given twice: {twice[:5]}"
+    assert not seen.tags & {"script", "iframe", "object", "embed"}, seen.tags

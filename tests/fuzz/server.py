@@ -1,0 +1,94 @@
+"""Runs command lines, each in a process of its own that is forked from one with everything imported: half a second less for each.
+
+Reads one JSON object a line, `{"folder": ..., "arguments": [...]}`, and answers with one, an `Outcome`.
+"""
+
+import contextlib
+import json
+import os
+import resource
+import signal
+import sys
+import time
+import traceback
+from pathlib import Path
+from types import TracebackType
+
+SECONDS, BYTES = 20, 2 * 2**30
+"""What one input may take."""
+_READERS = ("data", "report/reading.py", "errors.py", "cli.py", "api.py", "edro.py", "progress.py")
+"""Where, below the package, an input that fails there was not yet past the reader."""
+
+
+def _past(trace: TracebackType | None) -> bool:
+    """Whether an error was raised in what comes after reading."""
+    where = [frame.filename.partition("/bristle/")[2] for frame in traceback.extract_tb(trace)]
+    return any(name and not name.startswith(_READERS) for name in where if name != "report/files.py")
+
+
+def _run(folder: str, arguments: list[str]) -> None:
+    """The command in this process, which it ends; its output goes into files beside the folder."""
+    from bristle import cli
+
+    def sentence(bad: Exception, plain=cli._sentence) -> str:  # type: ignore[no-untyped-def]  # wraps what is there
+        """The sentence, and a file that says that the input was read."""
+        if _past(bad.__traceback__):
+            Path(f"{folder}.past").touch()
+        return str(plain(bad))
+
+    os.chdir(folder)
+    for number, name in ((1, "out"), (2, "err")):
+        os.dup2(os.open(f"{folder}.{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
+    resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    cli._sentence = sentence
+    sys.argv = ["bristle", *arguments]
+    try:
+        cli.main()
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+    except BaseException:  # noqa: BLE001  # reported as Python would, with its traceback
+        traceback.print_exc()
+        code = 1
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
+
+
+def _waited(child: int) -> tuple[int, float, float]:
+    """Exit code (128 + n where signal n ended it), seconds and bytes at the most, of a child that is ended where it takes too long."""
+    begun, status = time.monotonic(), 0
+    pid = 0
+    while not pid:
+        pid, status, used = os.wait4(child, os.WNOHANG)
+        if not pid and time.monotonic() - begun > 1.5 * SECONDS:
+            os.kill(child, signal.SIGKILL)
+            pid, status, used = os.wait4(child, 0)
+        elif not pid:
+            time.sleep(0.002)
+    code = os.waitstatus_to_exitcode(status)
+    return (128 - code if code < 0 else code), used.ru_utime + used.ru_stime, used.ru_maxrss * 1024.0
+
+
+def serve() -> None:
+    """Answer until the input ends."""
+    import bristle.api
+    import bristle.report.compare_section
+    import bristle.report.page
+    import bristle.report.plan_section
+    import bristle.report.sensitivity_section
+    import bristle.report.trial_section  # noqa: F401  # imported for those that are forked
+
+    for line in sys.stdin:
+        asked = json.loads(line)
+        child = os.fork()
+        if not child:
+            _run(asked["folder"], asked["arguments"])
+        code, seconds, size = _waited(child)
+        answer = {"code": code, "seconds": seconds, "bytes": size, "past": Path(f"{asked['folder']}.past").exists()}
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    serve()
