@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from bristle.data.encoder import smallest_step
 from bristle.data.loading import find_loadings, find_loops
+from bristle.data.motion import smoothed
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
@@ -132,3 +134,32 @@ def test_the_count_is_found_in_the_readings(quantum: float, levels: int, seed: i
     assert smallest_step(readings) == pytest.approx(quantum, rel=1e-6)
     assert smallest_step(rng.standard_normal(50)) == 0.0
     assert smallest_step(np.ones(10)) == 0.0
+
+
+def test_a_count_far_below_the_readings_is_thinned_and_an_absurd_one_refused() -> None:
+    """Whatever count is declared, no more than four edges a reading are kept, in order; one of more counts than any encoder has is bad input."""
+    (first, *_) = find_loadings(cycle(), 1e3, 1e-12, None)
+    assert 0 < first.edge_torque.size <= 4 * first.torque.size
+    assert (np.diff(first.edge_displacement) > 0).all()
+    for absurd in (1e-30, 1e-300):
+        with pytest.raises(
+            InputError, match=r"counts of encoder_resolution, more than any encoder has; check its unit"
+        ):
+            find_loadings(cycle(), 1e3, absurd, None)
+        with pytest.raises(InputError, match="encoder_resolution"):
+            find_loops(cycle(), 1e3, absurd)
+
+
+@given(st.floats(1e-30, 1.0))
+@settings(deadline=None)
+def test_a_low_pass_can_be_computed_or_is_refused(cutoff: float) -> None:
+    """Any cut-off gives a finite signal that is no larger than a few times what went in, or one sentence about units."""
+    record = cycle()
+    assert record.torque is not None
+    try:
+        smooth = smoothed(record, record.torque, cutoff)
+    except InputError as refused:
+        assert "check the unit of time" in str(refused)  # noqa: PT017  # either way is right, and which depends on the cut-off
+        return
+    assert np.isfinite(smooth).all()
+    assert np.abs(smooth).max() <= 3 * np.abs(record.torque).max()

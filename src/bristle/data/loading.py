@@ -33,6 +33,11 @@ _SLIDES = (0.05, 0.8)
 _CLOSED = 0.1
 """Of the range of torque: how far apart the ends of a closed cycle may be."""
 
+_EDGES = 4
+"""Count edges kept, at the most, for each reading."""
+_COUNTS = 2.0**40
+"""Counts that no encoder has over any travel."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
@@ -107,7 +112,7 @@ def find_loadings(
     Raises InputError where the joint slides from the start, in one sentence.
     """
     position, torque = _signals(record)
-    quantum = resolution or smallest_step(position)
+    quantum = _quantum(record, position, resolution)
     slow = _low_passed(record, torque, cutoff)
     speed = derivative(record, _low_passed(record, position, cutoff))
     found = []
@@ -143,7 +148,7 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     A cycle goes from one largest torque to the next, or else from one smallest to the next. It drifts where the two directions' friction differs.
     """
     position, torque = _signals(record)
-    quantum = resolution or smallest_step(position)
+    quantum = _quantum(record, position, resolution)
     slow = _low_passed(record, torque, cutoff)
     found, drifts = [], []
     for stretch in stretches(record):
@@ -164,6 +169,16 @@ def _signals(record: Record) -> tuple[Array, Array]:
     if record.position is None or record.torque is None:
         raise InputError(f"{record.file}: presliding needs position and torque; name both under signals")
     return record.position, record.torque
+
+
+def _quantum(record: Record, position: Array, resolution: float | None) -> float:
+    """One count, rad: as declared, or the smallest step seen. Raises InputError where the joint would have moved more counts than any encoder has."""
+    if resolution and not np.ptp(position) / resolution < _COUNTS:
+        raise InputError(
+            f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
+            "check its unit"
+        )
+    return resolution or smallest_step(position)
 
 
 def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
@@ -227,12 +242,16 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
 
 
 def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
-    """Count edges that the position crosses upward, and when: the middle between the first reading above and the last one below, in samples."""
+    """Count edges that the position crosses upward, and when: the middle between the first reading above and the last one below, in samples.
+
+    Where there are more edges than readings, every so many of them alone: those between tell nothing more.
+    """
     if quantum == 0 or position.size == 0:
         return np.zeros(0), np.zeros(0)
     count = np.round((position - position[0]) / quantum)
     reached, left = np.maximum.accumulate(count), np.minimum.accumulate(count[::-1])[::-1]
-    levels = np.arange(1.0, left[-1] + 1)
+    every = max(np.ceil(left[-1] / (_EDGES * position.size)), 1.0)
+    levels = every * np.arange(1.0, left[-1] // every + 1)
     after = np.searchsorted(reached, levels, side="left")
     before = np.searchsorted(left, levels, side="left") - 1
     return position[0] + (levels - 0.5) * quantum, (after + before) / 2

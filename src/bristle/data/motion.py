@@ -15,6 +15,9 @@ _PAD = 15
 SHORTEST = 16
 """Samples that a stretch without a gap must have to be filtered."""
 
+_LOWEST = 1e-6
+"""Of the sampling rate: a lower cut-off makes a filter whose state is not computable in double precision, and longer than any run."""
+
 
 def estimate_motion(record: Record, cutoff: float) -> Record:
     """The record with velocity and acceleration filled, stretch by stretch; its notes state the cut-off.
@@ -55,9 +58,17 @@ def usable(record: Record, cutoff: float) -> float:
 
 
 def smoothed(record: Record, values: Array, cutoff: float) -> Array:
-    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap."""
+    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap.
+
+    Raises InputError where the cut-off is so far below the sampling rate that no filter can be computed.
+    """
     from scipy.signal import butter, sosfiltfilt
 
+    if not cutoff * record.step > _LOWEST:
+        raise InputError(
+            f"{record.file}: a low pass of {cutoff:.3g} Hz is too far below the sampling rate, {1 / record.step:.3g} Hz; "
+            "check the unit of time, or raise the cut-off under fit"
+        )
     sections = butter(ORDER, cutoff, fs=1 / record.step, output="sos")
     reach = max(_PAD, round(1 / (record.step * cutoff)))
     # scipy-stubs cannot tell which of the layouts `butter` returns
