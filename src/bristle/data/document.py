@@ -1,6 +1,8 @@
 """YAML to a validated model, or one sentence: where in the file, what was got, what was expected."""
 
 import difflib
+import stat
+import unicodedata
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -60,9 +62,45 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep=deep)
 
 
+def check_regular(path: Path, shown: str | None = None) -> None:
+    """Refuse what is no regular file, before it is opened: reading a pipe, a device or a socket may never end.
+
+    Raises InputError, opening with `shown` (or the path), and OSError where there is nothing at the path or it cannot be looked at.
+    """
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        what = next((name for test, name in _NOT_REGULAR.items() if test(mode)), "no regular file")
+        raise InputError(f"{shown or path}: is {what}; expected a file")
+
+
+_NOT_REGULAR = {
+    stat.S_ISDIR: "a folder",
+    stat.S_ISFIFO: "a pipe",
+    stat.S_ISCHR: "a device",
+    stat.S_ISBLK: "a device",
+    stat.S_ISSOCK: "a socket",
+}
+_BIDI = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+"""Characters that turn the direction of the text after them, so that a name could pass for another."""
+
+
+def check_name(text: str, what: str) -> str:
+    """The text, which can be shown on a page and in a terminal: it holds no control character, line break, lone surrogate or change of direction.
+
+    Raises InputError, opening with `what`, where it does.
+    """
+    bad = next((c for c in text if c in _BIDI or unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp")), None)
+    if bad is not None:
+        raise InputError(
+            f"{what} {short(text)} holds U+{ord(bad):04X}, a control character; expected letters that can be shown on one line"
+        )
+    return text
+
+
 def read_text(path: Path) -> str:
-    """The text of a file of at most `MAX_BYTES`. Raises InputError where it cannot be read."""
+    """The text of a regular file of at most `MAX_BYTES`. Raises InputError where it cannot be read."""
     try:
+        check_regular(path)
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
     except OSError as error:

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, StrictBool, StrictStr, ValidationInfo, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictStr, ValidationInfo, model_validator
 
 from bristle.data import units
-from bristle.data.document import Model, short
+from bristle.data.document import Model, check_name, short
 from bristle.data.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
 from bristle.errors import InputError
 from bristle.model.parameters import Kind, Lugre
@@ -61,13 +61,19 @@ def _label(value: object) -> object:
     return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-Label = Annotated[StrictStr, BeforeValidator(_label)]
+def _shown(text: str) -> str:
+    return check_name(text, "the text")
+
+
+Shown = Annotated[StrictStr, Field(max_length=200), AfterValidator(_shown)]
+"""What pages and terminals show as it is."""
+Label = Annotated[Shown, BeforeValidator(_label)]
 
 
 class Joint(Model):
     """Which joint, and whether it turns or slides."""
 
-    name: Annotated[StrictStr, Field(min_length=1, max_length=200)]
+    name: Annotated[Shown, Field(min_length=1)]
     kind: Kind = "revolute"
 
 
