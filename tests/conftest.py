@@ -76,5 +76,7 @@ def write(folder: Path, velocity: Array, *, joint: str = "wrist", stem: str = "w
 
 
 def tree(folder: Path) -> dict[str, bytes | None]:
-    """Everything below a folder, hidden files too: bytes of each file, None for each folder."""
-    return {p.relative_to(folder).as_posix(): None if p.is_dir() else p.read_bytes() for p in sorted(folder.rglob("*"))}
+    """Everything below a folder, hidden files too: bytes of each file, None for each folder or pipe."""
+    return {
+        p.relative_to(folder).as_posix(): p.read_bytes() if p.is_file() else None for p in sorted(folder.rglob("*"))
+    }

@@ -33,6 +33,8 @@ Patch = Callable[[pytest.MonkeyPatch], None]
 GRIPPER = TABLE_1["gripper rotation"].positive
 FOLDER = None
 """Stands for a folder among the files of a bad input."""
+PIPE = "a pipe"
+"""Stands for a pipe that nobody writes to."""
 
 GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}
 """A good experiment, which each bad input spoils."""
@@ -114,7 +116,7 @@ def bad(
         what: it is.
         commands: that it meets.
         named: what the message must name.
-        spoilt: text of files, by path, that replace or join the good ones; None for a folder.
+        spoilt: text of files, by path, that replace or join the good ones; FOLDER for a folder, PIPE for a pipe.
         gone: good files that are not there.
         patch: what is done to the readers or writers.
     """
@@ -201,6 +203,11 @@ BAD = [
     *bad("unknown key", READ, "e.yaml: unknown key 'joint.nmae'; did you mean 'name'?", yaml_with("name:", "nmae:")),
     *bad("folder as experiment", READ, "e.yaml: is a folder", {"e.yaml": FOLDER}),
     *bad("folder as data", ALL, "data.csv: is a folder", {"data.csv": FOLDER}),
+    *bad("pipe as experiment", READ, "e.yaml: is a pipe", {"e.yaml": PIPE}),
+    *bad("pipe as data", ALL, "data.csv: is a pipe", {"data.csv": PIPE}),
+    *bad("control character in the name", READ, r"joint.name: the text 'wri\x1b[2Jst' holds U+001B", yaml_with("wrist", r"wri\e[2Jst")),
+    *bad("change of direction in the name", [IDENTIFY], r"joint.name: the text 'wri\u202est' holds U+202E", yaml_with("wrist", "wri\u202est")),
+    *bad("lone surrogate in a label", READ, r"runs.0.load: got '\ud800'; expected string", yaml_with("points}", r'points, load: "\ud800"}')),
     *bad("glob of nothing", READ, "e.yaml: runs: files 'log_*.csv' matches no file", yaml_with("data.csv", "log_*.csv")),
     *bad(
         "long line", ALL, "data.csv: has a line longer than 64 bytes",
@@ -298,7 +305,9 @@ def test_bad_input_gets_one_sentence(
     for name, text in inputs.items():
         path = tmp_path / name
         (path if text is FOLDER else path.parent).mkdir(parents=True, exist_ok=True)
-        if text is not None:
+        if text is PIPE:
+            os.mkfifo(path)
+        elif text is not None:
             path.write_text(text, encoding="utf-8")
     before = tree(tmp_path)
     monkeypatch.chdir(tmp_path)

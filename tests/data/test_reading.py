@@ -1,4 +1,6 @@
+import contextlib
 import sys
+import time
 import warnings
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ from bristle.data import reading
 from bristle.data.containers import Key, names_of
 from bristle.data.reading import read_table
 from bristle.data.units import factor, plus_minus, to_si
+from bristle.errors import InputError
 
 _QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -28,7 +31,7 @@ def _write(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
 def _refusal(path: Path, column: int | str) -> str | None:
     try:
         _column(path, column)
-    except ValueError as error:
+    except InputError as error:
         return str(error)
     return None
 
@@ -63,7 +66,7 @@ _fragments = st.sampled_from(
 @_QUICK
 @given(st.one_of(st.binary(max_size=300), st.lists(_fragments, max_size=60).map("".join)), st.sampled_from([0, 1, "t"]))
 def test_garbage_is_refused_in_a_sentence_or_read(tmp_path: Path, content: str | bytes, column: int | str) -> None:
-    """No bytes make the text reader raise anything but a one-line ValueError that names the file."""
+    """No bytes make the text reader raise anything but a one-line InputError that names the file."""
     path = _write(tmp_path, content)
     refusal = _refusal(path, column)
     assert refusal is None or (refusal.startswith(str(path)) and "\n" not in refusal)
@@ -71,7 +74,7 @@ def test_garbage_is_refused_in_a_sentence_or_read(tmp_path: Path, content: str |
 
 @pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
 def test_damaged_containers_are_refused_in_a_sentence(tmp_path: Path, suffix: str) -> None:
-    """A container with any byte run overwritten, or cut short, gives its column or a ValueError, nothing else."""
+    """A container with any byte run overwritten, or cut short, gives its column or an InputError, nothing else."""
     whole = _container(tmp_path, suffix, np.arange(50.0)).read_bytes()
     rng = np.random.default_rng(0)
     refused = 0
@@ -131,9 +134,9 @@ def test_mat_paths(tmp_path: Path) -> None:
         "data": "no plain array",
         "data..t": "dotted path",
     }.items():
-        with pytest.raises(ValueError, match=says):
+        with pytest.raises(InputError, match=says):
             _column(path, column)
-    with pytest.raises(ValueError, match="columns differ in length"):
+    with pytest.raises(InputError, match="columns differ in length"):
         read_table(path, [Key("data.t"), Key("k")])
 
 
@@ -192,40 +195,40 @@ def test_inf_and_nothing_are_read_not_refused(tmp_path: Path) -> None:
 )
 def test_bad_text_is_refused(tmp_path: Path, content: str | bytes, column: int | str, says: str) -> None:
     """Each bad text file is refused in one sentence that says what is wrong and where."""
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(InputError, match=says):
         _column(_write(tmp_path, content), column)
 
 
 def test_bad_paths_are_refused(tmp_path: Path) -> None:
-    """A missing file and a folder are a ValueError that says which."""
-    with pytest.raises(ValueError, match=r"none\.csv: no such file"):
+    """A missing file and a folder are a InputError that says which."""
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
         _column(tmp_path / "none.csv", 0)
-    with pytest.raises(ValueError, match="is a folder"):
+    with pytest.raises(InputError, match="is a folder"):
         _column(tmp_path, 0)
 
 
 def test_sizes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A line or a file longer than the stated limits is refused before it is parsed."""
     path = _write(tmp_path, b"0,1\n" + b"2" * (reading.MAX_LINE + 1))
-    with pytest.raises(ValueError, match=f"longer than {reading.MAX_LINE} bytes"):
+    with pytest.raises(InputError, match=f"longer than {reading.MAX_LINE} bytes"):
         _column(path, 0)
     monkeypatch.setattr(reading, "MAX_BYTES", 1000)
-    with pytest.raises(ValueError, match="over the limit of 1000"):
+    with pytest.raises(InputError, match="over the limit of 1000"):
         _column(path, 0)
 
 
 def test_containers_that_are_not_what_they_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Version 7.3, pickled objects, no MAT-file at all, and a missing pyarrow: each says what to do."""
     hdf5 = _write(tmp_path, b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "new.mat")
-    with pytest.raises(ValueError, match=r"version 7\.3 .*'-v7'"):
+    with pytest.raises(InputError, match=r"version 7\.3 .*'-v7'"):
         _column(hdf5, "q")
-    with pytest.raises(ValueError, match="no MAT-file"):
+    with pytest.raises(InputError, match="no MAT-file"):
         _column(_write(tmp_path, "t,q\n0,1\n", "text.mat"), "q")
     np.savez(tmp_path / "objects.npz", q=np.array([{}, None], dtype=object))
-    with pytest.raises(ValueError, match=r"allow_pickle|no plain array"):
+    with pytest.raises(InputError, match=r"allow_pickle|no plain array"):
         _column(tmp_path / "objects.npz", "q")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(ValueError, match=r"pip install 'bristle\[parquet\]'"):
+    with pytest.raises(InputError, match=r"pip install 'bristle\[parquet\]'"):
         _column(_write(tmp_path, b"PAR1", "log.parquet"), "q")
 
 
@@ -264,7 +267,7 @@ def test_units_of_logs() -> None:
     assert plus_minus("95.1 ± 0.5 kg", "kg") == plus_minus("(95.1 +/- 0.5) kg", "kg") == (95.1, 0.5)
     assert plus_minus("95.1 kg ± 500 g", "kg") == plus_minus("95.1 kg +/- 0.5", "kg") == pytest.approx((95.1, 0.5))
     assert plus_minus("9 kg", "kg") == (9, None)
-    with pytest.raises(ValueError, match="no unit of kg"):
+    with pytest.raises(InputError, match="no unit of kg"):
         plus_minus("95.1 N ± 0.5 kg", "kg")
 
 
@@ -290,12 +293,60 @@ def test_units_of_logs() -> None:
 )
 def test_wrong_units_are_refused(unit: str, target: str) -> None:
     """An unknown unit, one of another dimension, and Hz for rad/s are refused, at once, with what was got."""
-    with pytest.raises(ValueError, match=r"unit .*(expected|needs)"):
+    with pytest.raises(InputError, match=r"unit .*(expected|needs)"):
         factor(unit, target)
 
 
 @pytest.mark.parametrize("value", [3, "3", None, "inf rad", "rad", [1], "1 N", {"a": 1}])
 def test_a_bare_number_has_no_unit(value: Any) -> None:
     """Every quantity needs a number and a unit of its dimension."""
-    with pytest.raises(ValueError, match="expected"):
+    with pytest.raises(InputError, match="expected"):
         to_si(value, "rad")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * 500_000 + "x",
+        "1 rad " + "+-" * 200_000,
+        "(" * 500_000,
+        "1" + " " * 500_000 + "rad",
+        "1 " + "counts/" * 100_000,
+        "1 Qm**9*Qm**9",
+        "1 Qm**9*Qm**9*Qm**9",
+        "1e400 rad",
+        "1e-200 rad",
+        "1e200 counts/rev",
+        "1 rad +/- 1e400",
+        "1e300 rad +/- 1 rad",
+    ],
+)
+def test_hostile_quantities_are_refused_at_once(text: str) -> None:
+    """Very long, very large and very small quantities are one short sentence in a moment, whatever reads them."""
+    for read in (
+        lambda: to_si(text, "rad"),
+        lambda: plus_minus(text, "rad"),
+        lambda: factor(text, "rad"),
+        lambda: factor("rad", "rad", scale=text),
+    ):
+        begun = time.perf_counter()
+        with pytest.raises(InputError) as caught:
+            read()
+        assert time.perf_counter() - begun < 2
+        assert len(str(caught.value)) < 500
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(
+        st.sampled_from(
+            [*"mkNs*/()^-+129e% °µΩQq0._éjJ", "rad", "**", "deg", "nan", "inf", "counts", "rev", "Hz", "pi"]
+        ),
+        max_size=12,
+    ).map("".join)
+)
+def test_any_unit_is_taken_or_refused(unit: str) -> None:
+    """No text makes the units raise anything but InputError, and what is taken is a finite size."""
+    for target in ("rad", "N*m", "s"):
+        with contextlib.suppress(InputError):
+            assert 0 < factor(unit, target, resolution=1e-3) < np.inf

@@ -15,7 +15,7 @@ import numpy as np
 
 from bristle.data import containers
 from bristle.data.containers import Key
-from bristle.data.document import short, unreadable
+from bristle.data.document import check_regular, short, unreadable
 from bristle.errors import InputError
 from bristle.model.arrays import Array
 
@@ -72,6 +72,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Tab
     """
     name = shown or str(path)
     try:
+        check_regular(path, name)
         binary = path.suffix.lower() in BINARY
         digest = _digest(path, text=not binary)
         notes: tuple[str, ...] = ()
@@ -84,7 +85,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Tab
     except MemoryError as error:
         raise InputError(f"{name}: does not fit into memory; cut it into several runs") from error
     except ValueError as error:
-        raise InputError(f"{name}: {' '.join(str(error).split())}") from error
+        raise InputError(f"{name}: {' '.join(str(error).removeprefix(f'{name}: ').split())}") from error
     lengths = {key: column.size for key, column in columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(
