@@ -107,7 +107,7 @@ def crowded(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Elements]:
     """The page of a report of joints with such names, each with two figures, and its elements."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "_DRAW", {"curve": figures.curve_figure})
-        drawn = {"curve": lambda: figures.stribeck_figure()}
+        drawn = {"curve": figures.stribeck_figure}
         patch.setattr("bristle.report.uncertainty.figures", lambda _: drawn)
         patch.setattr(page, "render", lambda figure: (render_as(figure, "svg"), b""))  # a PNG holds no name
         folder = tmp_path_factory.mktemp("crowded")

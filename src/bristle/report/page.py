@@ -28,6 +28,7 @@ from bristle.report import (
 )
 from bristle.report.files import replace_files, write_bytes, write_text
 from bristle.report.presliding import METHODS
+from bristle.report.spreadsheet import to_csv
 from bristle.report.style import inline, render, render_as, styled
 from bristle.report.tracking import FITS
 from bristle.report.wording import free
@@ -261,7 +262,7 @@ _CELLS: dict[str, Callable[[str], str]] = {
 
 
 def _csv(frame: "pd.DataFrame") -> bytes:
-    return _encoded(frame.to_csv(index=False, lineterminator="\n"))
+    return _encoded(to_csv(frame))
 
 
 def _encoded(text: str) -> bytes:
