@@ -1,8 +1,14 @@
+import contextlib
 import errno
+import hashlib
+import os
+import stat
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
+from bristle.errors import InputError
 from bristle.report import files
 from bristle.report.style import new_figure, render
 
@@ -11,6 +17,12 @@ OWN = '{\n "schema": "bristle-results/1"}\n'
 
 def _tree(folder: Path) -> dict[str, bytes]:
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def listing(*files: Mapping[str, bytes]) -> bytes:
+    """The manifest of these files."""
+    lines = {(name, hashlib.sha256(data).hexdigest()) for made in files for name, data in made.items()}
+    return "".join(f"{x}  {name}\n" for name, x in sorted(lines)).encode()
 
 
 OLD = {"index.html": b"old", "figures/a.svg": b"old a", "figures/b.svg": b"old b"}
@@ -22,7 +34,7 @@ def test_replaces_what_it_made_and_nothing_else(tmp_path: Path) -> None:
     files.replace_files(tmp_path, OLD)
     (tmp_path / "figures" / "mine.svg").write_bytes(b"mine")
     files.replace_files(tmp_path, NEW)
-    manifest = b"figures/a.svg\nindex.html\n"
+    manifest = listing(NEW)
     assert _tree(tmp_path) == {**NEW, "figures/mine.svg": b"mine", files.MANIFEST: manifest}
 
 
@@ -49,13 +61,155 @@ def test_refuses_a_file_in_place_of_a_folder(tmp_path: Path) -> None:
     assert list((tmp_path / "elsewhere").iterdir()) == []
 
 
-def test_a_forged_manifest_removes_nothing_outside(tmp_path: Path) -> None:
-    """Paths of a manifest that point out of the folder are not believed."""
+def refused(folder: Path, why: str) -> None:
+    """A folder is refused before a report is made, and when it is written, for one reason."""
+    with pytest.raises(InputError, match=why):
+        files.check_folder(folder)
+    with pytest.raises(InputError, match=why):
+        files.replace_files(folder, NEW)
+
+
+HASH = hashlib.sha256(b"mine").hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("manifest", "why"),
+    [
+        (f"{HASH}  ../precious\n", "is no list"), (f"{HASH}  {{here}}/precious\n", "is no list"), (f"{HASH}  a/../../precious\n", "is no list"),
+        (f"{HASH}  ./index.html\n", "is no list"), (f"{HASH}  ..\\precious\n", "is no list"), (f"{HASH}  C:precious\n", "is no list"),
+        (f"{HASH}  {files.MANIFEST}\n", "is no list"), (f"{HASH}  .\n", "is no list"), (f"{HASH}  \0\n", "is no list"),
+        ("index.html\n", "is no list"),
+        (f"{HASH[1:]}  index.html\n", "is no list"), (f"{HASH} index.html\n", "is no list"), ("\n", "is no list"), ("\udcff\udcfe\n", "is no list"),
+        (f"{HASH}  index.html", "is cut off"), ("\0" * 100, "is cut off"), ("\n" * 2_000_000, "is no list"),
+    ],
+)  # fmt: skip  # a table
+def test_a_manifest_that_is_none_is_refused(tmp_path: Path, manifest: str, why: str) -> None:
+    """One that is older, forged, binary, cut off or points out of its folder is refused with what to do, and nothing is moved or removed."""
     (tmp_path / "precious").write_bytes(b"mine")
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / files.MANIFEST).write_text(f"../precious\n{tmp_path / 'precious'}\n", encoding="utf-8")
-    files.replace_files(tmp_path / "out", NEW)
-    assert (tmp_path / "precious").read_bytes() == b"mine"
+    text = manifest.replace("{here}", str(tmp_path))
+    (tmp_path / "out" / files.MANIFEST).write_bytes(text.encode("utf-8", "surrogateescape"))
+    (tmp_path / "out" / "index.html").write_bytes(b"mine")
+    before = _tree(tmp_path)
+    refused(tmp_path / "out", rf"\.bristle-manifest: {why}.*; move or remove the folder .*, or name another")
+    assert _tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["index.html", "figures/a.svg", "figures/b.svg"])
+def test_what_was_changed_since_is_neither_replaced_nor_removed(tmp_path: Path, name: str) -> None:
+    """A file that the manifest lists, but with another hash, was edited: it is named and stays, and so does all else. One that is gone is none."""
+    files.replace_files(tmp_path, OLD)
+    (tmp_path / name).write_bytes(b"mine")
+    before = _tree(tmp_path)
+    refused(tmp_path, f"{name}: was changed since bristle made it; move it")
+    assert _tree(tmp_path) == before
+    (tmp_path / name).unlink()
+    files.replace_files(tmp_path, NEW)
+    assert _tree(tmp_path) == {**NEW, files.MANIFEST: listing(NEW)}
+
+
+def test_other_seconds_are_no_change(tmp_path: Path) -> None:
+    """The manifest of one result is one, however long it took; a change of timings.json that is no number is one."""
+    lists = []
+    for seconds in ("0.5", "1e-05"):
+        files.replace_files(tmp_path, {"timings.json": f'{{\n "fit 2: 3": {seconds},\n "b": 1.0\n}}\n'.encode()})
+        lists.append((tmp_path / files.MANIFEST).read_bytes())
+    assert lists[0] == lists[1]
+    (tmp_path / "timings.json").write_bytes(b'{\n "mine": 1.0\n}\n')
+    with pytest.raises(InputError, match="was changed"):
+        files.replace_files(tmp_path, NEW)
+
+
+@pytest.mark.parametrize("after", range(6))
+def test_an_interrupted_move_is_still_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    """Wherever the renames stop, the next call knows old and new files as bristle's, and replaces them."""
+    files.replace_files(tmp_path, OLD)
+    with monkeypatch.context() as patch:
+        rename, count = Path.replace, 0
+
+        def stop(path: Path, target: Path) -> Path:
+            nonlocal count
+            count += 1
+            if count > after:
+                raise KeyboardInterrupt
+            return rename(path, target)
+
+        patch.setattr(Path, "replace", stop)
+        with contextlib.suppress(KeyboardInterrupt):
+            files.replace_files(tmp_path, NEW)
+    files.replace_files(tmp_path, OLD)
+    assert _tree(tmp_path) == {**OLD, files.MANIFEST: listing(OLD)}
+
+
+@pytest.mark.parametrize("name", [files.MANIFEST, "index.html", "figures", "figures/a.svg", "figures/b.svg"])
+@pytest.mark.parametrize("target", ["same", "none"])
+def test_no_link_in_the_folder_is_followed_or_replaced(tmp_path: Path, name: str, target: str) -> None:
+    """A link in place of what bristle made, of its manifest or of its subfolder is refused, even to the very same bytes; nothing changes."""
+    out = tmp_path / "out"
+    files.replace_files(out, OLD)
+    (out / name).rename(tmp_path / "same")
+    (out / name).symlink_to(tmp_path / target)
+    before = _tree(tmp_path)
+    refused(out, "in the way" if name == "figures" else "is a symbolic link")
+    assert _tree(tmp_path) == before
+    assert (out / name).is_symlink()
+
+
+def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
+    """The user named it; the report lands where it points. A link to nothing is refused, and nothing is made there."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    files.replace_files(tmp_path / "link", NEW)
+    assert _tree(tmp_path / "there") == {**NEW, files.MANIFEST: listing(NEW)}
+    (tmp_path / "loose").symlink_to(tmp_path / "nothing")
+    refused(tmp_path / "loose", "symbolic link to no folder")
+    assert not (tmp_path / "nothing").exists()
+
+
+def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
+    """A pipe, and a link to a file, to nothing or to a pipe, are refused as a file, and stay; a pipe is refused as a folder too."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "own.json").write_text(OWN)
+    for target in ("own.json", "nothing", "pipe"):
+        (tmp_path / f"to {target}").symlink_to(tmp_path / target)
+    for name, why in {"pipe": "is a pipe", "to own.json": "link", "to nothing": "link", "to pipe": "link"}.items():
+        with pytest.raises(InputError, match=why):
+            files.check_file(tmp_path / name)
+        with pytest.raises(InputError, match=why):
+            files.write_text(tmp_path / name, "new")
+    for path in (tmp_path / "pipe", tmp_path / "to own.json"):
+        with pytest.raises(InputError, match="a report needs a folder"):
+            files.replace_files(path, NEW)
+        with pytest.raises(InputError, match="a report needs a folder"):
+            files.check_folder(path)
+        with pytest.raises(InputError, match="cannot be written"):
+            files.check_folder(path / "below")
+        with pytest.raises(InputError, match="is no folder"):
+            files.check_file(path / "below")
+    assert (tmp_path / "pipe").is_fifo()
+    assert (tmp_path / "own.json").read_text() == OWN
+    assert not (tmp_path / "nothing").exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "what"),
+    [(stat.S_IFCHR, "a device"), (stat.S_IFBLK, "a device"), (stat.S_IFSOCK, "a socket"), (stat.S_IFIFO, "a pipe")],
+)
+def test_a_device_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: int, what: str) -> None:
+    """Whatever the system says is no regular file is neither opened nor replaced, whoever runs bristle; a report that lists it is refused."""
+    files.replace_files(tmp_path / "out", OLD)
+    path, look = tmp_path / "out" / "index.html", Path.stat
+
+    def told(self: Path, *, follow_symlinks: bool = True) -> os.stat_result:
+        found = look(self, follow_symlinks=follow_symlinks)
+        return os.stat_result((kind | 0o666, *found[1:])) if self == path else found
+
+    monkeypatch.setattr(Path, "stat", told)
+    with pytest.raises(InputError, match=f"is {what}; expected a file"):
+        files.write_text(path, "new")
+    with pytest.raises(InputError, match=f"is {what}; expected a file"):
+        files.replace_files(tmp_path / "out", NEW)
+    assert path.read_bytes() == b"old"
 
 
 def _fill_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> None:

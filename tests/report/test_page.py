@@ -1,5 +1,6 @@
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from bristle.data.record import Record
 from bristle.identification.estimate import Joint
 from bristle.report import figures, page
+from bristle.report.style import inline, render_as
 
 from .conftest import HOSTILE, gripper
 
@@ -90,6 +92,85 @@ def test_hostile_names_come_out_escaped(written: Path) -> None:
     assert text.count("&lt;script&gt;") > 5
     for path in (written / "figures").glob("*.svg"):
         assert ET.fromstring(path.read_bytes()).tag.endswith("svg")  # noqa: S314 # our own file
+
+
+NAMES = (
+    "verdict", "summary", "versions", "fig1", "compensation", "method", "joint", "a", "a-curve", "a curve", "a--curve", "a-uncertainty",
+    r"\074script\076alert(1)\074/script\076", r"\q", r"\g<0>", r"\1", r"$\undefined{", '" onload="alert(1)" x="', "</svg><script>", "url(#x)",
+    ' id="x', '<b id="summary">', "{{ 7 * 7 }}", "&lt;i&gt;", "-->", "]]>",
+)  # fmt: skip  # a table
+"""Of joints: words that the page uses itself, of each other's figures, and templates of regular expressions, HTML, SVG, mathtext and Jinja."""
+
+
+@pytest.fixture(scope="module")
+def crowded(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Elements]:
+    """The page of a report of joints with such names, each with two figures, and its elements."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "_DRAW", {"curve": figures.curve_figure})
+        drawn = {"curve": figures.stribeck_figure}
+        patch.setattr("bristle.report.uncertainty.figures", lambda _: drawn)
+        patch.setattr(page, "render", lambda figure: (render_as(figure, "svg"), b""))  # a PNG holds no name
+        folder = tmp_path_factory.mktemp("crowded")
+        page.write_report([gripper(name) for name in NAMES], folder, title=NAMES[12], seed=0)
+    assert len(list((folder / "figures").glob("*.svg"))) == 1 + 2 * len(NAMES)
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    found = Elements()
+    found.feed(text)
+    return text, found
+
+
+def test_no_name_makes_an_element_or_an_attribute(crowded: tuple[str, Elements]) -> None:
+    """Elements and attributes of the page are those of plain names; what names a figure for the blind is each joint's name as it is."""
+    text, page_elements = crowded
+    found = page_elements.found
+    assert not {tag for tag, _ in found} & {"script", "b", "link", "img"}
+    assert {name for _, attrs in found for name in attrs if name.startswith("on")} == set()
+    assert {name for tag, attrs in found if tag == "svg" for name in attrs} == {
+        "role",
+        "aria-label",
+        "viewbox",
+        "xmlns:xlink",
+        "xmlns",
+        "version",
+    }
+    labels = [attrs["aria-label"] for tag, attrs in found if tag == "svg"]
+    assert [x for x in labels if x and x.startswith("curve of ")] == [f"curve of {name}" for name in NAMES]
+    assert ">url(#x)" in text  # shown as it is, with no figure's prefix
+
+
+def test_ids_are_unique_whatever_joints_are_called(crowded: tuple[str, Elements]) -> None:
+    """No name gives two elements one id, and every link and reused shape has its target."""
+    found = crowded[1].found
+    ids = Counter(attrs["id"] for _, attrs in found if "id" in attrs)
+    assert [x for x, n in ids.items() if n > 1] == []
+    refs = {
+        (v or "")[1:]
+        for _, attrs in found
+        for k, v in attrs.items()
+        if k in {"href", "xlink:href"} and (v or "")[:1] == "#"
+    }
+    refs |= {
+        x
+        for _, attrs in found
+        for k, v in attrs.items()
+        if k != "aria-label"
+        for x in re.findall(r"url\(#([^)]*)\)", v or "")
+    }
+    assert refs - set(ids) == set()
+
+
+def test_a_figure_takes_any_label() -> None:
+    """A label is put into the element as it is, and text that looks like a reference stays as it was; ids and references get the prefix."""
+    svg = b'<?xml?><svg height="1" width="2" height="3" id="f"><text>url(#a) id="b</text><use href="#f" clip-path="url(#c)"/></svg>'
+    assert inline(svg, "p", r"\074 \g<0> \q") == (
+        r'<svg role="img" aria-label="\074 \g<0> \q" height="1"  id="p-f"><text>url(#a) id="b</text><use href="#p-f" clip-path="url(#p-c)"/></svg>'
+    )
+
+
+@pytest.mark.parametrize("name", ["v_", "α_", "alpha_", "v_<b>", "<b>", "", "+", r"\074b\076"])
+def test_any_parameter_has_a_symbol(name: str) -> None:
+    """A parameter's name, from a foreign file too, becomes a symbol without an element of its own."""
+    assert "<b>" not in page.symbol_html(name)
 
 
 def test_sections_and_simulated_notes(written: Path) -> None:

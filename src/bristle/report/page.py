@@ -28,8 +28,10 @@ from bristle.report import (
 )
 from bristle.report.files import replace_files, write_bytes, write_text
 from bristle.report.presliding import METHODS
+from bristle.report.spreadsheet import to_csv
 from bristle.report.style import inline, render, render_as, styled
 from bristle.report.tracking import FITS
+from bristle.report.wording import free
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -183,9 +185,13 @@ def _compensation(study: Study, files: dict[str, bytes]) -> dict[str, Any]:
 
 
 def _drawn(figure: Figure, name: str, label: str, files: dict[str, bytes]) -> Markup:
-    """A figure rendered into `files`, and as an element of the page; `label` names it for a reader who does not see it."""
+    """A figure rendered into `files`, and as an element of the page; `label` names it for a reader who does not see it.
+
+    Where joints are called so that another figure has the name already, it gets a number.
+    """
+    name = free(name, lambda tried: f"figures/{tried}.svg" in files)
     files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
-    return Markup(inline(files[f"figures/{name}.svg"], name, escape(wording.printable(label))))  # noqa: S704 # matplotlib escaped every text in it
+    return Markup(inline(files[f"figures/{name}.svg"], name, escape(wording.printable(label))))  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
 
 
 def _html(template: str, context: Mapping[str, Any]) -> str:
@@ -208,7 +214,7 @@ def symbol_html(name: str) -> Markup:
     parts = text.split("_", 1)
     if len(parts) == 1 or parts[0] not in {"α", "σ", "v"}:
         return escape(name)
-    return Markup("<i>{}</i><sub>{}</sub>{}").format(parts[0], parts[1][0], parts[1][1:])
+    return Markup("<i>{}</i><sub>{}</sub>{}").format(parts[0], parts[1][:1], parts[1][1:])
 
 
 _HEADINGS = {
@@ -256,7 +262,7 @@ _CELLS: dict[str, Callable[[str], str]] = {
 
 
 def _csv(frame: "pd.DataFrame") -> bytes:
-    return _encoded(frame.to_csv(index=False, lineterminator="\n"))
+    return _encoded(to_csv(frame))
 
 
 def _encoded(text: str) -> bytes:

@@ -9,6 +9,7 @@ from bristle.analysis.information import STATIC
 from bristle.analysis.plan_study import AIMS, Plan
 from bristle.model.arrays import Array
 from bristle.model.parameters import unit
+from bristle.report import spreadsheet
 
 NORMAL = 1.96
 """Half of a 95 % interval in standard errors."""
@@ -33,8 +34,7 @@ def references(plan: Plan) -> pd.DataFrame:
 
 def to_csv(plan: Plan) -> str:
     """`references` as CSV; what is not commanded is empty."""
-    text: str = references(plan).to_csv(index=False, lineterminator="\n", float_format="%.10g")
-    return text
+    return spreadsheet.to_csv(references(plan), "%.10g")
 
 
 def velocities(plan: Plan) -> pd.DataFrame:

@@ -121,16 +121,20 @@ def render_as(figure: Figure, kind: str) -> bytes:
     return data.replace(b"'DejaVu Sans'", b"'DejaVu Sans', Verdana, sans-serif") if kind == "svg" else data
 
 
+_TAG = re.compile(r"<[^>]*>")
+"""Matplotlib writes no bare > into an attribute."""
+_NAMED = re.compile(r'\sid="|url\(#|href="#')
+"""Before an id, where it is given or used."""
+_SIZED = re.compile(r'^<svg (.*?)width="[^"]*" height="[^"]*"')
+
+
 def inline(svg: bytes, prefix: str, label: str) -> str:
     """An SVG file as an element of an HTML page: no prologue, ids that no other figure has, width left to the page.
 
-    `label`, already escaped, names the figure for a reader who does not see it.
+    `label`, already escaped, names the figure for a reader who does not see it. Replacements are functions: a label or prefix is no template.
     """
     text = svg.decode("utf-8")
     text = text[text.index("<svg") :]
-    text = re.sub(r'(<[^>]*?\sid=")', rf"\g<1>{prefix}-", text)
-    text = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}-", text)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return re.sub(
-        r'^<svg (.*?)width="[^"]*" height="[^"]*"', rf'<svg role="img" aria-label="{label}" \1', text, count=1
-    )
+    text = _TAG.sub(lambda tag: _NAMED.sub(lambda found: f"{found[0]}{prefix}-", tag[0]), text)
+    return _SIZED.sub(lambda found: f'<svg role="img" aria-label="{label}" {found[1]}', text, count=1)

@@ -2,6 +2,8 @@
 
 import math
 import re
+from collections.abc import Callable
+from itertools import count
 
 from bristle.identification.estimate import Estimate
 from bristle.model.parameters import Kind, unit
@@ -94,12 +96,17 @@ def shortened(text: str, length: int = 60, *, end: bool = False) -> str:
 
 
 def slugs(names: list[str]) -> list[str]:
-    """One file name per joint name, of ASCII letters, digits and hyphens, each different."""
-    out: list[str] = []
+    """One file name per joint name, of ASCII letters, digits and single hyphens between them, each different.
+
+    An id of the page is a slug, two hyphens and a word, so that no slug makes an id of another joint or of the page itself.
+    """
+    out: dict[str, None] = {}
     for name in names:
         base = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40].strip("-") or "joint"
-        slug, k = base, 2
-        while slug in out:
-            slug, k = f"{base}-{k}", k + 1
-        out.append(slug)
-    return out
+        out[free(base, out.__contains__)] = None
+    return list(out)
+
+
+def free(name: str, taken: Callable[[str], bool]) -> str:
+    """The name, or with the first number from 2 up that is not taken."""
+    return name if not taken(name) else next(x for k in count(2) if not taken(x := f"{name}-{k}"))
