@@ -7,6 +7,7 @@ import scipy.io
 
 from bristle.data.draft import draft_experiment
 from bristle.data.experiment import Experiment, load_experiment, read_runs
+from bristle.errors import InputError
 
 _T = np.arange(200) * 0.01
 _Q, _TAU = np.sin(_T), np.cos(_T)
@@ -101,13 +102,46 @@ def test_points_and_sliding_joints(tmp_path: Path) -> None:
 
 
 def test_hostile_names_stay_names(tmp_path: Path) -> None:
-    """Quotes, colons and line ends in names of files and columns do not leave their place in the YAML."""
-    path = _csv(tmp_path / 'a"b: [c]\n#.csv', 't,q,"x: {y"', _T, _Q, _TAU)
+    """Quotes, colons, backslashes and letters beyond the basic plane in names of files and columns do not leave their place in the YAML."""
+    path = _csv(tmp_path / 'a"b: [c]\\n#.csv', 't [s],"pos_\U0001f600 [rad]","x: {y"', _T, _Q, _TAU)
     text, _ = draft_experiment(path)
-    (tmp_path / "draft.yaml").write_text(
-        text.replace("# FILL IN, without the #: torque: {column: tau, ", 'torque: {column: "x: {y", ')
+    text = text.replace("# FILL IN, without the #: torque: {column: tau, ", 'torque: {column: "x: {y", ')
+    text = text.replace(
+        "# FILL IN, without the #: position: {column: q, unit: deg, wraps: true}", "position: {column: 1, unit: rad}"
     )
+    (tmp_path / "draft.yaml").write_text(text)
     assert read_runs(_load(tmp_path))[0].record.time.size == _T.size
+    assert '"pos_\\U0001F600 [rad]"' in text
+
+
+def test_a_file_name_with_a_line_end_is_refused(tmp_path: Path) -> None:
+    """A file name that holds a control character is refused by the draft, as by the experiment file that would name it."""
+    path = _csv(tmp_path / "a\nb.csv", "t,q", _T, _Q)
+    with pytest.raises(InputError, match=r"U\+000A"):
+        draft_experiment(path)
+
+
+def test_a_draft_of_very_many_columns_is_short(tmp_path: Path) -> None:
+    """A wide file gives a draft that can be loaded: what was found, and the first names; a name that repeats or is very long is never guessed."""
+    names = [
+        "t [s]",
+        "q [rad]",
+        "tau [Nm]",
+        *(f"c{k}" for k in range(3000)),
+        "v" * 5000 + "[" * 5000,
+        *["dq [rad/s]"] * 3000,
+    ]
+    path = tmp_path / "wide.csv"
+    rows = [
+        ",".join([f"{t}", f"{q}", f"{tau}", *["0"] * (len(names) - 3)])
+        for t, q, tau in zip(_T[:3], _Q[:3], _TAU[:3], strict=True)
+    ]
+    path.write_text("\n".join([",".join(names), *rows]))
+    text, _ = draft_experiment(path)
+    assert len(text) < 10_000
+    assert "velocity" not in text.split("signals:")[1]
+    (tmp_path / "draft.yaml").write_text(text)
+    assert _load(tmp_path).signals.torque is not None
 
 
 def test_bad_files_are_refused(tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
 import math
+import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +10,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bristle.data.experiment import Experiment, FitOptions, Inertia, load_experiment
+from bristle.data.experiment import Experiment, FitOptions, Inertia, load_experiment, read_runs
 from bristle.data.steady import Thresholds
+from bristle.errors import InputError
 
 _BASE: dict[str, Any] = {
     "joint": {"name": "wrist", "kind": "revolute"},
@@ -127,6 +130,40 @@ _BAD: dict[str, tuple[dict[str, Any], str]] = {
     "range": ({"fit": {"v_s_range": ["2 rad/s", "1 rad/s"]}}, "fit.*the smaller value first"),
     "truth": ({"truth": {"both": {}, "+": {}}}, r"truth"),
     "not finite": ({"fit": {"position_cutoff": "1e999 Hz"}}, r"fit\.position_cutoff: .*finite"),
+    "infinite inertia": ({"inertia": "1e400 kg*m^2"}, "inertia: got '1e400 .*expected a finite size"),
+    "infinite error": ({"inertia": "0.05 +/- 1e400 kg*m^2"}, "inertia: got .*expected a finite size"),
+    "vast": ({"fit": {"v_s_range": ["1e-300 rad/s", "1e300 rad/s"]}}, r"fit\.v_s_range\.0: .*expected a finite size"),
+    "vast scale": (
+        {"signals": _signals(torque={"column": 1, "unit": "N*m", "scale": 1e300})},
+        r"signals\.torque: unit 'N\*m' times scale 1e\+300 is 1e\+300 N\*m; expected between",
+    ),
+    "vast unit": ({"inertia": "1 Qm**9*Qm**9"}, "inertia: unit .* is too large or too small"),
+    "fixed at zero": (
+        {"fit": {"fixed": {"sigma_0": "0 N*m/rad"}}},
+        r"fit\.fixed: sigma_0: got 0; expected a value > 0",
+    ),
+    "fixed below zero": ({"fit": {"fixed": {"alpha_2-": "-1 N*m*s/rad"}}}, r"fit\.fixed: alpha_2-: got -1; .* >= 0"),
+    "fixed inertia": ({"fit": {"fixed": {"inertia": "-1 kg*m**2"}}}, r"fit\.fixed: inertia: got -1; .* > 0"),
+    "fixed at infinity": ({"fit": {"fixed": {"offset": "1e400 N*m"}}}, r"fit\.fixed: got '1e400 N\*m'; .* finite"),
+    "fixed twice over": (
+        {"fit": {"fixed": {"alpha_0": "1 N*m", "alpha_0+": "2 N*m"}}},
+        r"fit\.fixed: got both alpha_0 and alpha_0\+",
+    ),
+    "fixed of two signs": (
+        {"fit": {"fixed": {"alpha_0+-": "1 N*m"}}},
+        r"fit\.fixed: got 'alpha_0\+-'; expected one of",
+    ),
+    "shared and fixed in one": (
+        {"fit": {"shared": ["sigma_0"], "fixed": {"sigma_0+": "1 N*m/rad"}}},
+        r"fit\.fixed: sigma_0\+ fixes one direction of what both share",
+    ),
+    "control character": ({"joint": {"name": "a\u009b"}}, r"joint\.name: the text 'a\\x9b' holds U\+009B"),
+    "control character in a label": (
+        {"runs": [{"files": "a", "experiment": "ramp", "load": "5 kg\u2067"}]},
+        r"runs\.0\.load: .* holds U\+2067",
+    ),
+    "control character in an assumption": ({"assumptions": ["a\u2028b"]}, r"assumptions\.0: .* holds U\+2028"),
+    "key that is a number": ({"fit": {3: 4}}, r"fit\.3: got 3; expected a key that is text"),
     "wraps": (
         {"signals": _signals(position={"column": 1, "unit": "rad", "wraps": "3 s"})},
         r"signals\.position: unit 's' is no unit of rad",
@@ -138,10 +175,13 @@ _BAD: dict[str, tuple[dict[str, Any], str]] = {
 def test_bad_keys_are_refused(tmp_path: Path, case: str) -> None:
     """Each mistake in a file is one sentence that opens with the file and names the key and the fix."""
     changes, says = _BAD[case]
-    with pytest.raises(ValueError, match=says) as caught:
+    with pytest.raises(InputError, match=says) as caught:
         _experiment(tmp_path, **changes)
     assert str(caught.value).startswith(str(tmp_path / "experiment.yaml"))
     assert "\n" not in str(caught.value)
+
+
+_FEW = "joint: {name: a}\nruns: [{files: a, experiment: ramp}]\n"
 
 
 @pytest.mark.parametrize(
@@ -159,24 +199,83 @@ def test_bad_keys_are_refused(tmp_path: Path, case: str) -> None:
         ("a: 0000-99-99", "in quotes|unknown key"),
         ("x: " + "9" * 1_000_001, "larger than"),
         ("a: \x00", "not YAML"),
+        ("".join(f"k{k}: 1\n" for k in range(50_000)), "line 5000.*more than 10000"),
+        ("a: [" + "1," * 100_000 + "]", "more than 10000"),
+        ("a: " + "1" * 500_000, "an integer of 500000 digits"),
+        ("a: 0x" + "f" * 5_000, "an integer of 5002 digits"),
+        ("a: !!timestamp x", "in quotes"),
+        ('"' + "k" * 500_000 + '": 1', "line 1"),
+        ("? " + "k" * 500_000 + "\n: 1", "unknown key 'kkk"),
+        ("joint: {name: a}\nruns:\n" + "- {x: 1}\n" * 3_000, r"unknown key 'runs\.0\.x'.*and 8999 more"),
+        (_FEW + "fit: {fixed: {sigma_0: '" + "1" * 500_000 + "'}}", "fit.fixed: got"),
+        (_FEW + "inertia: '" + "1 kg +/- " * 50_000 + "'", "inertia: got"),
+        (_FEW + "encoder_resolution: '" + "1 counts / " * 50_000 + "'", "encoder_resolution: got"),
+        (
+            _FEW + "signals: {torque: {column: a, unit: '" + "m*" * 200_000 + "'}}",
+            "signals.torque: unit .* is not known",
+        ),
+        (
+            _FEW + "signals: {torque: {column: a, unit: N, scale: '" + "1" * 200_000 + "'}}",
+            "signals.torque: scale '111",
+        ),
+        (
+            "joint: {name: a}\nruns: [{experiment: ramp, files: '" + "${a" * 100_000 + "'}]",
+            "runs.0.files: got .*at most 4096",
+        ),
+        ("? {a: b}\n: 1", "line 1"),
     ],
 )
 def test_malformed_yaml_is_refused(tmp_path: Path, text: str, says: str) -> None:
-    """Malformed, hostile and empty YAML is one sentence, with the line where there is one, and cheap."""
+    """Malformed, hostile, huge and empty YAML is one short sentence within seconds, with the line where there is one."""
     path = tmp_path / "experiment.yaml"
     path.write_text(text)
-    with pytest.raises(ValueError, match=says) as caught:
+    begun = time.perf_counter()
+    with pytest.raises(InputError, match=says) as caught:
         load_experiment(path)
+    assert time.perf_counter() - begun < 5
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize(
+    ("files", "says"),
+    [
+        ("a" * 300, "runs: files 'aaa.* cannot be looked for"),
+        ("a\0b.csv", r"'a\\x00b.csv' is no file"),
+        ("**/a/**/b/**/*.csv", r"has \*\* more than once"),
+        ("*" * 2000 + "x", r"has \*\* more than once"),
+        ("*a" * 60 + "b", "matches no file"),
+        ("ramp*", r"file name 'ramp\\x1b\[2J.csv' holds U\+001B"),
+        ("slow*", r"file name 'slow\\udcff.csv' holds U\+DCFF"),
+    ],
+)
+def test_hostile_file_names_are_refused(tmp_path: Path, files: str, says: str) -> None:
+    """Names too long, with a NUL, or patterns that search for ever, and files with unprintable names, are one short sentence."""
+    (tmp_path / "ramp\x1b[2J.csv").write_text("t\n1\n")
+    (tmp_path / os.fsdecode(b"slow\xff.csv")).write_text("t\n1\n")
+    (tmp_path / ("a" * 120)).write_text("t\n1\n")
+    with pytest.raises(InputError, match=says) as caught:
+        read_runs(_experiment(tmp_path, runs=[{"files": files, "experiment": "tracking"}]))
+    assert len(str(caught.value)) < 500
+
+
+@given(st.text(max_size=2000))
+def test_a_sentence_is_short_and_shown(text: str) -> None:
+    """Whatever an error quotes, it is one line of at most 500 characters that a terminal shows."""
+    said = str(InputError(f"beginning {text} end"))
+    assert said.startswith("beginning ")
+    assert said.endswith(" end")
+    assert said.isprintable()
+    assert len(said) <= 500
 
 
 def test_bad_paths_are_refused(tmp_path: Path) -> None:
     """No file, a folder, and bytes that are no text."""
     for path, says in ((tmp_path / "none.yaml", "no such file"), (tmp_path, "is a folder")):
-        with pytest.raises(ValueError, match=says):
+        with pytest.raises(InputError, match=says):
             load_experiment(path)
     (tmp_path / "binary.yaml").write_bytes(b"\xff\x00")
-    with pytest.raises(ValueError, match="not text"):
+    with pytest.raises(InputError, match="not text"):
         load_experiment(tmp_path / "binary.yaml")
 
 
@@ -204,12 +303,12 @@ _values = st.recursive(
     )
 )
 def test_any_values_are_refused_or_taken(tmp_path: Path, changes: dict[str, Any]) -> None:
-    """No values at any key make the loader raise anything but ValueError."""
+    """No values at any key make the loader raise anything but InputError."""
     assert _outcome(tmp_path, changes).count("\n") == 0
 
 
 def _outcome(folder: Path, changes: dict[str, Any]) -> str:
     try:
         return _experiment(folder, **changes).joint.name
-    except ValueError as error:
+    except InputError as error:
         return str(error)

@@ -1,11 +1,17 @@
+import contextlib
+import struct
 import sys
+import time
 import warnings
+import zipfile
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
@@ -14,6 +20,7 @@ from bristle.data import reading
 from bristle.data.containers import Key, names_of
 from bristle.data.reading import read_table
 from bristle.data.units import factor, plus_minus, to_si
+from bristle.errors import InputError
 
 _QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -28,7 +35,7 @@ def _write(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
 def _refusal(path: Path, column: int | str) -> str | None:
     try:
         _column(path, column)
-    except ValueError as error:
+    except InputError as error:
         return str(error)
     return None
 
@@ -63,7 +70,7 @@ _fragments = st.sampled_from(
 @_QUICK
 @given(st.one_of(st.binary(max_size=300), st.lists(_fragments, max_size=60).map("".join)), st.sampled_from([0, 1, "t"]))
 def test_garbage_is_refused_in_a_sentence_or_read(tmp_path: Path, content: str | bytes, column: int | str) -> None:
-    """No bytes make the text reader raise anything but a one-line ValueError that names the file."""
+    """No bytes make the text reader raise anything but a one-line InputError that names the file."""
     path = _write(tmp_path, content)
     refusal = _refusal(path, column)
     assert refusal is None or (refusal.startswith(str(path)) and "\n" not in refusal)
@@ -71,7 +78,7 @@ def test_garbage_is_refused_in_a_sentence_or_read(tmp_path: Path, content: str |
 
 @pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
 def test_damaged_containers_are_refused_in_a_sentence(tmp_path: Path, suffix: str) -> None:
-    """A container with any byte run overwritten, or cut short, gives its column or a ValueError, nothing else."""
+    """A container with any byte run overwritten, or cut short, gives its column or an InputError, nothing else."""
     whole = _container(tmp_path, suffix, np.arange(50.0)).read_bytes()
     rng = np.random.default_rng(0)
     refused = 0
@@ -131,9 +138,9 @@ def test_mat_paths(tmp_path: Path) -> None:
         "data": "no plain array",
         "data..t": "dotted path",
     }.items():
-        with pytest.raises(ValueError, match=says):
+        with pytest.raises(InputError, match=says):
             _column(path, column)
-    with pytest.raises(ValueError, match="columns differ in length"):
+    with pytest.raises(InputError, match="columns differ in length"):
         read_table(path, [Key("data.t"), Key("k")])
 
 
@@ -192,40 +199,40 @@ def test_inf_and_nothing_are_read_not_refused(tmp_path: Path) -> None:
 )
 def test_bad_text_is_refused(tmp_path: Path, content: str | bytes, column: int | str, says: str) -> None:
     """Each bad text file is refused in one sentence that says what is wrong and where."""
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(InputError, match=says):
         _column(_write(tmp_path, content), column)
 
 
 def test_bad_paths_are_refused(tmp_path: Path) -> None:
-    """A missing file and a folder are a ValueError that says which."""
-    with pytest.raises(ValueError, match=r"none\.csv: no such file"):
+    """A missing file and a folder are a InputError that says which."""
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
         _column(tmp_path / "none.csv", 0)
-    with pytest.raises(ValueError, match="is a folder"):
+    with pytest.raises(InputError, match="is a folder"):
         _column(tmp_path, 0)
 
 
 def test_sizes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A line or a file longer than the stated limits is refused before it is parsed."""
     path = _write(tmp_path, b"0,1\n" + b"2" * (reading.MAX_LINE + 1))
-    with pytest.raises(ValueError, match=f"longer than {reading.MAX_LINE} bytes"):
+    with pytest.raises(InputError, match=f"longer than {reading.MAX_LINE} bytes"):
         _column(path, 0)
     monkeypatch.setattr(reading, "MAX_BYTES", 1000)
-    with pytest.raises(ValueError, match="over the limit of 1000"):
+    with pytest.raises(InputError, match="over the limit of 1000"):
         _column(path, 0)
 
 
 def test_containers_that_are_not_what_they_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Version 7.3, pickled objects, no MAT-file at all, and a missing pyarrow: each says what to do."""
     hdf5 = _write(tmp_path, b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "new.mat")
-    with pytest.raises(ValueError, match=r"version 7\.3 .*'-v7'"):
+    with pytest.raises(InputError, match=r"version 7\.3 .*'-v7'"):
         _column(hdf5, "q")
-    with pytest.raises(ValueError, match="no MAT-file"):
+    with pytest.raises(InputError, match="no MAT-file"):
         _column(_write(tmp_path, "t,q\n0,1\n", "text.mat"), "q")
     np.savez(tmp_path / "objects.npz", q=np.array([{}, None], dtype=object))
-    with pytest.raises(ValueError, match=r"allow_pickle|no plain array"):
+    with pytest.raises(InputError, match=r"allow_pickle|no plain array"):
         _column(tmp_path / "objects.npz", "q")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(ValueError, match=r"pip install 'bristle\[parquet\]'"):
+    with pytest.raises(InputError, match=r"pip install 'bristle\[parquet\]'"):
         _column(_write(tmp_path, b"PAR1", "log.parquet"), "q")
 
 
@@ -264,7 +271,7 @@ def test_units_of_logs() -> None:
     assert plus_minus("95.1 ± 0.5 kg", "kg") == plus_minus("(95.1 +/- 0.5) kg", "kg") == (95.1, 0.5)
     assert plus_minus("95.1 kg ± 500 g", "kg") == plus_minus("95.1 kg +/- 0.5", "kg") == pytest.approx((95.1, 0.5))
     assert plus_minus("9 kg", "kg") == (9, None)
-    with pytest.raises(ValueError, match="no unit of kg"):
+    with pytest.raises(InputError, match="no unit of kg"):
         plus_minus("95.1 N ± 0.5 kg", "kg")
 
 
@@ -290,12 +297,253 @@ def test_units_of_logs() -> None:
 )
 def test_wrong_units_are_refused(unit: str, target: str) -> None:
     """An unknown unit, one of another dimension, and Hz for rad/s are refused, at once, with what was got."""
-    with pytest.raises(ValueError, match=r"unit .*(expected|needs)"):
+    with pytest.raises(InputError, match=r"unit .*(expected|needs)"):
         factor(unit, target)
 
 
 @pytest.mark.parametrize("value", [3, "3", None, "inf rad", "rad", [1], "1 N", {"a": 1}])
 def test_a_bare_number_has_no_unit(value: Any) -> None:
     """Every quantity needs a number and a unit of its dimension."""
-    with pytest.raises(ValueError, match="expected"):
+    with pytest.raises(InputError, match="expected"):
         to_si(value, "rad")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * 500_000 + "x",
+        "1 rad " + "+-" * 200_000,
+        "(" * 500_000,
+        "1" + " " * 500_000 + "rad",
+        "1 " + "counts/" * 100_000,
+        "1 Qm**9*Qm**9",
+        "1 Qm**9*Qm**9*Qm**9",
+        "1e400 rad",
+        "1e-200 rad",
+        "1e200 counts/rev",
+        "1 rad +/- 1e400",
+        "1e300 rad +/- 1 rad",
+    ],
+)
+def test_hostile_quantities_are_refused_at_once(text: str) -> None:
+    """Very long, very large and very small quantities are one short sentence in a moment, whatever reads them."""
+    for read in (
+        lambda: to_si(text, "rad"),
+        lambda: plus_minus(text, "rad"),
+        lambda: factor(text, "rad"),
+        lambda: factor("rad", "rad", scale=text),
+    ):
+        begun = time.perf_counter()
+        with pytest.raises(InputError) as caught:
+            read()
+        assert time.perf_counter() - begun < 2
+        assert len(str(caught.value)) < 500
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.lists(
+        st.sampled_from(
+            [*"mkNs*/()^-+129e% °µΩQq0._éjJ", "rad", "**", "deg", "nan", "inf", "counts", "rev", "Hz", "pi"]
+        ),
+        max_size=12,
+    ).map("".join)
+)
+def test_any_unit_is_taken_or_refused(unit: str) -> None:
+    """No text makes the units raise anything but InputError, and what is taken is a finite size."""
+    for target in ("rad", "N*m", "s"):
+        with contextlib.suppress(InputError):
+            assert 0 < factor(unit, target, resolution=1e-3) < np.inf
+
+
+@pytest.mark.parametrize(
+    ("content", "column", "says"),
+    [
+        (",".join(["1"] * 100_000) + "\n", 0, "has 100000 columns, over the limit"),
+        (",".join(f"c{k}" for k in range(100_000)) + "\n" + ",".join(["1"] * 100_000) + "\n", "c0", "has 100000 columns"),
+        ("t,q\n" + "," * 1000 + "\n" * 200, "t", "has a header and no row|no column"),
+        ("t,q\n" + ",\n" * 100_000, "t", "has a header and no row"),
+        ("t,q\n0,1\n" * 2 + "1" * 500_000 + "x,1\n", "t", "row 3 of column 't' holds|row 2 of column 't' holds"),
+        ("t,q\n0," + "9" * 305 + "\n1,2\n", "q", "line 2 stands between"),
+        ("t,q\n0,1\n1," + "9" * 400 + "\n", "q", "row 2 of column 'q' holds '999"),
+        ("t,q\n" + '"' * 500_000 + ",1\n", "t", "is not a table of numbers"),
+        (",".join(f"column {k}" for k in range(5000)) + "\n" + ",".join(["1"] * 5000) + "\n", "x", "there are: column 0"),
+        ("t,q\n0,1\n", "x" * 100_000, "no column named 'xxx"),
+        ("t,q\n0,1\n", 10**25, "no column 10000"),
+    ],
+)  # fmt: skip  # a table
+def test_hostile_text_is_refused_in_seconds(tmp_path: Path, content: str, column: int | str, says: str) -> None:
+    """Very wide, very long and very empty tables are one short sentence, within seconds."""
+    begun = time.perf_counter()
+    with pytest.raises(InputError, match=says) as caught:
+        _column(_write(tmp_path, content), column)
+    assert time.perf_counter() - begun < 5
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize(
+    ("content", "notes"),
+    [
+        ("t,q\n0,1\n2,3\n", ()),
+        ("0,1\n2,3\n", ()),
+        ("t,q\ns,rad\n0,1\n2,3\n", ("Taken as header, not as data: lines 1 ('t, q'), 2 ('s, rad').",)),
+        ("t,q,n\ns,rad,1\n0,1,1\n2,3,1\n", ("Taken as header, not as data: lines 1 ('t, q, n'), 2 ('s, rad, 1').",)),
+        ("Rig 3\n\nt,q\n0,1\n2,3\n", ("Taken as header, not as data: lines 1 ('Rig 3'), 3 ('t, q').",)),
+        ("0,stop,n.i.\n0,1,2\n2,3,4\n", ("Taken as header, not as data: line 1 ('0, stop, n.i.').",)),
+    ],
+)
+def test_no_row_is_lost_in_silence(tmp_path: Path, content: str, notes: tuple[str, ...]) -> None:
+    """A line above the numbers that is more than one line of names is said; every line below is a row."""
+    table = read_table(_write(tmp_path, content), [Key(1)])
+    assert table.notes == notes
+    assert table.columns[Key(1)].tolist() == [1, 3]
+
+
+@pytest.mark.parametrize("row", ["0,stop,n.i.,off", "0,,,x", "1e-3,a,b,c"])
+def test_a_row_of_data_is_no_header(tmp_path: Path, row: str) -> None:
+    """A row between names and numbers that holds a number and too much text is refused by its line, not skipped."""
+    with pytest.raises(InputError, match="line 2 stands between names and numbers"):
+        _column(_write(tmp_path, f"t,q,a,b\n{row}\n1,2,3,4\n"), "t")
+
+
+def test_a_quote_in_the_header_hides_no_row(tmp_path: Path) -> None:
+    """A quote that a header opens and never closes swallows no line below it."""
+    assert _column(_write(tmp_path, 't,q"\n0,1\n2,3\n"4",5\n'), 0) == [0, 2, 4]
+
+
+def _npy(shape: str = "(10,)", dtype: str = "'<f8'", data: bytes = bytes(80), version: int = 1) -> bytes:
+    """A NumPy array's file with any header."""
+    header = f"{{'descr': {dtype}, 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY" + bytes([version, 0]) + struct.pack("<H", len(header)) + header + data
+
+
+@pytest.mark.parametrize(
+    ("members", "says"),
+    [
+        ([("q.npy", _npy("(1000000000000,)"))], "over the limit"),
+        ([("q.npy", _npy("(100000000,)"))], "shorter than its header says"),
+        ([("q.npy", _npy("(-1,)"))], "shorter than its header says"),
+        ([("q.npy", _npy("(1.5,)"))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy("[" * 3000 + "]" * 3000))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy(dtype="'x8'"))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy(dtype="'|O'"))], "Python objects"),
+        ([("q.npy", _npy(dtype="[('a', '<f8'), ('b', 'O')]", shape="(5,)"))], "Python objects"),
+        ([("q.npy", _npy(dtype="[('a', '<f8')]"))], "but structs"),
+        ([("q.npy", _npy(dtype="'<c16'", shape="(5,)"))], "but complex numbers"),
+        ([("q.npy", _npy(dtype="'<M8[s]'"))], "but values of type datetime64"),
+        ([("q.npy", _npy("()"))], "a single number"),
+        ([("q.npy", _npy(version=9))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy()[:40])], "is damaged, or no NPZ file"),
+        ([("q.npy", b"")], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy()), ("q.npy", _npy())], "several arrays named 'q'"),
+        ([("q.npy", _npy()), ("q", _npy())], "several arrays named 'q'"),
+        ([("../q.npy", _npy())], r"no array named 'q'; there are: ../q"),
+        ([("q", b"PK\x03\x04 a file in a file")], "is damaged, or no NPZ file"),
+        ([("n" * 60_000 + ".npy", _npy())] * 5, "there are: nnn"),
+        ([], "there are: none"),
+    ],
+)  # fmt: skip  # a table
+def test_hostile_archives_are_refused(tmp_path: Path, members: list[tuple[str, bytes]], says: str) -> None:
+    """Headers that lie, members twice, in folders or of another kind, and objects are one short sentence, without a warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # zipfile warns of a name that it writes twice
+        with zipfile.ZipFile(tmp_path / "log.npz", "w") as archive:
+            for name, data in members:
+                archive.writestr(name, data)
+    with pytest.raises(InputError, match=says) as caught:
+        _column(tmp_path / "log.npz", "q")
+    assert len(str(caught.value)) < 500
+
+
+def test_archives_of_any_kind_of_number_are_read(tmp_path: Path) -> None:
+    """Truth values, long floats and headers as Python 2 wrote them are numbers; what is too large for a float is not finite."""
+    np.savez(tmp_path / "log.npz", b=np.array([True, False]), g=np.array([1, np.longdouble("1e400")]))
+    assert _column(tmp_path / "log.npz", "b") == [1, 0]
+    assert _column(tmp_path / "log.npz", "g")[0] == 1
+    with zipfile.ZipFile(tmp_path / "old.npz", "w") as archive:
+        archive.writestr("q.npy", _npy("(10L,)"))
+    assert _column(tmp_path / "old.npz", "q") == [0] * 10
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_mat_files_of_version_4_are_read(tmp_path: Path, order: str) -> None:
+    """What SciPy reads is read: version 4, in both byte orders."""
+    path = _write(
+        tmp_path, _version_4(order, 1000 * (order == ">"), 3, 1, 0, 2) + struct.pack(f"{order}3d", 1, 2, 3), "log.mat"
+    )
+    assert _column(path, "q") == [1, 2, 3]
+    assert names_of(path) == ("q",)
+
+
+def _version_4(order: str, *header: int) -> bytes:
+    return struct.pack(f"{order}5i", *header) + b"q\0"
+
+
+@pytest.mark.parametrize(
+    "header",
+    [(0, -1, 3, 0, 2), (0, -11, 2, 0, 2), (0, -1, -1, 0, 2), (0, 65536, 65536, 0, 2), (0, 2**31 - 1, 2**31 - 1, 1, 2),
+     (0, 1, 1, 0, 2**31 - 1), (0, 1, 1, 0, -5), (0, 1, 1, 0, 0), (99, 1, 1, 0, 2), (0, 3, 1, 0, 2)],
+)  # fmt: skip  # a table
+def test_hostile_mat_files_of_version_4_are_refused(tmp_path: Path, header: tuple[int, ...]) -> None:
+    """Sizes that lead backward, out of the file or beyond all numbers are refused: SciPy would follow some of them for ever."""
+    with pytest.raises(InputError, match="is damaged"):
+        _column(_write(tmp_path, _version_4("<", *header) + bytes(8), "log.mat"), "q")
+
+
+def test_mat_variables_of_other_kinds(tmp_path: Path) -> None:
+    """Integers, truth values and sparse arrays are numbers; text, cells and complex numbers are refused by what they are."""
+    path = tmp_path / "log.mat"
+    sparse = scipy.sparse.csc_matrix(np.array([[0.0], [2.0], [0.0]]))
+    scipy.io.savemat(path, {"i": np.arange(3, dtype="i2"), "b": np.arange(3) > 0, "s": sparse, "t": "abc", "z": np.arange(3) * 1j,
+                            "c": np.array(["a", 1.0], dtype=object)})  # fmt: skip
+    assert [_column(path, name) for name in "ibs"] == [[0, 1, 2], [0, 1, 1], [0, 2, 0]]
+    for name, what in {"t": "text", "z": "complex numbers", "c": "cells"}.items():
+        with pytest.raises(InputError, match=f"but {what}"):
+            _column(path, name)
+
+
+def test_parquet_columns_of_all_kinds(tmp_path: Path) -> None:
+    """A pandas index, dictionaries and decimals of numbers are columns; nested ones, text and names given twice are refused by what they are."""
+    pd, pa = (
+        pytest.importorskip("pandas"),
+        pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed"),
+    )
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "log.parquet"
+    pd.DataFrame({"t": [0.0, 1.0], "q": [3, 4]}).set_index("t").to_parquet(path)
+    assert (_column(path, "t"), _column(path, "q")) == ([0, 1], [3, 4])
+    columns = {
+        "dict": pa.array([1.5, 2.5]).dictionary_encode(),
+        "decimal": pa.array([Decimal("1.5"), Decimal("2.5")]),
+        "large": pa.array([2**62 + 1, 2**62]),
+        "list": pa.array([[1.0], [2.0]]),
+        "struct": pa.array([{"a": 1.0}, {"a": 2.0}]),
+        "text": pa.array(["1", "2"]),
+        "words": pa.array(["1", "2"]).dictionary_encode(),
+        "stamp": pa.array([1, 2], pa.timestamp("ns")),
+    }
+    parquet.write_table(pa.table(columns), path)
+    assert names_of(path) == ("dict", "decimal", "large")
+    assert _column(path, "dict") == _column(path, "decimal") == [1.5, 2.5]
+    assert _column(path, "large") == [float(2**62)] * 2
+    for name in ("list", "struct", "text", "words", "stamp"):
+        with pytest.raises(InputError, match=f"column '{name}' holds no numbers, but '"):
+            _column(path, name)
+    parquet.write_table(pa.table([columns["large"], columns["decimal"]], names=["q", "q"]), path)
+    for column in ("q", 0):
+        with pytest.raises(InputError, match="several columns named 'q'"):
+            _column(path, column)
+
+
+def test_our_own_defect_is_not_called_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ValueError of our own, while a file is read, is no bad input: it stays what it is."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("ours")
+
+    monkeypatch.setattr("bristle.data.containers.numeric", fail)
+    monkeypatch.setattr("bristle.data.reading.text_layout", fail)
+    for path in (_container(tmp_path, ".npz", np.arange(3.0)), _write(tmp_path, "q\n1\n2\n")):
+        with pytest.raises(ValueError, match=r"^ours$") as caught:
+            _column(path, "q")
+        assert not isinstance(caught.value, InputError)

@@ -3,7 +3,7 @@
 import difflib
 import stat
 import unicodedata
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -17,6 +17,10 @@ MAX_BYTES = 1_000_000
 """Largest experiment file, bytes."""
 MAX_DEPTH = 30
 """Deepest nesting of an experiment file; ours has four levels."""
+MAX_NODES = 10_000
+"""Most keys, values and lists in an experiment file; a run has about ten."""
+_DIGITS = 30
+"""Most digits of an integer: Python refuses to write out far longer ones."""
 
 
 class Model(BaseModel):
@@ -32,9 +36,10 @@ class _Loader(yaml.SafeLoader):
     """YAML without aliases, which a few bytes can blow up to any size, and without a key given twice."""
 
     depth = 0
+    nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """One node of the document; raises yaml.MarkedYAMLError at an anchor, an alias, or too deep a nesting."""
+        """One node of the document; raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many of them."""
         event = self.peek_event()  # type: ignore[no-untyped-call]  # types-PyYAML leaves the parser untyped
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             raise yaml.MarkedYAMLError(
@@ -42,9 +47,15 @@ class _Loader(yaml.SafeLoader):
                 problem_mark=event.start_mark,
             )
         self.depth += 1
+        self.nodes += 1
         if self.depth > MAX_DEPTH:
             raise yaml.MarkedYAMLError(
                 problem="nested too deeply; expected a few levels", problem_mark=event.start_mark
+            )
+        if self.nodes > MAX_NODES:
+            raise yaml.MarkedYAMLError(
+                problem=f"more than {MAX_NODES} keys and values; expected an experiment file, which is a page of YAML (runs may be a glob)",
+                problem_mark=event.start_mark,
             )
         node = super().compose_node(parent, index)
         self.depth -= 1
@@ -56,10 +67,22 @@ class _Loader(yaml.SafeLoader):
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.value in seen:
                 raise yaml.MarkedYAMLError(
-                    problem=f"key {key.value!r} is given twice; keep one of them", problem_mark=key.start_mark
+                    problem=f"key {short(key.value)} is given twice; keep one of them", problem_mark=key.start_mark
                 )
             seen.add(str(key.value))
         return super().construct_mapping(node, deep=deep)
+
+    def construct_integer(self, node: yaml.ScalarNode) -> int:
+        """An integer, which is short; raises yaml.MarkedYAMLError where it is not."""
+        if len(node.value) > _DIGITS:
+            raise yaml.MarkedYAMLError(
+                problem=f"an integer of {len(node.value)} digits; expected at most {_DIGITS}, or text in quotes",
+                problem_mark=node.start_mark,
+            )
+        return int(self.construct_yaml_int(node))
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_integer)
 
 
 def check_regular(path: Path, shown: str | None = None) -> None:
@@ -135,7 +158,7 @@ def parse(text: str, name: str) -> dict[str, Any]:
         raise InputError(f"{name}:{where} {error.problem or error.context}") from error
     except yaml.YAMLError as error:
         raise InputError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
-    except (ValueError, TypeError, LookupError, OverflowError) as error:
+    except (ValueError, TypeError, LookupError, OverflowError, AttributeError) as error:  # as seen from PyYAML
         raise InputError(f"{name}: holds a value that YAML cannot read ({error}); put it in quotes") from error
     if not isinstance(document, dict):
         raise InputError(f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs:")
@@ -147,8 +170,9 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
     try:
         return model.model_validate(data, context=context)
     except ValidationError as error:
-        errors = error.errors()  # pydantic also calls a sequence short whose items it refused
-        found = [e for e in errors if not any(o is not e and o["loc"][: len(e["loc"])] == e["loc"] for o in errors)]
+        errors = error.errors(include_url=False)
+        parents = {e["loc"][:k] for e in errors for k in range(len(e["loc"]))}
+        found = [e for e in errors if e["loc"] not in parents]  # pydantic calls a sequence short whose items it refused
         first = min(found, key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         raise InputError(f"{name}: {_sentence(first, model)}{more}") from error
@@ -156,12 +180,23 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
 
 def short(value: object) -> str:
     """A value as it is quoted in a sentence."""
-    text = " ".join(repr(value).split())
+    text = " ".join(repr(value[:100] if isinstance(value, str | bytes) else value).split())
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def short_list(names: Iterable[object]) -> str:
+    """A list as it is quoted in a sentence: its beginning, where it is long."""
+    text = ""
+    for name in names:
+        if len(text) > 200:
+            return f"{text}, ..."
+        text += f"{', ' if text else ''}{str(name)[:60]}"
+    return text or "none"
 
 
 _EXPECTED = {
     "too_short": "at least one entry",
+    "invalid_key": "a key that is text, in quotes",
     "tuple_type": "a list, as [1, 2]",
     "model_type": "keys with values, as {key: value}",
     "model_attributes_type": "keys with values, as {key: value}",
@@ -171,10 +206,10 @@ _EXPECTED = {
 
 def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     where = [str(part) for part in error["loc"] if part not in ("int", "str", "bool", "float")]
-    key = ".".join(where)
+    key = ".".join(part[:60] for part in where)
     if error["type"] == "extra_forbidden":
         known = _known(model, error["loc"][:-1])
-        near = difflib.get_close_matches(where[-1], known, 1)
+        near = difflib.get_close_matches(where[-1][:60], known, 1)
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(known)}"
         return f"unknown key {short(key)}; {hint}"
     if error["type"] == "missing":
@@ -183,6 +218,7 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
         said = str(error["ctx"]["error"])
         return f"{key}: {said}" if key and not said.startswith(f"{key}.") else said
     message = _EXPECTED.get(error["type"]) or error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+    message = message.removeprefix("String should have ")
     return f"{key}: got {short(error['input'])}; expected {message}"
 
 

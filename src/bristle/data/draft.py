@@ -1,16 +1,16 @@
 """A commented experiment file, drafted from a data file: columns are guessed by their usual names, and what was not guessed is said."""
 
-import json
 import os
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
 from bristle.data.containers import names_of
-from bristle.data.document import unreadable
-from bristle.data.reading import BINARY, read_table, text_layout
+from bristle.data.document import check_name
+from bristle.data.layout import text_layout
+from bristle.data.reading import BINARY, naming, read_table
 from bristle.data.signals import DRIVE
-from bristle.errors import InputError
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
@@ -33,6 +33,10 @@ _UNITS = {
     "current": {"a": "A", "ma": "mA"},
     "voltage": {"v": "V", "mv": "mV"},
 }
+_LONGEST = 100
+"""Characters of a column's name that may be a usual one."""
+_SHOWN = 200
+"""Columns that the draft lists."""
 _LINEAR = {"m", "mm", "um", "m/s", "mm/s", "N", "kN"}
 _KINDS = {
     "presliding": "presliding",
@@ -61,6 +65,7 @@ def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, 
     Data files are named relative to `folder`, where the draft will be saved; None: beside the data. What is marked FILL IN must be filled in before
     the draft can be used. Raises InputError where the data file cannot be read.
     """
+    check_name(data_file.name, f"{data_file}: the file name")
     names, told = _columns(data_file)
     found = _guesses(names)
     drive = next((name for name in DRIVE if name in found), None)
@@ -103,29 +108,33 @@ def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, 
 
 def _columns(path: Path) -> tuple[tuple[str, ...], str]:
     """Names of the columns, and what is told of them in the draft."""
-    try:
+    with naming(str(path)):
         read_table(path, ())
         if path.suffix.lower() in BINARY:
             names = names_of(path)
-            return names, ", ".join(_text(name) for name in names) or "none that is a vector of numbers"
+            return names, _list(names) or "none that is a vector of numbers"
         layout = text_layout(path)
-    except OSError as error:
-        raise InputError(unreadable(path, error)) from error
     if layout.names:
-        return layout.names, ", ".join(_text(name) for name in layout.names)
-    numbered = ", ".join(f"{k} (first value {_text(cell)})" for k, cell in enumerate(layout.first) if cell)
-    return (), f"no header; {numbered}"
+        return layout.names, _list(layout.names)
+    some = layout.first[:_SHOWN]
+    numbered = ", ".join(f"{k} (first value {_text(cell[:_LONGEST])})" for k, cell in enumerate(some) if cell)
+    return (), f"no header; {numbered}{', ...' if len(layout.first) > _SHOWN else ''}"
+
+
+def _list(names: tuple[str, ...]) -> str:
+    return ", ".join([*(_text(name[:_LONGEST]) for name in names[:_SHOWN]), *["..."] * (len(names) > _SHOWN)])
 
 
 def _guesses(names: tuple[str, ...]) -> dict[str, _Guess]:
     """The first column with a usual name, signal by signal; a column that repeats is none."""
     found: dict[str, _Guess] = {}
-    for name in names:
+    once = [name for name, count in Counter(names).items() if count == 1 and len(name) <= _LONGEST]
+    for name in once:
         bare, unit = _split(name)
         for signal, usual in _NAMES.items():
             for stem, suffix in _readings(bare, unit):
                 known = _UNITS[signal].get(suffix) if suffix else None
-                if stem in usual and (known or not suffix) and signal not in found and names.count(name) == 1:
+                if stem in usual and (known or not suffix) and signal not in found:
                     found[signal] = _Guess(name, known)
     return found
 
@@ -164,4 +173,7 @@ def _signal(name: str, guess: _Guess, kind: Kind, unknown: list[str]) -> str:
 
 
 def _text(text: str) -> str:
-    return json.dumps(text)
+    """The text as YAML on one line, in quotes."""
+    import yaml
+
+    return yaml.safe_dump(text, default_style='"', width=float("inf")).rstrip("\n")

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, StrictBool, StrictStr, field_validator, model_validator
+from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
 
 from bristle.data import cleaning as clean
-from bristle.data.document import Model, parse, read_text, validate
+from bristle.data.document import Model, check_name, parse, read_text, short, validate
 from bristle.data.options import (
     AdaptOptions,
     FitOptions,
@@ -25,6 +25,7 @@ from bristle.data.options import (
     RunFiles,
     RunKind,
     SegmentLimits,
+    Shown,
     TrueSet,
     read_inertia,
 )
@@ -71,7 +72,7 @@ class Experiment(Model):
     adapt: AdaptOptions = AdaptOptions()
     plan: PlanOptions = PlanOptions()
     simulated: StrictBool = False
-    assumptions: tuple[StrictStr, ...] = ()
+    assumptions: tuple[Shown, ...] = ()
     true_sets: dict[Literal["+", "-", "both"], TrueSet] = Field(default_factory=dict, alias="truth")
 
     @property
@@ -186,17 +187,28 @@ def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
     for name in _VARIABLE.findall(files):
         if not os.environ.get(name):
             raise InputError(
-                f"{experiment}: runs: files {files!r} needs the environment variable {name}, which is not set; set it to a folder"
+                f"{experiment}: runs: files {short(files)} needs the environment variable {name}, which is not set; set it to a folder"
             )
         variables[name] = os.environ[name]
     pattern = _VARIABLE.sub(lambda match: variables[match[1]], files)
-    found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
+    if pattern.count("**") > 1:  # each may stand for any number of folders: together they search for ever
+        raise InputError(
+            f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
+        )
+    try:
+        found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
+    except OSError as error:
+        raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
     if not found:
         what = "matches no file" if glob.has_magic(pattern) else "is no file"
         raise InputError(
-            f"{experiment}: runs: files {files!r} {what}; expected a path or glob relative to the folder of the experiment file"
+            f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
         )
-    return [(folder / match, _shown(match, folder, variables)) for match in found]
+    shown = [_shown(match, folder, variables) for match in found]
+    return [
+        (folder / match, check_name(name, f"{experiment}: runs: files: the file name"))
+        for match, name in zip(found, shown, strict=True)
+    ]
 
 
 def _glob(pattern: str, folder: Path) -> list[str]:

@@ -33,28 +33,49 @@ def read_inertia(value: object, info: ValidationInfo) -> object:
     return Inertia(value=number, standard_error=error)
 
 
+_SIGNS = {
+    "alpha_0": "> 0",
+    "alpha_1": ">= 0",
+    "alpha_2": ">= 0",
+    "v_s": "> 0",
+    "sigma_0": "> 0",
+    "sigma_1": ">= 0",
+    "inertia": "> 0",
+    "offset": "",
+    "gravity_sin": "",
+    "gravity_cos": "",
+}
+"""What can be fixed, and which sign it has."""
+
+
 def read_fixed(value: object, info: ValidationInfo) -> object:
     """Read `{sigma_1: 0.02 N*m*s/rad, ...}`, each with its unit, and perhaps a direction's sign at its name's end."""
     if not isinstance(value, dict):
         raise InputError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
-    known = (
-        "alpha_0",
-        "alpha_1",
-        "alpha_2",
-        "v_s",
-        "sigma_0",
-        "sigma_1",
-        "inertia",
-        "offset",
-        "gravity_sin",
-        "gravity_cos",
-    )
-    wrong = [name for name in value if str(name).rstrip("+-") not in known]
+    wrong = [name for name in value if _bare(name) not in _SIGNS]
     if wrong:
-        raise InputError(f"got {short(wrong[0])}; expected one of {', '.join(known)}, with + or - for one direction")
+        raise InputError(f"got {short(wrong[0])}; expected one of {', '.join(_SIGNS)}, with + or - for one direction")
     if not isinstance(info.context, Context):
         return value
-    return {name: units.to_si(x, si(str(name).rstrip("+-"), info.context)) for name, x in value.items()}
+    return {name: units.to_si(x, si(_bare(name), info.context)) for name, x in value.items()}
+
+
+def _bare(name: object) -> str:
+    """The name without the sign of a direction, which is its last letter."""
+    return str(name)[:-1] if str(name).endswith(("+", "-")) else str(name)
+
+
+def _physical(fixed: dict[str, float]) -> dict[str, float]:
+    """The values; raises InputError where one has a sign that it cannot have, or is given twice over."""
+    for name, value in fixed.items():
+        sign = _SIGNS.get(_bare(name), "")
+        if (sign and value < 0) or (sign == "> 0" and value == 0):
+            raise InputError(f"{name}: got {value:g}; expected a value {sign}")
+        if name != _bare(name) and _bare(name) in fixed:
+            raise InputError(
+                f"got both {_bare(name)} and {name}; expected either one value for both directions, or + and -"
+            )
+    return fixed
 
 
 def _label(value: object) -> object:
@@ -65,15 +86,15 @@ def _shown(text: str) -> str:
     return check_name(text, "the text")
 
 
-Shown = Annotated[StrictStr, Field(max_length=200), AfterValidator(_shown)]
+Shown = Annotated[StrictStr, AfterValidator(_shown)]
 """What pages and terminals show as it is."""
-Label = Annotated[Shown, BeforeValidator(_label)]
+Label = Annotated[Shown, Field(max_length=200), BeforeValidator(_label)]
 
 
 class Joint(Model):
     """Which joint, and whether it turns or slides."""
 
-    name: Annotated[Shown, Field(min_length=1)]
+    name: Annotated[Shown, Field(min_length=1, max_length=200)]
     kind: Kind = "revolute"
 
 
@@ -116,7 +137,9 @@ class FitOptions(Model):
     """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of loading."""
     moving_above: Annotated[float, quantity("velocity"), Field(gt=0)] | None = None
     """Equations of moving runs slower than this are left out of the static fit, and of its errors, rad/s; None: none are."""
-    fixed: Annotated[dict[str, float], BeforeValidator(read_fixed)] = Field(default_factory=dict)
+    fixed: Annotated[dict[str, float], BeforeValidator(read_fixed), AfterValidator(_physical)] = Field(
+        default_factory=dict
+    )
     """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both directions; SI."""
     shared: tuple[Literal["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"], ...] = ()
     """LuGre parameters that both directions have in common in the fit of all parameters."""
@@ -135,6 +158,11 @@ class FitOptions(Model):
         if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
             raise InputError(
                 f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"
+            )
+        split = [name for name in self.fixed if _bare(name) != name and _bare(name) in self.shared]
+        if split:
+            raise InputError(
+                f"fit.fixed: {split[0]} fixes one direction of what both share; fix {_bare(split[0])}, or take it out of fit.shared"
             )
         return self
 
@@ -194,7 +222,7 @@ class AdaptOptions(Model):
 class RunFiles(Model):
     """One entry under runs: a file or several, and what they hold."""
 
-    files: Annotated[StrictStr, Field(min_length=1)]
+    files: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
     """Path or glob, relative to the experiment file; ${NAME} stands for an environment variable."""
     experiment: RunKind
     hold_out: StrictBool = False

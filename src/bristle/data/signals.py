@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo, field_validator, model_validator
 
 from bristle.data import units
-from bristle.data.document import Model
+from bristle.data.document import Model, short
 from bristle.errors import InputError
 from bristle.model.parameters import Kind, unit
 
@@ -87,7 +87,7 @@ class Position(Signal):
         if isinstance(self.wraps, str):
             period = units.to_si(self.wraps, si("position", context))
             if not period > 0:
-                raise InputError(f"wraps: got {self.wraps!r}; expected a positive period such as '360 deg'")
+                raise InputError(f"wraps: got {short(self.wraps)}; expected a positive period such as '360 deg'")
             return period
         if self.wraps and context.kind == "prismatic":
             raise InputError(

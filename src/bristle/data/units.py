@@ -8,19 +8,25 @@ import tokenize
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from bristle.data.document import short
 from bristle.errors import InputError
 
 if TYPE_CHECKING:
     import pint
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
-_UNCERTAIN = re.compile(rf"\s*\(?\s*({_NUMBER})\s*([^±]*?)\s*(?:±|\+/-|\+-)\s*({_NUMBER})\s*\)?\s*(.*?)\s*", re.DOTALL)
+LARGEST = 1e60
+"""No quantity is larger in SI, or smaller but for zero: squares of such numbers, and their inverses, still are numbers."""
+_LONGEST = 200
+"""Characters of a quantity, and of a unit: what is matched is short."""
+_NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_QUANTITY = re.compile(rf"({_NUMBER}) ?(.*)")
+_PLUS_MINUS = re.compile(r"±|\+/-|\+-")
+_ERROR = re.compile(rf"({_NUMBER}) ?\)? ?(.*)")
 _UNIT = re.compile(r"[\w%µΩ\s*/^()+-]{1,64}")
 _POWER = re.compile(r"(?:\*\*|\^)(?!\s*-?\d(?!\d|\s*(?:\*\*|\^)))")
 """A power that is not one digit, or a power of a power: pint would compute it, however large."""
 _COUNTS = re.compile(r"counts?\b")
-_PER_TURN = re.compile(rf"\s*({_NUMBER})\s*counts?\s*/\s*(.+?)\s*")
+_PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
 _EXAMPLES = {
     "rad": "rad, deg, rev or counts",
@@ -52,15 +58,15 @@ _REFUSALS = (
 def to_si(value: object, target: str) -> float:
     """A quantity such as `1.5e-3 rad`, in `target`, an SI unit; for an encoder also `4096 counts/rev`, the size of one count.
 
-    Raises InputError where there is no number, no unit, or a unit of another dimension.
+    Raises InputError where there is no number, no unit, a unit of another dimension, or a number that is too large or too small.
     """
-    if isinstance(value, str):
-        if target in ("rad", "m") and (per := _PER_TURN.fullmatch(value)) and float(per[1]) > 0:
-            return factor(per[2], target) / float(per[1])
-        found = _QUANTITY.fullmatch(value)
-        if found and found[2]:
-            return float(found[1]) * factor(found[2], target)
-    raise InputError(f"got {_short(value)}; expected a number with its unit, such as {_example(target)}")
+    text = _plain(value)
+    if target in ("rad", "m") and (per := _PER_TURN.fullmatch(text)) and 0 < float(per[1]) < LARGEST:
+        return _sane(factor(per[2], target) / float(per[1]), value, target)
+    found = _QUANTITY.fullmatch(text)
+    if found and found[2]:
+        return _sane(float(found[1]) * factor(found[2], target), value, target)
+    raise InputError(f"got {short(value)}; expected a number with its unit, such as {_example(target)}")
 
 
 def plus_minus(value: object, target: str) -> tuple[float, float | None]:
@@ -68,13 +74,32 @@ def plus_minus(value: object, target: str) -> tuple[float, float | None]:
 
     Raises InputError as `to_si`, and where s is not positive.
     """
-    found = _UNCERTAIN.fullmatch(value) if isinstance(value, str) else None
-    if not found:
+    parts = _PLUS_MINUS.split(_plain(value))
+    mean = _QUANTITY.fullmatch(parts[0].strip().removeprefix("(").strip())
+    error = _ERROR.fullmatch(parts[-1].strip()) if len(parts) == 2 else None  # before and after the sign
+    if not (mean and error):
         return to_si(value, target), None
-    if not float(found[3]) > 0:
-        raise InputError(f"got {_short(value)}; expected a positive standard error after ±, or none at all")
-    first, second = found[2] or found[4] or "1", found[4] or found[2] or "1"
-    return float(found[1]) * factor(first, target), float(found[3]) * factor(second, target)
+    if not float(error[1]) > 0:
+        raise InputError(f"got {short(value)}; expected a positive standard error after ±, or none at all")
+    first, second = mean[2] or error[2] or "1", error[2] or mean[2] or "1"
+    return (
+        _sane(float(mean[1]) * factor(first, target), value, target),
+        _sane(float(error[1]) * factor(second, target), value, target),
+    )
+
+
+def _plain(value: object) -> str:
+    """The text with single blanks; nothing where there is no text, or far too much."""
+    return " ".join(value.split()) if isinstance(value, str) and len(value) <= _LONGEST else ""
+
+
+def _sane(number: float, value: object, target: str) -> float:
+    """The number; raises InputError where it is none that any joint has."""
+    if number != 0 and not 1 / LARGEST < abs(number) < LARGEST:
+        raise InputError(
+            f"got {short(value)}; expected a finite size between {1 / LARGEST:g} and {LARGEST:g} {target}; check number and unit"
+        )
+    return number
 
 
 def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: float | None = None) -> float:
@@ -86,7 +111,7 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
     if counts := _COUNTS.match(unit.strip()):
         if resolution is None:
             raise InputError(
-                f"unit {unit!r} needs encoder_resolution, the size of one count, such as '4096 counts/rev'"
+                f"unit {short(unit)} needs encoder_resolution, the size of one count, such as '4096 counts/rev'"
             )
         number *= resolution
         unit = target.split("/", maxsplit=1)[0] + unit.strip()[counts.end() :]
@@ -95,17 +120,24 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
     size, root = _root(measured)
     target_size, target_root = _root(wanted)
     torque_like = "N" in target or "kg" in target
+    by_scale = "" if scale == 1 else f" times scale {short(scale)}"
     if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
-        by_scale = f" times scale {scale!r}" if times != "1" else ""
-        raise InputError(f"unit {unit!r}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}")
-    return number * size / target_size
+        raise InputError(
+            f"unit {short(unit)}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}"
+        )
+    times_si = number * size / target_size
+    if not 1 / LARGEST < abs(times_si) < LARGEST:
+        raise InputError(
+            f"unit {short(unit)}{by_scale} is {times_si:g} {target}; expected between {1 / LARGEST:g} and {LARGEST:g}"
+        )
+    return times_si
 
 
 def _scale(scale: str | float) -> tuple[float, str]:
-    found = _QUANTITY.fullmatch(str(scale))
+    found = _QUANTITY.fullmatch(_plain(str(scale)))
     if not found or float(found[1]) == 0:
         raise InputError(
-            f"scale {scale!r} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
+            f"scale {short(scale)} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
         )
     return float(found[1]), found[2] or "1"
 
@@ -113,14 +145,21 @@ def _scale(scale: str | float) -> tuple[float, str]:
 def _root(unit: "pint.Unit") -> tuple[float, object]:
     """Size of a unit in root units, and the root unit: unlike base units they tell rad/s from Hz."""
     size: Any
-    size, root = _registry().get_root_units(unit)
-    return float(size), root
+    try:
+        size, root = _registry().get_root_units(unit)
+        return float(size), root
+    except _REFUSALS as error:
+        raise InputError(
+            f"unit {short(str(unit))} is too large or too small; expected a unit such as rad, N*m or mA"
+        ) from error
 
 
 def _parse(unit: str) -> "pint.Unit":
+    bad = f"unit {short(unit)} is not known; expected a unit such as rad, deg/s, N*m or mA"
+    if len(unit) > _LONGEST:
+        raise InputError(bad)
     text = re.sub(r"(?<=[^\W\d])[-·⋅.](?=[^\W\d])", "*", unit.strip().replace("°", "deg"))
     text = "dimensionless" if text in ("1", "-") else text.replace("%", "percent")
-    bad = f"unit {_short(unit)} is not known; expected a unit such as rad, deg/s, N*m or mA"
     if not _UNIT.fullmatch(text) or _POWER.search(text):
         raise InputError(bad)
     try:
@@ -143,8 +182,3 @@ def _example(target: str, number: str = "1 ") -> str:
     return f"{number and repr(number + _EXAMPLES.get(target, target).split(',')[0].split(' or ')[0])}" or _EXAMPLES.get(
         target, target
     )
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
