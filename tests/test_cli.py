@@ -755,10 +755,14 @@ def test_an_encoding_without_greek_stops_nothing(tmp_path: Path) -> None:
 
 def test_a_sentence_is_one_short_line() -> None:
     """Escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do."""
-    assert cli._sentence(InputError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
+    assert cli._sentence(OSError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
     for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
-        said = cli._sentence(InputError(f"file: {text}; name another"))
-        assert len(said) < 510
-        assert said.startswith("file: ")
-        assert said.endswith("; name another")
-    assert cli._sentence(InputError("x" * 500)) == "x" * 500
+        for error in (
+            InputError(f"file: {text}; name another"),
+            OSError(errno.ENOENT, "none; name another", f"file: {text}"),
+        ):
+            said = cli._sentence(error)
+            assert len(said) < 510
+            assert said.startswith("file: ")
+            assert said.endswith("; name another")
+    assert cli._sentence(OSError("x" * 500)) == "x" * 500

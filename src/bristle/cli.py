@@ -249,6 +249,9 @@ def compare(
 
     if output is not None:
         check_folder(output)
+        for session in (first, second):
+            if session.resolve().parent == output.resolve():
+                raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
     compared = run(first, second)
     _print(text(compared))
     if output is not None:

@@ -472,6 +472,17 @@ def test_one_file_twice_is_refused(sessions: tuple[Path, Path], tmp_path: Path) 
     assert "the sessions share data and are not independent" in out
 
 
+def test_a_page_replaces_no_session(sessions: tuple[Path, Path]) -> None:
+    """The folder of either session is refused as output, by any path: its report would be replaced, and its results removed."""
+    before = tree(sessions[0].parent)
+    for session in sessions:
+        folder = session.parent / ".." / session.parent.name
+        code, _, said = run("compare", *sessions, "-o", folder)
+        assert (code, len(said)) == (2, 1)
+        assert "whose report the page would replace; name another folder" in said[0]
+    assert tree(sessions[0].parent) == before
+
+
 def test_tiny_chances_are_shown_as_below_the_least(tmp_path: Path) -> None:
     """A p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself."""
     a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
@@ -737,7 +748,7 @@ def test_other_documents_are_refused(sessions: tuple[Path, Path], tmp_path: Path
     for joints, named in (
         ({}, "no joint is in both sessions"),
         ({f"j{k}": joint for k in range(100)}, "no joint is in both sessions: one has <script>"),
-        ({f"j{k}": joint for k in range(20_000)}, "20000 joints, more than 100"),
+        ({f"j{k}": joint for k in range(10_000)}, "10000 joints, more than 100"),
         ({"\x1b[1mwrist": joint}, "U+001B, a control character"),
         ({"w" * 10_000: joint}, "has 10000 characters, more than 400"),
         (None, "joints: Input should be an object"),
