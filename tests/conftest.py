@@ -34,9 +34,9 @@ class Ran(NamedTuple):
         return [line for line in self.err.splitlines() if line.strip()]
 
 
-def run(*arguments: object) -> Ran:
-    """Run `bristle` with these arguments in this process."""
-    out, err = io.StringIO(), io.StringIO()
+def run(*arguments: object, stdout: io.StringIO | None = None) -> Ran:
+    """Run `bristle` with these arguments in this process, with a standard output of one's own if need be."""
+    out, err = stdout or io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.setattr(sys, "argv", ["bristle", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:

@@ -1,8 +1,11 @@
 import errno
+import hashlib
 import html
+import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -19,6 +22,7 @@ from bristle.compensation import ablation, beyond, experiments
 from bristle.data import document, reading
 from bristle.data.experiment import load_experiment
 from bristle.edro import TABLE_1
+from bristle.errors import InputError
 from bristle.identification.pipeline import measure
 from bristle.model.arrays import Array
 from bristle.model.rollout import rollout
@@ -48,6 +52,7 @@ NEW = ("new", "data.csv", "-o", "draft.yaml")
 FIT = (REPORT, IDENTIFY, VALIDATE)
 READ = (*FIT, INSPECT)
 ALL = (*READ, NEW)
+PLAN = ("plan", "e.yaml")
 ADAPT = ("adapt", "e.yaml", "-o", "out")
 
 
@@ -175,7 +180,12 @@ def whole_joint(options: str) -> dict[str, str]:
 
 
 AGAIN = "  - {files: data.csv, experiment: points}\n"
-MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
+MADE = {
+    "out/.bristle-manifest": f"{hashlib.sha256(b'the last report').hexdigest()}  index.html\n",
+    "out/index.html": "the last report",
+}
+OLD_MADE = {**MADE, "out/.bristle-manifest": "index.html\n"}
+EDITED = {**MADE, "out/index.html": "mine"}
 BAD = [
     *bad("missing file", READ, "'data.csv' is no file", gone=["data.csv"]),
     *bad("missing file", [NEW], "data.csv: no such file", gone=["data.csv"]),
@@ -256,6 +266,19 @@ BAD = [
     *bad("draft in the way", [("new", "data.csv", "-o", "e.yaml")], "e.yaml: is there already"),
     *bad("page in the way", [REPORT], "out/index.html: is there already", {"out/index.html": "mine"}, patch=undrawn),
     *bad("timings in the way", [REPORT], "out/timings.json: is there already", {"out/timings.json": "mine"}, patch=undrawn),
+    *bad("report that was edited", [REPORT, ADAPT], "out/index.html: was changed since bristle made it; move it", EDITED),
+    *bad("report of an older bristle", [REPORT, ADAPT], "out/.bristle-manifest: is no list", OLD_MADE),
+    *bad("manifest that is a pipe", [REPORT, ADAPT], "out/.bristle-manifest: is a pipe", {"out/.bristle-manifest": PIPE}),
+    *bad("output is a pipe", [REPORT, ADAPT], "out: is no folder; a report needs a folder", {"out": PIPE}),
+    *bad("output is a pipe", [IDENTIFY], "out.json: is a pipe; expected a file", {"out.json": PIPE}),
+    *bad("output is a pipe", [INSPECT], "out.png: is a pipe; expected a file", {"out.png": PIPE}),
+    *bad("output is a pipe", [(*PLAN, "-o", "next.csv")], "next.csv: is a pipe; expected a file", {"next.csv": PIPE}),
+    *bad("output is a pipe", [NEW], "draft.yaml: is there already", {"draft.yaml": PIPE}),
+    *bad("output below a pipe", [("report", "e.yaml", "-o", "out/below")], "out cannot be written", {"out": PIPE}),
+    *bad("output is a folder", [(*PLAN, "-o", "next.csv")], "next.csv: is a folder; name a file", {"next.csv": FOLDER}),
+    *bad("output is the page", [(*PLAN, "-o", "next", "--page", "next")], "next: is in the way of the page in next"),
+    *bad("output above the page", [(*PLAN, "-o", "next", "--page", "next/page")], "next: is in the way of the page"),
+    *bad("argument of many characters", [("fit" * 1000,), ("identify", "e" * 200 + ".yaml", "x" * 3000)], "..."),
     *bad("full disk", [REPORT], "out: No space left", patch=both(undrawn, full_disk(5))),
     *bad("full disk, second report", [REPORT], "out: No space left", MADE, patch=both(undrawn, full_disk(5))),
     *bad("full disk", [IDENTIFY], "out.json: No space left", patch=full_disk(0)),
@@ -318,6 +341,7 @@ def test_bad_input_gets_one_sentence(
     assert ran.said[0].startswith("bristle: ")
     assert named in ran.said[0]
     assert "Traceback" not in ran.out + ran.err
+    assert len(ran.said[0]) < 600
     assert tree(tmp_path) == before
 
 
@@ -528,10 +552,9 @@ def test_report_replaces_its_own_files_only(tmp_path: Path, monkeypatch: pytest.
     assert (out / "figures" / "old-name-curve.svg").is_file()
     for name, data in foreign.items():
         (out / name).write_bytes(data)
-    (out / "index.html").write_bytes(b"edited")
     assert run("report", write(tmp_path, FEW, joint="new name"), "-o", out).code == 0
     there = {name: data for name, data in tree(out).items() if data is not None}
-    listed = set((out / report_files.MANIFEST).read_text(encoding="utf-8").splitlines())
+    listed = {line.split("  ")[1] for line in (out / report_files.MANIFEST).read_text(encoding="utf-8").splitlines()}
     assert set(there) == listed | set(foreign) | {report_files.MANIFEST}
     assert {name: there[name] for name in foreign} == foreign
     assert not [name for name in there if "old-name" in name]
@@ -623,9 +646,9 @@ def test_doubts_of_segments_count(tmp_path: Path) -> None:
 
 
 def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:
-    """`bristle identify ... | head -1` ends without a word and with exit code 0."""
+    """`bristle identify ... | head -0` ends without a word and with exit code 0, and what it was to write is written."""
     path = write(tmp_path, speeds())
-    command = [sys.executable, "-m", "bristle", "identify", str(path)]
+    command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "out.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603 # our own command
         assert process.stdout is not None
         assert process.stderr is not None
@@ -633,3 +656,113 @@ def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:
         said = process.stderr.read()
         assert process.wait() == 0
     assert said == b""
+    assert run("identify", path, "-o", tmp_path / "other.json").code == 0
+    assert (tmp_path / "out.json").read_bytes() == (tmp_path / "other.json").read_bytes()
+
+
+def process(*arguments: object, streams: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run `bristle` in a process of its own, its standard streams as a shell redirects them, with these variables."""
+    line = f"{shlex.join([sys.executable, '-m', 'bristle', *map(str, arguments)])} {streams}"
+    known = {**os.environ, **environment}
+    return subprocess.run(["/bin/sh", "-c", line], capture_output=True, text=True, env=known, check=False)  # noqa: S603 # our own command
+
+
+class Shut(io.StringIO):
+    """A standard stream that takes nothing."""
+
+    def __init__(self, error: int) -> None:
+        super().__init__()
+        self.error = error
+
+    def write(self, _: str, /) -> int:
+        """Raise the error, as any text does."""
+        raise OSError(self.error, os.strerror(self.error))
+
+
+@pytest.mark.parametrize("command", [REPORT, IDENTIFY, INSPECT, NEW])
+def test_a_reader_that_has_gone_stops_no_writing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Sequence[str]
+) -> None:
+    """Every command that writes does so, with 0, though nobody reads its output any more."""
+    write(tmp_path, speeds(), stem="e")
+    (tmp_path / "data.csv").write_text(table(FEW), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    undrawn(monkeypatch)
+    ran = run(*command, stdout=Shut(errno.EPIPE))
+    assert ran.code == 0
+    assert (tmp_path / command[-1]).exists()
+
+
+@pytest.mark.parametrize(
+    "command", [REPORT, IDENTIFY, INSPECT, NEW, (*VALIDATE, "--repetitions", "20", "--starts", "1")]
+)
+def test_nothing_is_written_where_the_output_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Sequence[str]
+) -> None:
+    """A full standard output is one sentence and exit code 2, before any file is moved to its place."""
+    write(tmp_path, speeds(), stem="e")
+    (tmp_path / "data.csv").write_text(table(FEW), encoding="utf-8")
+    before = tree(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    undrawn(monkeypatch)
+    ran = run(*command, stdout=Shut(errno.ENOSPC))
+    assert (ran.code, ran.said) == (2, ["bristle: standard output: No space left on device"])
+    assert tree(tmp_path) == before
+
+
+def test_a_full_output_of_the_system_is_met_as_well(tmp_path: Path) -> None:
+    """A file that takes no byte, as a full disk: exit code 2 and one sentence of every command, help and version too, and nothing is written."""
+    path = write(tmp_path, FEW)
+    before = tree(tmp_path)
+    for command in (
+        ("identify", path, "-o", tmp_path / "out.json"),
+        ("--help",),
+        ("--version",),
+        ("identify", "--help"),
+    ):
+        ran = process(*command, streams="> /dev/full")
+        assert ran.returncode == 2
+        assert len(ran.stderr.splitlines()) == 1
+        assert ran.stderr.startswith("bristle: ")
+    assert process("fit", streams="2> /dev/full").returncode == 2
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_defect(tmp_path: Path, closed: str) -> None:
+    """With standard streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
+    path = write(tmp_path, speeds())
+    ran = process("identify", path, "-o", tmp_path / "out.json", streams=closed)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
+    ran = process("identify", tmp_path / "none.yaml", streams=closed)
+    assert ran.returncode == 2
+    assert "Traceback" not in ran.stdout + ran.stderr
+
+
+def test_an_encoding_without_greek_stops_nothing(tmp_path: Path) -> None:
+    """Names that the terminal's encoding lacks are escaped on it, in an error as well; what is written is the same as ever."""
+    path = write(tmp_path, speeds(), joint="αρθρο")
+    ran = process("identify", path, "-o", tmp_path / "out.json", PYTHONIOENCODING="ascii")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert "[[\\u03b1\\u03c1" in ran.stdout
+    assert "αρθρο" in json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
+    ran = process("identify", tmp_path / "ά.yaml", PYTHONIOENCODING="ascii:strict")
+    assert ran.returncode == 2
+    assert ran.stderr.startswith("bristle: ")
+    assert "\\u03ac.yaml: no such file" in ran.stderr
+
+
+def test_a_sentence_is_one_short_line() -> None:
+    """Escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do."""
+    assert cli._sentence(OSError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
+    for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
+        for error in (
+            InputError(f"file: {text}; name another"),
+            OSError(errno.ENOENT, "none; name another", f"file: {text}"),
+        ):
+            said = cli._sentence(error)
+            assert len(said) < 510
+            assert said.startswith("file: ")
+            assert said.endswith("; name another")
+    assert cli._sentence(OSError("x" * 500)) == "x" * 500

@@ -3,9 +3,11 @@
 0 a result was written, doubts included; 1 our own defect; 2 bad input; 3 doubts, with --strict; 130 interrupted.
 """
 
+import io
 import os
 import sys
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -27,6 +29,10 @@ app = typer.Typer(
 
 _WRONG_USE: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
 """What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it."""
+
+
+_LONGEST, _END = 500, 200
+"""Characters of an error's sentence, and of its end, which says what to do."""
 
 
 def _optional(none: str) -> Any:
@@ -57,10 +63,10 @@ def _root(
     if version:
         from bristle import __version__
 
-        print(__version__)
+        _print([__version__])
         raise typer.Exit
     if context.invoked_subcommand is None:
-        print(context.get_help())
+        _print([context.get_help()])
 
 
 @app.command()
@@ -93,9 +99,10 @@ def report(
     with shown() as progress:
         results = identify(*sources, progress=progress, uncertainty=uncertainty)
         compensated = None if sources else compensate(identified=results, progress=progress)
-        page = results.write_report(folder, progress, compensated)
     _print(outcomes(results.joints))
-    print(f"Report: {page}")
+    with shown() as progress:
+        page = results.write_report(folder, progress, compensated)
+    _print([f"Report: {page}"], done=True)
     _finish(results, strict)
 
 
@@ -117,15 +124,14 @@ def identify(
     _check(output)
     with shown() as progress:
         results = run(experiment, progress=progress, uncertainty=uncertainty)
-    print(results.fit_report())
+    _print([results.fit_report()])
     if uncertainty:
         frame = results.uncertainty()
-        print(frame.drop(columns="doubts").to_string(index=False, float_format="{:.5g}".format, na_rep="-"))
-        for x in frame[frame["doubts"] != ""].itertuples():
-            print(f"{x.fit} {x.parameter} {x.direction}: {x.doubts}")
+        _print([frame.drop(columns="doubts").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])
+        _print(f"{x.fit} {x.parameter} {x.direction}: {x.doubts}" for x in frame[frame["doubts"] != ""].itertuples())
     if output is not None:
         _write(output, results.to_json())
-        print(f"Results: {output}")
+        _print([f"Results: {output}"], done=True)
     _finish(results, strict)
 
 
@@ -153,7 +159,7 @@ def inspect(
             inspect_figure(records, [s for found in measured.segments for s in found], measured.experiment.joint.kind),
             output,
         )
-        print(f"Figure: {output}")
+        _print([f"Figure: {output}"], done=True)
 
 
 @app.command()
@@ -183,10 +189,9 @@ def validate(
     results = _cross_checked(experiment) if experiment else None
     with shown() as progress:
         tried = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-        page = write_trial(tried, folder) if tried.cases else None
     _print(text(tried, each=results is not None))
-    if page:
-        print(f"Page: {page}")
+    if tried.cases:
+        _print([f"Page: {write_trial(tried, folder)}"], done=True)
     if results:
         _finish(results, strict)
 
@@ -202,8 +207,7 @@ def _cross_checked(experiment: Path) -> "Results":
     for joint in results.joints:
         check_fitted(joint)
         _print(checks(joint))
-    for what, seconds in results.timings.items():
-        print(f"  {what}: {1000 * seconds:.2f} ms")
+    _print(f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in results.timings.items())
     return results
 
 
@@ -220,9 +224,8 @@ def adapt(
     folder = _folder(output, experiment, "-adapt")
     with shown() as progress:
         found = run(experiment, progress=progress)
-        page = write_adaptation(found, folder)
     _print(text(found))
-    print(f"Page: {page}")
+    _print([f"Page: {write_adaptation(found, folder)}"], done=True)
 
 
 @app.command()
@@ -246,10 +249,13 @@ def compare(
 
     if output is not None:
         check_folder(output)
+        for session in (first, second):
+            if session.resolve().parent == output.resolve():
+                raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
     compared = run(first, second)
     _print(text(compared))
     if output is not None:
-        print(f"Page: {write_comparison(compared, output)}")
+        _print([f"Page: {write_comparison(compared, output)}"], done=True)
 
 
 @app.command()
@@ -280,7 +286,7 @@ def sensitivity(
         from bristle.analysis.symbolic import formulas
         from bristle.report.sensitivity_section import symbolic_text
 
-        print(symbolic_text(formulas()))
+        _print([symbolic_text(formulas())])
         return
     from bristle import sensitivity as run
     from bristle import write_sensitivity
@@ -289,9 +295,8 @@ def sensitivity(
     folder = _folder(output, experiment, "-sensitivity")
     with shown() as progress:
         found = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
-        page = write_sensitivity(found, folder)
     _print(text(found))
-    print(f"Page: {page}")
+    _print([f"Page: {write_sensitivity(found, folder)}"], done=True)
 
 
 @app.command()
@@ -318,23 +323,24 @@ def plan(
     """
     from bristle import plan as run
     from bristle import write_plan
-    from bristle.report.files import check_folder
+    from bristle.report.files import check_folder, staged
     from bristle.report.plan_section import text
     from bristle.report.plan_tables import to_csv
 
     _check(output)
     if page is not None:
         check_folder(page)
+    if page is not None and output is not None and output.resolve() in (page.resolve(), *page.resolve().parents):
+        raise InputError(f"{output}: is in the way of the page in {page}; name another file or folder")
     with shown() as progress:
         planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
-        references = to_csv(planned)
+    _print([text(planned)])
+    with nullcontext() if output is None else staged(output, to_csv(planned).encode()):
         written = None if page is None else write_plan(planned, page)
-    print(text(planned))
     if output is not None:
-        _write(output, references)
-        print(f"References: {output}, {planned.duration:.0f} s")
+        _print([f"References: {output}, {planned.duration:.0f} s"], done=True)
     if written is not None:
-        print(f"Page: {written}")
+        _print([f"Page: {written}"], done=True)
 
 
 @app.command()
@@ -351,44 +357,84 @@ def new(
 
     text, unknown = draft_experiment(data, None if output is None else output.parent)
     if output is None:
-        print(text)
+        _print([text])
     elif output.exists():
         raise InputError(f"{output}: is there already; name a new file with -o, or move this one")
     else:
+        _check(output)
+        _print([f"Draft: {output}"])
         _write(output, text)
-        print(f"Draft: {output}")
     for sentence in unknown:
-        print(f"not guessed: {sentence}", file=sys.stderr)
+        _complain(f"not guessed: {sentence}")
 
 
 def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
+    _open_streams()
     try:
         code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
-        sys.stdout.flush()
+        _print([])
     except (KeyboardInterrupt, typer.Abort):
         code = 130
-    except (BrokenPipeError, SystemExit) as end:  # who read the output has seen enough; click makes an exit of it
+    except (BrokenPipeError, SystemExit) as end:  # who read the help has seen enough; click makes an exit of it
         if isinstance(end, SystemExit) and not isinstance(end.__context__, BrokenPipeError):
             raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+        _discard("stdout")
         code = 0
     except (InputError, OSError) as bad:
         code = 2
-        print(f"bristle: {_sentence(bad)}", file=sys.stderr)
+        _complain(f"bristle: {_sentence(bad)}")
     except _WRONG_USE as wrong:
         code = 2
-        print(f"bristle: {wrong.format_message()}", file=sys.stderr)
+        _complain(f"bristle: {_shown(wrong.format_message())}")
     if code == 130:  # by an exception or, in newer versions of typer, as an exit code
-        print("interrupted", file=sys.stderr)
+        _complain("interrupted")
+    _print([], done=True)
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Standard streams that take any text: what an encoding lacks is escaped, and a closed stream goes nowhere.
+
+    Where one is closed the next file that is opened would have its number, and get what a library writes there.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            _discard(name)
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _discard(name: str) -> None:
+    """From now on a standard stream goes nowhere, and so does what is in its buffer."""
+    stream, number = getattr(sys, name), {"stdout": 1, "stderr": 2}[name]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    if isinstance(stream, io.TextIOWrapper) or stream is None:
+        if nowhere != number:
+            os.dup2(nowhere, number if stream is None else stream.fileno())
+            os.close(nowhere)
+    else:
+        os.close(nowhere)
+    if not isinstance(stream, io.TextIOWrapper):
+        setattr(sys, name, io.StringIO())
 
 
 def _sentence(bad: Exception) -> str:
     text = str(bad)
     if isinstance(bad, OSError) and bad.strerror:
         text = f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror
-    return " ".join(text.split())
+    return _shown(text)
+
+
+def _shown(text: str) -> str:
+    """A sentence on one line, with escapes for what a terminal would obey, and its middle left out where it is very long."""
+    line = _shortened(" ".join(text.split()))
+    return _shortened("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line))
+
+
+def _shortened(line: str) -> str:
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - _END]} ... {line[-_END:]}"
 
 
 def _write(path: Path, text: str) -> None:
@@ -413,14 +459,33 @@ def _folder(output: Path | None, experiment: Path | None, what: str = "") -> Pat
     return folder
 
 
-def _print(lines: Iterable[str]) -> None:
-    for line in lines:
-        print(line)
+def _print(lines: Iterable[str], *, done: bool = False) -> None:
+    """Print lines on standard output, all the way: what cannot be printed is known before a file is moved to its place.
+
+    Who reads may have seen enough; the work goes on. Raises OSError where the output is full, but not when all is `done`.
+    """
+    text = "".join(f"{line}\n" for line in lines)
+    try:
+        print(text, end="", flush=True)
+    except BrokenPipeError:
+        _discard("stdout")
+    except OSError as error:
+        _discard("stdout")
+        if not done:
+            raise OSError(error.errno, error.strerror or str(error), "standard output") from error
+
+
+def _complain(line: str) -> None:
+    """Print a line on standard error, where that can be."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:
+        _discard("stderr")
 
 
 def _finish(results: "Results", strict: bool) -> None:
     from bristle.report.console import doubts
 
     if strict and results.doubts:
-        print(f"{doubts(len(results.doubts))} (--strict)", file=sys.stderr)
+        _complain(f"{doubts(len(results.doubts))} (--strict)")
         raise typer.Exit(3)

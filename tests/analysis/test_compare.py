@@ -3,8 +3,10 @@
 import contextlib
 import io
 import json
+import os
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations
@@ -470,6 +472,17 @@ def test_one_file_twice_is_refused(sessions: tuple[Path, Path], tmp_path: Path) 
     assert "the sessions share data and are not independent" in out
 
 
+def test_a_page_replaces_no_session(sessions: tuple[Path, Path]) -> None:
+    """The folder of either session is refused as output, by any path: its report would be replaced, and its results removed."""
+    before = tree(sessions[0].parent)
+    for session in sessions:
+        folder = session.parent / ".." / session.parent.name
+        code, _, said = run("compare", *sessions, "-o", folder)
+        assert (code, len(said)) == (2, 1)
+        assert "whose report the page would replace; name another folder" in said[0]
+    assert tree(sessions[0].parent) == before
+
+
 def test_tiny_chances_are_shown_as_below_the_least(tmp_path: Path) -> None:
     """A p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself."""
     a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
@@ -585,27 +598,189 @@ def test_files_that_are_too_large_missing_binary_or_in_the_way(
     assert set(tree(tmp_path)) == {"binary", "file"}
 
 
-def test_control_characters_of_a_file_reach_neither_terminal_nor_figure(
-    sessions: tuple[Path, Path], tmp_path: Path
-) -> None:
-    """Names, units and stages that hold escape sequences are shown without them; a covariance that is none makes no set, and no defect."""
+Spoil = Callable[[dict[str, Any]], object]
+"""Changes one joint of a document."""
+
+
+def plus(joint: dict[str, Any]) -> dict[str, Any]:
+    """Its fit of direction +."""
+    fit: dict[str, Any] = joint["static"]["+"]
+    return fit
+
+
+def alpha(joint: dict[str, Any], **numbers: object) -> None:
+    """Other numbers of alpha_0 in direction +."""
+    plus(joint)["parameters"]["alpha_0"].update(numbers)
+
+
+def every(joint: dict[str, Any], **numbers: object) -> None:
+    """Other numbers of every parameter of every static fit."""
+    for fit in joint["static"].values():
+        for p in fit["parameters"].values():
+            p.update(numbers)
+
+
+def renamed(joint: dict[str, Any], name: str) -> None:
+    """alpha_0 of direction + by another name."""
+    fit = plus(joint)
+    fit["parameters"] = {name if n == "alpha_0" else n: p for n, p in fit["parameters"].items()}
+    fit["free"] = [name if n == "alpha_0" else n for n in fit["free"]]
+
+
+def covariance(joint: dict[str, Any], *rows: Sequence[float | None]) -> None:
+    """Of both directions."""
+    for fit in joint["static"].values():
+        fit["covariance"] = [list(row) for row in rows]
+
+
+def many(joint: dict[str, Any], count: int) -> None:
+    """So many parameters, none of them free."""
+    p = plus(joint)["parameters"]["alpha_0"]
+    plus(joint).update(parameters={f"p{k}": p for k in range(count)}, free=[], covariance=[])
+
+
+REFUSED: dict[str, tuple[Spoil, str]] = {
+    "truth for a number": (lambda x: alpha(x, value=True), "alpha_0.value: Input should be a valid number"),
+    "text for a number": (lambda x: alpha(x, value="1.5"), "alpha_0.value: Input should be a valid number"),
+    "infinite value": (lambda x: alpha(x, value="inf"), "alpha_0.value: Input should be a valid number"),
+    "no number for a value": (lambda x: alpha(x, value="nan"), "alpha_0.value: Input should be a valid number"),
+    "no number for a bound": (lambda x: alpha(x, interval=["nan", 1.0]), "alpha_0.interval.0"),
+    "infinity by another word": (lambda x: alpha(x, interval=["-Infinity", 1.0]), "alpha_0.interval.0"),
+    "one bound": (lambda x: alpha(x, interval=[1.0]), "alpha_0.interval"),
+    "huge value": (lambda x: alpha(x, value=1e308), "is beyond 1e+60"),
+    "tiny error": (lambda x: alpha(x, standard_error=1e-308), "below 1e-60"),
+    "number of 400 digits": (lambda x: alpha(x, value=10**400), "is a number of 401 digits"),
+    "error of 400 digits": (lambda x: alpha(x, standard_error=-(10**400)), "is a number of 402 digits"),
+    "count of 400 digits": (lambda x: plus(x).update(n=10**400), "is a number of 401 digits"),
+    "freedom below zero": (lambda x: plus(x).update(degrees_of_freedom=-3), "a fit has -3 degrees of freedom"),
+    "freedom with a fraction": (lambda x: plus(x).update(degrees_of_freedom=1.5), "degrees_of_freedom: Input should be a valid integer"),
+    "no freedom": (lambda x: plus(x).update(degrees_of_freedom=None), "degrees_of_freedom"),
+    "no parameters": (lambda x: plus(x).update(parameters=None), "parameters"),
+    "empty fit": (lambda x: x["static"].update({"+": {}}), "parameters: Field required"),
+    "empty joint": (lambda x: x.clear(), "kind: Field required"),
+    "covariance without rows": (covariance, "a covariance is not of the 4 parameters"),
+    "name with an escape": (lambda x: renamed(x, "a\x1b[31m"), "U+001B, a control character"),
+    "unit with an escape": (lambda x: alpha(x, unit="\x1b]0;N*m"), "U+001B, a control character"),
+    "unit that turns": (lambda x: alpha(x, unit="N\u202em"), "U+202E, a control character"),
+    "direction with a line end": (lambda x: x["static"].update({"a\nb": plus(x)}), "U+000A, a control character"),
+    "name that is a book": (lambda x: renamed(x, "a" * 10**6), "has 1000000 characters, more than 400"),
+    "unit that is a book": (lambda x: alpha(x, unit="a" * 10**6), "has 1000000 characters, more than 400"),
+    "many parameters": (lambda x: many(x, 50_000), "parameters of a joint, more than 400"),
+    "many numbers": (lambda x: x.update(assumptions=[""] * 1_000_001), "commas, more than 1000000"),
+    "many wrong numbers": (lambda x: plus(x).update(covariance=[["x"]] * 900_000), "covariance.0.0: Input should be a valid number"),
+    "many empty fits": (lambda x: x["static"].update({f"s{k}": {} for k in range(90_000)}), "of its entries are wrong or missing"),
+    "many empty segments": (lambda x: x.update(segments=[{}] * 90_000), "segments.0.file: Field required"),
+    "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(100_000)}), "objects, more than 100000"),
+    "deep": (lambda x: x.update(assumptions=nested(150)), "assumptions.0: Input should be a valid string"),
+}  # fmt: skip  # a table
+
+
+def nested(depth: int) -> list[Any]:
+    """A list in a list in a list."""
+    found: list[Any] = []
+    for _ in range(depth):
+        found = [found]
+    return found
+
+
+COMPARED: dict[str, Spoil] = {
+    "nothing known": lambda x: every(x, value=None, standard_error=None, interval=None),
+    "no fit": lambda x: x.update(static={}),
+    "no parameter": lambda x: many(x, 0),
+    "all zero": lambda x: every(x, value=0, standard_error=0, interval=[0, 0]),
+    "one point": lambda x: every(x, value=1.0, standard_error=1.0, interval=[1.0, 1.0]),
+    "value outside of its interval": lambda x: every(x, value=1.0, standard_error=0.1, interval=[2.0, 3.0]),
+    "largest": lambda x: every(x, value=9e59, standard_error=9e59, interval=[1e-300, 1e308]),
+    "smallest": lambda x: every(x, value=2e-60, standard_error=2e-60, interval=[-1e-300, 2e-60]),
+    "largest over smallest": lambda x: every(x, value=2e-60, standard_error=9e59, interval=[1e-60, 9e59]),
+    "smallest over largest": lambda x: every(x, value=9e59, standard_error=2e-60, interval=[2e-60, 9e59]),
+    "open": lambda x: every(x, interval=["-inf", "inf"]),
+    "unknown covariance": lambda x: covariance(x, *[[None] * 4] * 4),
+    "covariance of zeros": lambda x: covariance(x, *[[0.0] * 4] * 4),
+    "covariance below zero": lambda x: covariance(x, *[[-1e308] * 4] * 4),
+    "tiny covariance": lambda x: covariance(x, *([5e-324 if i == j else 1e119 for i in range(4)] for j in range(4))),
+    "lopsided covariance": lambda x: covariance(x, [1, 2, 0, 0], [0.5, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]),
+    "covariance of one": lambda x: covariance(x, *[[1.0] * 4] * 4),
+    "much freedom": lambda x: plus(x).update(degrees_of_freedom=10**17, n=10**17),
+    "no freedom": lambda x: plus(x).update(degrees_of_freedom=0, n=-1),
+    "free parameters that are none": lambda x: plus(x).update(free=["a", "b", "c", "d"]),
+    "one free parameter four times": lambda x: plus(x).update(free=["alpha_0"] * 4),
+    "unknown unit": lambda x: every(x, unit="furlong"),
+    "no unit": lambda x: every(x, unit=""),
+    "no name": lambda x: renamed(x, ""),
+    "half a symbol": lambda x: renamed(x, "v_"),
+    "template for a name": lambda x: renamed(x, r"\g<0>\q$\undefined{"),
+    "many doubts": lambda x: x.update(doubts=["The joint sticks."] * 100_000),
+    "as many parameters as can be": lambda x: many(x, 390),
+}
+
+
+@pytest.mark.parametrize("what", [*REFUSED, *COMPARED])
+def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_path: Path, what: str) -> None:
+    """Numbers beyond all measure, in one session and in both: a result and a page with 0, or one short sentence with 2 and no page; no warning."""
+    names = []
     for k, path in enumerate(sessions):
         document = json.loads(path.read_text(encoding="utf-8"))
-        joint = document["joints"].pop(HOSTILE)
-        fit = joint["static"].pop("+")
-        fit["parameters"] = {f"a\x1b[31m{n}": {**p, "unit": "\x1b]0;N*m"} for n, p in fit["parameters"].items()}
-        fit["free"] = [f"a\x1b[31m{n}" for n in fit["free"]]
-        joint["static"]["\x1b[2J"] = fit
-        joint["static"]["-"]["covariance"] = [[-1e308] * 4] * 4
-        joint["static"]["-"]["parameters"]["alpha_0"]["interval"] = [-1e308, 1e308]
-        document["joints"]["\x1b[1mwrist"] = joint
+        (REFUSED[what][0] if what in REFUSED else COMPARED[what])(document["joints"][HOSTILE])
+        names.append(tmp_path / f"{k}.json")
+        names[-1].write_text(json.dumps(document), encoding="utf-8")
+    for pair in (names, (sessions[0], names[1])):
+        code, out, said = run("compare", *pair, "-o", tmp_path / "out")
+        if what in REFUSED:
+            assert (code, len(said)) == (2, 1)
+            assert REFUSED[what][1] in said[0]
+            assert said[0].endswith("expected a results.json that bristle wrote")
+            assert len(said[0]) < 600
+            assert not (tmp_path / "out").exists()
+        elif what in {"unknown unit", "no unit"} and pair is not names:
+            assert (code, len(said)) == (2, 1)
+        else:
+            assert (code, said) == (0, [])
+            assert "nan" not in out
+            assert (tmp_path / "out" / "index.html").is_file()
+
+
+def test_other_documents_are_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+    """No joint, a hundred thousand, a joint's name with an escape, a key given twice, a pipe: exit 2 and one short sentence each."""
+    good = json.loads(sessions[0].read_text(encoding="utf-8"))
+    joint = {**good["joints"][HOSTILE], "static": {}, "segments": [], "models": [], "crosscheck": {}}
+    path = tmp_path / "b.json"
+    for joints, named in (
+        ({}, "no joint is in both sessions"),
+        ({f"j{k}": joint for k in range(100)}, "no joint is in both sessions: one has <script>"),
+        ({f"j{k}": joint for k in range(10_000)}, "10000 joints, more than 100"),
+        ({"\x1b[1mwrist": joint}, "U+001B, a control character"),
+        ({"w" * 10_000: joint}, "has 10000 characters, more than 400"),
+        (None, "joints: Input should be an object"),
+        ([], "joints: Input should be an object"),
+    ):
+        path.write_text(json.dumps({**good, "joints": joints}), encoding="utf-8")
+        code, _, said = run("compare", sessions[0], path)
+        assert (code, len(said)) == (2, 1)
+        assert named in said[0]
+        assert len(said[0]) < 600
+    path.write_text(
+        sessions[0].read_text(encoding="utf-8").replace('"kind": "revolute"', '"kind": "revolute", "kind": "revolute"')
+    )
+    assert "key 'kind' is given twice" in run("compare", sessions[0], path)[2][0]
+    os.mkfifo(tmp_path / "pipe")
+    assert "pipe: is a pipe; expected a file" in run("compare", sessions[0], tmp_path / "pipe")[2][0]
+
+
+def test_a_hundred_joints_are_compared_soon(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+    """As many joints as a file may have end in a page within seconds, with a figure for each of the first ones and a table for all."""
+    for k, path in enumerate(sessions):
+        document = json.loads(path.read_text(encoding="utf-8"))
+        document["joints"] = {f"joint {j}": document["joints"][HOSTILE] for j in range(100)}
         (tmp_path / f"{k}.json").write_text(json.dumps(document), encoding="utf-8")
-    code, out, said = run("compare", tmp_path / "0.json", tmp_path / "1.json", "-o", tmp_path / "out")
+    began = time.monotonic()
+    code, _, said = run("compare", tmp_path / "0.json", tmp_path / "1.json", "-o", tmp_path / "out")
     assert (code, said) == (0, [])
-    assert "\x1b" not in out
-    assert not [name for name, data in tree(tmp_path / "out").items() if name.endswith(".svg") and b"\x1b" in data]
-    with (tmp_path / "out" / "tables" / "sets.csv").open(encoding="utf-8") as file:
-        assert len(file.readlines()) == 2
+    assert time.monotonic() - began < 20
+    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    assert page.count('--joint">') == 100
+    assert page.count("<svg ") == len(list((tmp_path / "out" / "figures").glob("*.svg"))) == 30
+    assert "Figures of the first 30 joints; the tables have all." in page
 
 
 def test_older_files_without_models_are_read(sessions: tuple[Path, Path], tmp_path: Path) -> None:

@@ -1,13 +1,17 @@
 import contextlib
+import struct
 import sys
 import time
 import warnings
+import zipfile
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
@@ -350,3 +354,196 @@ def test_any_unit_is_taken_or_refused(unit: str) -> None:
     for target in ("rad", "N*m", "s"):
         with contextlib.suppress(InputError):
             assert 0 < factor(unit, target, resolution=1e-3) < np.inf
+
+
+@pytest.mark.parametrize(
+    ("content", "column", "says"),
+    [
+        (",".join(["1"] * 100_000) + "\n", 0, "has 100000 columns, over the limit"),
+        (",".join(f"c{k}" for k in range(100_000)) + "\n" + ",".join(["1"] * 100_000) + "\n", "c0", "has 100000 columns"),
+        ("t,q\n" + "," * 1000 + "\n" * 200, "t", "has a header and no row|no column"),
+        ("t,q\n" + ",\n" * 100_000, "t", "has a header and no row"),
+        ("t,q\n0,1\n" * 2 + "1" * 500_000 + "x,1\n", "t", "row 3 of column 't' holds|row 2 of column 't' holds"),
+        ("t,q\n0," + "9" * 305 + "\n1,2\n", "q", "line 2 stands between"),
+        ("t,q\n0,1\n1," + "9" * 400 + "\n", "q", "row 2 of column 'q' holds '999"),
+        ("t,q\n" + '"' * 500_000 + ",1\n", "t", "is not a table of numbers"),
+        (",".join(f"column {k}" for k in range(5000)) + "\n" + ",".join(["1"] * 5000) + "\n", "x", "there are: column 0"),
+        ("t,q\n0,1\n", "x" * 100_000, "no column named 'xxx"),
+        ("t,q\n0,1\n", 10**25, "no column 10000"),
+    ],
+)  # fmt: skip  # a table
+def test_hostile_text_is_refused_in_seconds(tmp_path: Path, content: str, column: int | str, says: str) -> None:
+    """Very wide, very long and very empty tables are one short sentence, within seconds."""
+    begun = time.perf_counter()
+    with pytest.raises(InputError, match=says) as caught:
+        _column(_write(tmp_path, content), column)
+    assert time.perf_counter() - begun < 5
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize(
+    ("content", "notes"),
+    [
+        ("t,q\n0,1\n2,3\n", ()),
+        ("0,1\n2,3\n", ()),
+        ("t,q\ns,rad\n0,1\n2,3\n", ("Taken as header, not as data: lines 1 ('t, q'), 2 ('s, rad').",)),
+        ("t,q,n\ns,rad,1\n0,1,1\n2,3,1\n", ("Taken as header, not as data: lines 1 ('t, q, n'), 2 ('s, rad, 1').",)),
+        ("Rig 3\n\nt,q\n0,1\n2,3\n", ("Taken as header, not as data: lines 1 ('Rig 3'), 3 ('t, q').",)),
+        ("0,stop,n.i.\n0,1,2\n2,3,4\n", ("Taken as header, not as data: line 1 ('0, stop, n.i.').",)),
+    ],
+)
+def test_no_row_is_lost_in_silence(tmp_path: Path, content: str, notes: tuple[str, ...]) -> None:
+    """A line above the numbers that is more than one line of names is said; every line below is a row."""
+    table = read_table(_write(tmp_path, content), [Key(1)])
+    assert table.notes == notes
+    assert table.columns[Key(1)].tolist() == [1, 3]
+
+
+@pytest.mark.parametrize("row", ["0,stop,n.i.,off", "0,,,x", "1e-3,a,b,c"])
+def test_a_row_of_data_is_no_header(tmp_path: Path, row: str) -> None:
+    """A row between names and numbers that holds a number and too much text is refused by its line, not skipped."""
+    with pytest.raises(InputError, match="line 2 stands between names and numbers"):
+        _column(_write(tmp_path, f"t,q,a,b\n{row}\n1,2,3,4\n"), "t")
+
+
+def test_a_quote_in_the_header_hides_no_row(tmp_path: Path) -> None:
+    """A quote that a header opens and never closes swallows no line below it."""
+    assert _column(_write(tmp_path, 't,q"\n0,1\n2,3\n"4",5\n'), 0) == [0, 2, 4]
+
+
+def _npy(shape: str = "(10,)", dtype: str = "'<f8'", data: bytes = bytes(80), version: int = 1) -> bytes:
+    """A NumPy array's file with any header."""
+    header = f"{{'descr': {dtype}, 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY" + bytes([version, 0]) + struct.pack("<H", len(header)) + header + data
+
+
+@pytest.mark.parametrize(
+    ("members", "says"),
+    [
+        ([("q.npy", _npy("(1000000000000,)"))], "over the limit"),
+        ([("q.npy", _npy("(100000000,)"))], "shorter than its header says"),
+        ([("q.npy", _npy("(-1,)"))], "shorter than its header says"),
+        ([("q.npy", _npy("(1.5,)"))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy("[" * 3000 + "]" * 3000))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy(dtype="'x8'"))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy(dtype="'|O'"))], "Python objects"),
+        ([("q.npy", _npy(dtype="[('a', '<f8'), ('b', 'O')]", shape="(5,)"))], "Python objects"),
+        ([("q.npy", _npy(dtype="[('a', '<f8')]"))], "but structs"),
+        ([("q.npy", _npy(dtype="'<c16'", shape="(5,)"))], "but complex numbers"),
+        ([("q.npy", _npy(dtype="'<M8[s]'"))], "but values of type datetime64"),
+        ([("q.npy", _npy("()"))], "a single number"),
+        ([("q.npy", _npy(version=9))], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy()[:40])], "is damaged, or no NPZ file"),
+        ([("q.npy", b"")], "is damaged, or no NPZ file"),
+        ([("q.npy", _npy()), ("q.npy", _npy())], "several arrays named 'q'"),
+        ([("q.npy", _npy()), ("q", _npy())], "several arrays named 'q'"),
+        ([("../q.npy", _npy())], r"no array named 'q'; there are: ../q"),
+        ([("q", b"PK\x03\x04 a file in a file")], "is damaged, or no NPZ file"),
+        ([("n" * 60_000 + ".npy", _npy())] * 5, "there are: nnn"),
+        ([], "there are: none"),
+    ],
+)  # fmt: skip  # a table
+def test_hostile_archives_are_refused(tmp_path: Path, members: list[tuple[str, bytes]], says: str) -> None:
+    """Headers that lie, members twice, in folders or of another kind, and objects are one short sentence, without a warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # zipfile warns of a name that it writes twice
+        with zipfile.ZipFile(tmp_path / "log.npz", "w") as archive:
+            for name, data in members:
+                archive.writestr(name, data)
+    with pytest.raises(InputError, match=says) as caught:
+        _column(tmp_path / "log.npz", "q")
+    assert len(str(caught.value)) < 500
+
+
+def test_archives_of_any_kind_of_number_are_read(tmp_path: Path) -> None:
+    """Truth values, long floats and headers as Python 2 wrote them are numbers; what is too large for a float is not finite."""
+    np.savez(tmp_path / "log.npz", b=np.array([True, False]), g=np.array([1, np.longdouble("1e400")]))
+    assert _column(tmp_path / "log.npz", "b") == [1, 0]
+    assert _column(tmp_path / "log.npz", "g")[0] == 1
+    with zipfile.ZipFile(tmp_path / "old.npz", "w") as archive:
+        archive.writestr("q.npy", _npy("(10L,)"))
+    assert _column(tmp_path / "old.npz", "q") == [0] * 10
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_mat_files_of_version_4_are_read(tmp_path: Path, order: str) -> None:
+    """What SciPy reads is read: version 4, in both byte orders."""
+    path = _write(
+        tmp_path, _version_4(order, 1000 * (order == ">"), 3, 1, 0, 2) + struct.pack(f"{order}3d", 1, 2, 3), "log.mat"
+    )
+    assert _column(path, "q") == [1, 2, 3]
+    assert names_of(path) == ("q",)
+
+
+def _version_4(order: str, *header: int) -> bytes:
+    return struct.pack(f"{order}5i", *header) + b"q\0"
+
+
+@pytest.mark.parametrize(
+    "header",
+    [(0, -1, 3, 0, 2), (0, -11, 2, 0, 2), (0, -1, -1, 0, 2), (0, 65536, 65536, 0, 2), (0, 2**31 - 1, 2**31 - 1, 1, 2),
+     (0, 1, 1, 0, 2**31 - 1), (0, 1, 1, 0, -5), (0, 1, 1, 0, 0), (99, 1, 1, 0, 2), (0, 3, 1, 0, 2)],
+)  # fmt: skip  # a table
+def test_hostile_mat_files_of_version_4_are_refused(tmp_path: Path, header: tuple[int, ...]) -> None:
+    """Sizes that lead backward, out of the file or beyond all numbers are refused: SciPy would follow some of them for ever."""
+    with pytest.raises(InputError, match="is damaged"):
+        _column(_write(tmp_path, _version_4("<", *header) + bytes(8), "log.mat"), "q")
+
+
+def test_mat_variables_of_other_kinds(tmp_path: Path) -> None:
+    """Integers, truth values and sparse arrays are numbers; text, cells and complex numbers are refused by what they are."""
+    path = tmp_path / "log.mat"
+    sparse = scipy.sparse.csc_matrix(np.array([[0.0], [2.0], [0.0]]))
+    scipy.io.savemat(path, {"i": np.arange(3, dtype="i2"), "b": np.arange(3) > 0, "s": sparse, "t": "abc", "z": np.arange(3) * 1j,
+                            "c": np.array(["a", 1.0], dtype=object)})  # fmt: skip
+    assert [_column(path, name) for name in "ibs"] == [[0, 1, 2], [0, 1, 1], [0, 2, 0]]
+    for name, what in {"t": "text", "z": "complex numbers", "c": "cells"}.items():
+        with pytest.raises(InputError, match=f"but {what}"):
+            _column(path, name)
+
+
+def test_parquet_columns_of_all_kinds(tmp_path: Path) -> None:
+    """A pandas index, dictionaries and decimals of numbers are columns; nested ones, text and names given twice are refused by what they are."""
+    pd, pa = (
+        pytest.importorskip("pandas"),
+        pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed"),
+    )
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "log.parquet"
+    pd.DataFrame({"t": [0.0, 1.0], "q": [3, 4]}).set_index("t").to_parquet(path)
+    assert (_column(path, "t"), _column(path, "q")) == ([0, 1], [3, 4])
+    columns = {
+        "dict": pa.array([1.5, 2.5]).dictionary_encode(),
+        "decimal": pa.array([Decimal("1.5"), Decimal("2.5")]),
+        "large": pa.array([2**62 + 1, 2**62]),
+        "list": pa.array([[1.0], [2.0]]),
+        "struct": pa.array([{"a": 1.0}, {"a": 2.0}]),
+        "text": pa.array(["1", "2"]),
+        "words": pa.array(["1", "2"]).dictionary_encode(),
+        "stamp": pa.array([1, 2], pa.timestamp("ns")),
+    }
+    parquet.write_table(pa.table(columns), path)
+    assert names_of(path) == ("dict", "decimal", "large")
+    assert _column(path, "dict") == _column(path, "decimal") == [1.5, 2.5]
+    assert _column(path, "large") == [float(2**62)] * 2
+    for name in ("list", "struct", "text", "words", "stamp"):
+        with pytest.raises(InputError, match=f"column '{name}' holds no numbers, but '"):
+            _column(path, name)
+    parquet.write_table(pa.table([columns["large"], columns["decimal"]], names=["q", "q"]), path)
+    for column in ("q", 0):
+        with pytest.raises(InputError, match="several columns named 'q'"):
+            _column(path, column)
+
+
+def test_our_own_defect_is_not_called_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ValueError of our own, while a file is read, is no bad input: it stays what it is."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("ours")
+
+    monkeypatch.setattr("bristle.data.containers.numeric", fail)
+    monkeypatch.setattr("bristle.data.reading.text_layout", fail)
+    for path in (_container(tmp_path, ".npz", np.arange(3.0)), _write(tmp_path, "q\n1\n2\n")):
+        with pytest.raises(ValueError, match=r"^ours$") as caught:
+            _column(path, "q")
+        assert not isinstance(caught.value, InputError)

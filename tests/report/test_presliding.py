@@ -151,7 +151,7 @@ def test_presliding_report_is_the_golden_file(slow: Joint) -> None:
 def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path: Path) -> None:
     """The section names the methods, the one to use, the bias, the level and its source, the prior, the outlier, and why the slopes differ."""
     text = written(slow, tmp_path / "out")
-    section = text[text.index('<section id="gripper-rotation-presliding">') :]
+    section = text[text.index('<section id="gripper-rotation--presliding">') :]
     section = section[: section.index("</section>")]
     for words in (*presliding.METHODS.values(), "Use the edges", "-2.4 % where the joint rests",
                   "-51 % on average, with a spread of 28 %",
@@ -160,7 +160,7 @@ def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path:
         assert words in section
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
     assert [caption.startswith("<strong>SIMULATED") for caption in captions] == [True, True]
-    assert 'href="#gripper-rotation-presliding"' in text
+    assert 'href="#gripper-rotation--presliding"' in text
 
 
 def test_a_joint_without_presliding_runs_has_no_section(joint: Joint, tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def part(joint: Joint) -> dict[str, Any]:
 def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path) -> None:
     """The section has each fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts, captions and a link."""
     text = written(moved, tmp_path / "out")
-    section = text[text.index('<section id="gripper-rotation-tracking">') :]
+    section = text[text.index('<section id="gripper-rotation--tracking">') :]
     section = section[: section.index("</section>")]
     for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "began from the other stages",
                   "1701 equations\nin 2 stretches",
@@ -46,7 +46,7 @@ def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path)
     assert "0.0001 N·m/rad" not in section
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
     assert [caption.startswith("<strong>SIMULATED") for caption in captions] == [True, True]
-    assert 'href="#gripper-rotation-tracking"' in text
+    assert 'href="#gripper-rotation--tracking"' in text
     assert "parametric\nbootstrap" in text
     assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
 
@@ -65,6 +65,7 @@ def test_a_joint_without_moving_runs_has_no_section(slow: Joint, tmp_path: Path)
     """No section, no link to it, no figure."""
     text = written(slow, tmp_path / "out")
     assert "rotation-tracking" not in text
+    assert "rotation--tracking" not in text
     assert not list((tmp_path / "out" / "figures").glob("*-tracking*"))
 
 
@@ -118,7 +119,7 @@ def test_a_fit_that_predicts_the_position_says_so(moved: Joint, tmp_path: Path) 
     changes: dict[str, Any] = {"quantity": "position", "windows": 34, "starts_of_runs": (0,)}
     alone = replace(moved, tracking=tracked(**changes), joint_fit=None, consistency=())
     text = written(alone, tmp_path / "out")
-    section = text[text.index('<section id="gripper-rotation-tracking">') :]
+    section = text[text.index('<section id="gripper-rotation--tracking">') :]
     section = section[: section.index("</section>")]
     words = re.sub(r"<svg.*?</svg>", "", section, flags=re.DOTALL)
     for said in (

@@ -6,9 +6,9 @@ the standard error itself. The degrees of freedom of a difference are Welch's. O
 Holm's (1979). One test per fit asks whether its parameters changed as a set, d' (C_a + C_b)**-1 d, where both covariances are known.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from math import hypot, inf, log
+from math import hypot, inf, isfinite, log
 
 import numpy as np
 from scipy.special import fdtrc, stdtr, stdtrit
@@ -23,6 +23,10 @@ SIGNIFICANT = 0.05
 """Of Holm's p-values: with no change at all, one comparison of two sessions in twenty calls any parameter changed."""
 _RATIOS = ("v_s", "sigma_0")
 """What is positive and known by a factor: its logarithm is compared."""
+_SYMMETRIC = 1e-6
+"""Correlations that differ by more across the diagonal are none."""
+_LIST = 120
+"""Characters of a list of names in an error."""
 _FEW = 4.0
 """Degrees of freedom below which the test of a set says nothing."""
 
@@ -35,7 +39,7 @@ def compare(first: Session, second: Session) -> Comparison:
     shared = [name for name in first if name in second]
     if not shared:
         raise InputError(
-            f"no joint is in both sessions: one has {', '.join(first) or 'none'}, the other {', '.join(second) or 'none'}; "
+            f"no joint is in both sessions: one has {_few(first)}, the other {_few(second)}; "
             "give the joint one name in both experiment files"
         )
     for name in shared:
@@ -54,6 +58,12 @@ def compare(first: Session, second: Session) -> Comparison:
         doubts=tuple(doubts(first, second, shared)),
         simulated=any(session[name].simulated for session in (first, second) for name in shared),
     )
+
+
+def _few(names: Iterable[str]) -> str:
+    """The names, as many as make no long sentence."""
+    listed = ", ".join(names) or "none"
+    return listed if len(listed) <= _LIST else f"{listed[:_LIST]}..."
 
 
 def holm(p: Array) -> Array:
@@ -155,21 +165,14 @@ def _adjusted(changes: Sequence[Change]) -> tuple[Change, ...]:
 def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[SetChange]:
     """Every fit that both sessions have with the covariance of what both know, none of them distrusted."""
     for a, b in pairs(first, second):
-        names = tuple(n for n in a.names if n in b.names and all(usable(fit.parameters[n]) for fit in (a, b)))
+        names = tuple(n for n in a.names if n in b.names and all(_known(fit, n) for fit in (a, b)))
         freedom = min(a.freedom, b.freedom)
         if len(names) < 2 or freedom - len(names) < _FEW or Pair(a, b).distrusted:
             continue
-        apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
-        total = _scaled_covariance(a, names) + _scaled_covariance(b, names)
-        if not (np.isfinite(total).all() and np.diag(total).min() > 0):
+        statistic = _statistic(a, b, names)
+        if statistic is None:
             continue
-        size = np.sqrt(np.diag(total))
-        correlation = total / np.outer(size, size)
-        if np.linalg.eigvalsh(correlation).min() <= 1e-10:
-            continue
-        k = len(names)
-        statistic = float(apart / size @ np.linalg.solve(correlation, apart / size)) / k
-        p = float(fdtrc(k, min(freedom, 1e9), statistic))
+        p = float(fdtrc(len(names), min(freedom, 1e9), statistic))
         yield SetChange(
             joint=joint,
             source=a.source,
@@ -180,6 +183,25 @@ def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Set
             adjusted=p,
             changed=False,
         )
+
+
+def _known(fit: Fit, name: str) -> bool:
+    """Whether a parameter of a fit's covariance is one of its parameters too, with all its numbers."""
+    return name in fit.parameters and usable(fit.parameters[name])
+
+
+def _statistic(a: Fit, b: Fit, names: Sequence[str]) -> float | None:
+    """The statistic d' (C_a + C_b)**-1 d over the number of parameters; None where the sum is no covariance, or there is no such number."""
+    with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
+        apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
+        total = _scaled_covariance(a, names) + _scaled_covariance(b, names)
+        size = np.sqrt(np.diag(total))
+        correlation = total / np.outer(size, size)
+        correlation, far = (correlation + correlation.T) / 2, np.abs(correlation - correlation.T).max()
+        if not np.isfinite(correlation).all() or far > _SYMMETRIC or np.linalg.eigvalsh(correlation).min() <= 1e-10:
+            return None
+        statistic = float(apart / size @ np.linalg.solve(correlation, apart / size)) / len(names)
+    return statistic if isfinite(statistic) else None
 
 
 def _scaled(fit: Fit, name: str) -> float:

@@ -9,6 +9,8 @@ from bristle.identification.estimate import Estimate
 
 _ALIKE = 0.5
 """Shares that differ by less than this part of their mean are one share."""
+_LARGE = 1e6
+"""A change of more percent is told by its power of ten."""
 _LOAD = 2 * (
     "another load, or another scale of the torque (motor constant, drive gain), which would scale the friction alike,",
 )
@@ -109,7 +111,8 @@ def _named(x: SetChange, *, several: bool) -> str:
 
 def _share(c: Change) -> str:
     """By how much, in percent of the first session's value."""
-    return f" ({100 * (c.difference or 0.0) / abs(c.first.value):+.1f} %)" if c.first and c.first.value else ""
+    share = 100 * (c.difference or 0.0) / abs(c.first.value) if c.first and c.first.value else None
+    return "" if share is None else f" ({share:+.1f} %)" if abs(share) < _LARGE else f" ({share:+.1e} %)"
 
 
 def hints(changes: Sequence[Change]) -> Iterator[str]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.data.containers import Key
+from bristle.data.columns import Key
 from bristle.data.document import Model
 from bristle.data.reading import Table
 from bristle.data.record import Record

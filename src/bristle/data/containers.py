@@ -1,180 +1,100 @@
 """Columns from MAT, NPZ and Parquet files, which hold named arrays."""
 
-import re
-import struct
 import zipfile
-import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bristle.data.columns import Key, bounded, is_vector, numeric, reading
+from bristle.data.document import short, short_list
+from bristle.data.mat import mat_names, read_mat
 from bristle.errors import InputError
 from bristle.model.arrays import Array
 
-MAX_VALUES = 200_000_000
-"""Most numbers that are read from one file: a small compressed file can hold very many."""
-_PART = re.compile(r"[A-Za-z]\w*|\{\d+\}|\(\d+\)")
-_PATH = re.compile(r"[A-Za-z]\w*(?:\.[A-Za-z]\w*|\{\d+\}|\(\d+\))*")
-_BROKEN = (
-    AttributeError,
-    EOFError,
-    LookupError,
-    NameError,
-    NotImplementedError,
-    OverflowError,
-    TypeError,
-    struct.error,
-    zlib.error,
-)
-"""What the readers raise on a damaged file, beside ValueError and OSError, as seen."""
+__all__ = ["Key", "names_of", "read_mat", "read_npz", "read_parquet"]
 
-
-@dataclass(frozen=True, slots=True)
-class Key:
-    """Which column: a name, a dotted path or a number; `index` picks a column of a matrix, from 0."""
-
-    column: int | str
-    index: int | None = None
-
-    def __str__(self) -> str:
-        return repr(self.column) + ("" if self.index is None else f" index {self.index}")
-
-
-def read_mat(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a MATLAB file of version 5 to 7, by variable or dotted path: `q`, `data.q`, `data.run{2}.q`, `runs(3).q`.
-
-    Braces and parentheses count from 1, as MATLAB writes them. Raises InputError.
-    """
-    variables = _load_mat(path, sorted({_root(key) for key in keys}))
-    return {key: _numeric(_walk(variables, str(key.column)), key) for key in keys}
-
-
-def _load_mat(path: Path, names: Sequence[str]) -> dict[str, Any]:
-    import scipy.io
-    from scipy.io.matlab import MatReadError
-
-    with path.open("rb") as file:
-        head = file.read(520)
-    if b"MATLAB 7.3" in head[:128] or b"\x89HDF" in (head[:4], head[512:516]):
-        raise InputError(
-            "is a MAT-file of version 7.3 (HDF5), which is not read; in MATLAB save it again with save(file, '-v7', ...)"
-        )
-    if head[126:128] not in (b"IM", b"MI"):
-        raise InputError("is no MAT-file of version 5 to 7; in MATLAB save it with save(file, '-v7', ...)")
-    try:
-        shapes = {name: shape for name, shape, _ in scipy.io.whosmat(path)}
-        for name in names:
-            if name not in shapes:
-                raise InputError(f"no variable {name!r}; there are: {', '.join(sorted(shapes))}")
-            _bounded(np.prod(shapes[name], dtype=float))
-        return dict(scipy.io.loadmat(path, variable_names=list(names)))
-    except (*_BROKEN, MatReadError, UnicodeDecodeError) as error:
-        raise InputError(f"is damaged, or no MAT-file ({error}); save it again") from error
-
-
-def _root(key: Key) -> str:
-    if not isinstance(key.column, str) or not _PATH.fullmatch(key.column):
-        raise InputError(
-            f"column {key.column!r} is no variable of a MAT-file; expected a name or a dotted path such as data.q or data.run{{2}}.q"
-        )
-    return str(_PART.findall(key.column)[0])
-
-
-def _walk(variables: dict[str, Any], path: str) -> object:
-    root, *parts = _PART.findall(path)
-    value, seen = variables[root], root
-    for part in parts:
-        counted = part[0] in "{("
-        value = _item(value, int(part[1:-1]), seen) if counted else _field(value, part, seen)
-        seen += part if counted else f".{part}"
-    return value
-
-
-def _item(value: object, number: int, seen: str) -> object:
-    items = value.ravel(order="F") if isinstance(value, np.ndarray) else np.array([value], dtype=object)
-    if not 1 <= number <= items.size:
-        raise InputError(f"{seen} has {items.size} elements; element {number} is not among them (they count from 1)")
-    return items[number - 1]
-
-
-def _field(value: object, name: str, seen: str) -> object:
-    while isinstance(value, np.ndarray) and value.size == 1 and value.dtype == object:
-        value = value.flat[0]
-    names = getattr(getattr(value, "dtype", None), "names", None)
-    if not names:
-        raise InputError(f"{seen} is no struct, so it has no field {name!r}; name {seen} itself, or a struct")
-    if name not in names:
-        raise InputError(f"{seen} has no field {name!r}; there are: {', '.join(names)}")
-    if isinstance(value, np.ndarray) and value.size != 1:
-        raise InputError(f"{seen} is an array of {value.size} structs; say which, as in {seen}(1).{name}")
-    return value.flat[0][name] if isinstance(value, np.ndarray) else value[name]  # type: ignore[index]  # a np.void here
-
-
-def _numeric(value: object, key: Key) -> Array:
-    """A vector of numbers, or the column `key.index` of a matrix, as floats."""
-    while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
-        value = value.flat[0]
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
-        raise InputError(f"column {key} holds no plain array of numbers; expected one number per sample")
-    _bounded(value.size)
-    if key.index is not None:
-        if value.ndim != 2 or key.index >= value.shape[1]:
-            raise InputError(
-                f"column {key}: the array has shape {value.shape}; index counts the columns of a matrix from 0"
-            )
-        value = value[:, key.index]
-    if value.size != max(value.shape, default=0):
-        raise InputError(
-            f"column {key} is a matrix of shape {value.shape}; say which column with index: 0 to {value.shape[-1] - 1}"
-        )
-    return np.asarray(value, dtype=float).ravel()
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_SAVEZ = "write it again with numpy.savez"
 
 
 def read_npz(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
     """Columns of a NumPy archive, by the name of the array. Raises InputError; pickled objects are refused."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            _bounded(sum(member.file_size for member in archive.infolist()) / 4)
-        with np.load(path, allow_pickle=False) as arrays:
-            missing = [key for key in keys if key.column not in arrays.files]
-            if missing:
-                raise InputError(f"no array {missing[0]}; there are: {', '.join(arrays.files)}")
-            return {key: _numeric(arrays[str(key.column)], key) for key in keys}
-    except (*_BROKEN, zipfile.BadZipFile, RuntimeError, SyntaxError) as error:
-        raise InputError(f"is damaged, or no NPZ file ({error}); write it again with numpy.savez") from error
+    with reading("NPZ file", _SAVEZ):
+        archive = zipfile.ZipFile(path)
+    with archive:
+        there = [name.removesuffix(".npy") for name in archive.namelist()]
+        bounded(sum(member.file_size for member in archive.infolist()) / 4)
+        for key in keys:
+            if there.count(str(key.column)) != 1:
+                problem = "several arrays" if key.column in there else "no array"
+                raise InputError(f"{problem} named {key}; there are: {short_list(there)}")
+        members = dict(zip(there, archive.infolist(), strict=True))
+        return {key: numeric(_array(archive, members[str(key.column)], key), key) for key in keys}
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, key: Key) -> "np.ndarray[Any, Any]":
+    """The array that a member holds; raises InputError where it holds another thing, or less than its header says."""
+    shape, dtype = _header(archive, member)
+    if dtype.hasobject:
+        raise InputError(f"column {key} holds no plain array of numbers, but Python objects; expected one per sample")
+    bounded(np.prod(shape, dtype=float))
+    if min(shape, default=0) < 0 or np.prod(shape, dtype=float) * dtype.itemsize > member.file_size:
+        raise InputError(f"is damaged: array {key} is shorter than its header says, {shape}; {_SAVEZ}")
+    with reading("NPZ file", _SAVEZ), archive.open(member) as file:
+        return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
+
+
+def _header(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[tuple[int, ...], "np.dtype[Any]"]:
+    """Shape and type of the array that a member holds."""
+    with reading("NPZ file", _SAVEZ), archive.open(member) as file:
+        shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
+    return shape, dtype
 
 
 def read_parquet(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
     """Columns of a Parquet file, by name or by number from 0. Raises InputError; needs the extra `parquet`."""
-    parquet, broken = _pyarrow()
-    try:
-        file = parquet.ParquetFile(path)
+    with _parquet(path) as file:
+        import pyarrow as pa
+
         there = list(file.schema_arrow.names)
-        for key in keys:
-            if key.index is not None or (
-                key.column not in there if isinstance(key.column, str) else key.column >= len(there)
-            ):
-                raise InputError(f"no column {key}; there are: {', '.join(there)}")
-        names = {key: key.column if isinstance(key.column, str) else there[key.column] for key in keys}
-        _bounded(file.metadata.num_rows * len(names))
-        frame = file.read(columns=sorted(set(names.values()))).to_pandas()
-    except broken as error:
-        raise InputError(f"is damaged, or no Parquet file ({error}); write it again") from error
-    return {
-        key: _column(
-            frame[name].to_numpy(dtype=float, na_value=np.nan) if frame[name].dtype.kind in "iuf" else None, key
-        )
-        for key, name in names.items()
-    }
+        names = {key: _named(key, there) for key in keys}
+        for key, name in names.items():
+            kind = file.schema_arrow.field(name).type
+            if not _is_number(kind):
+                raise InputError(
+                    f"column {key} holds no numbers, but {short(str(kind))}; expected one number per sample"
+                )
+        bounded(file.metadata.num_rows * len(names))
+        with reading("Parquet file"):
+            table = file.read(columns=sorted(set(names.values())))
+            return {
+                key: np.array(table.column(name).cast(pa.float64(), safe=False).to_numpy(), dtype=float)
+                for key, name in names.items()
+            }
 
 
-def _column(values: Array | None, key: Key) -> Array:
-    if values is None:
-        raise InputError(f"column {key} holds no numbers; expected one number per sample")
-    return values
+def _named(key: Key, there: Sequence[str]) -> str:
+    """The name of the column that a key means, which has it alone."""
+    number = isinstance(key.column, int)
+    if key.index is not None or (key.column >= len(there) if isinstance(key.column, int) else key.column not in there):
+        raise InputError(f"no column {key}; there are: {short_list(there)}")
+    name = there[key.column] if isinstance(key.column, int) else key.column
+    if there.count(name) > 1:
+        which = f", as column {key} is" if number else ""
+        raise InputError(f"several columns named {short(name)}{which}; give each its own name")
+    return name
+
+
+def _is_number(kind: Any) -> bool:
+    """Whether a column of an Arrow type holds one number per row; a dictionary of numbers does."""
+    from pyarrow import types
+
+    if types.is_dictionary(kind):
+        return _is_number(kind.value_type)
+    return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind))
 
 
 def names_of(path: Path) -> tuple[str, ...]:
@@ -184,44 +104,27 @@ def names_of(path: Path) -> tuple[str, ...]:
     """
     suffix = path.suffix.lower()
     if suffix == ".mat":
-        import scipy.io
-
-        _load_mat(path, ())
-        variables = _load_mat(path, [name for name, _, _ in scipy.io.whosmat(path)])
-        return tuple(n for name, value in variables.items() if not name.startswith("__") for n in _vectors(name, value))
+        return mat_names(path)
     if suffix == ".npz":
-        read_npz(path, ())
-        with np.load(path, allow_pickle=False) as arrays:
-            return tuple(arrays.files)
-    parquet, broken = _pyarrow()
+        with reading("NPZ file", _SAVEZ):
+            archive = zipfile.ZipFile(path)
+        with archive:
+            found = [m for m in archive.infolist() if m.filename.endswith(".npy")]
+            return tuple(m.filename.removesuffix(".npy") for m in found if is_vector(*_header(archive, m)))
+    with _parquet(path) as file:
+        return tuple(field.name for field in file.schema_arrow if _is_number(field.type))
+
+
+@contextmanager
+def _parquet(path: Path) -> Iterator[Any]:
+    """The open Parquet file."""
     try:
-        return tuple(parquet.ParquetFile(path).schema_arrow.names)
-    except broken as error:
-        raise InputError(f"is damaged, or no Parquet file ({error}); write it again") from error
-
-
-def _vectors(name: str, value: object) -> list[str]:
-    if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-        return [n for field in value.dtype.names for n in _vectors(f"{name}.{field}", value.flat[0][field])]
-    if isinstance(value, np.ndarray) and value.dtype == object:
-        return [n for k, item in enumerate(value.ravel(order="F")) for n in _vectors(f"{name}{{{k + 1}}}", item)]
-    is_vector = (
-        isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.size == max(value.shape, default=0) > 1
-    )
-    return [name] if is_vector else []
-
-
-def _pyarrow() -> tuple[Any, tuple[type[Exception], ...]]:
-    try:
-        import pyarrow
         from pyarrow import parquet
     except ImportError as error:
         raise InputError(
             "is a Parquet file, which needs pyarrow; install it with pip install 'bristle[parquet]'"
         ) from error
-    return parquet, (pyarrow.ArrowException, *_BROKEN)
-
-
-def _bounded(values: float) -> None:
-    if values > MAX_VALUES:
-        raise InputError(f"holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")
+    with reading("Parquet file"):
+        file = parquet.ParquetFile(path)
+    with file:
+        yield file

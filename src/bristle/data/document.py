@@ -191,7 +191,7 @@ def short_list(names: Iterable[object]) -> str:
         if len(text) > 200:
             return f"{text}, ..."
         text += f"{', ' if text else ''}{str(name)[:60]}"
-    return text
+    return text or "none"
 
 
 _EXPECTED = {

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bristle.data.containers import names_of
-from bristle.data.document import check_name, unreadable
-from bristle.data.reading import BINARY, read_table, text_layout
+from bristle.data.document import check_name
+from bristle.data.layout import text_layout
+from bristle.data.reading import BINARY, naming, read_table
 from bristle.data.signals import DRIVE
-from bristle.errors import InputError
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
@@ -108,14 +108,12 @@ def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, 
 
 def _columns(path: Path) -> tuple[tuple[str, ...], str]:
     """Names of the columns, and what is told of them in the draft."""
-    try:
+    with naming(str(path)):
         read_table(path, ())
         if path.suffix.lower() in BINARY:
             names = names_of(path)
             return names, _list(names) or "none that is a vector of numbers"
         layout = text_layout(path)
-    except OSError as error:
-        raise InputError(unreadable(path, error)) from error
     if layout.names:
         return layout.names, _list(layout.names)
     some = layout.first[:_SHOWN]

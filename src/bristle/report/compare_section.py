@@ -19,6 +19,8 @@ from bristle.report.wording import measured, number, printable, shortened, slugs
 
 _NONE = 1e-99
 """p-values below this are shown as below it."""
+_DRAWN = 30
+"""Joints with a figure."""
 _LEAST = f"< {_NONE:g}"
 _NAMES = {"adjusted_p": "p (Holm)", "changed": "changed?"}
 
@@ -64,13 +66,14 @@ def write_comparison(compared: Comparison, folder: Path, title: str) -> Path:
     joints = list(compared.kinds)
     drawn: dict[str, tuple[Callable[[], Figure | None], str]] = {
         f"{slug}-changes": (partial(forest_figure, compared, joint), f"both sessions of {joint}")
-        for joint, slug in zip(joints, slugs(joints), strict=True)
+        for joint, slug in zip(joints[:_DRAWN], slugs(joints), strict=False)
     }
     frames = {"changes": changes(compared), "sets": sets(compared)}
     context = {
         "title": title,
         "seed": None,
         "compared": compared,
+        "drawn": _DRAWN,
         "joints": [_joint(compared, joint, slug) for joint, slug in zip(joints, slugs(joints), strict=True)],
     }
     return write_part(folder, "compare.html", context, drawn, frames)

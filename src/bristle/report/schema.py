@@ -1,11 +1,16 @@
 """The document `results.json`, schema bristle-results/1, as pydantic models; extra keys are allowed where it is read."""
 
-from typing import Literal
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, FailFast, Field
+
+T = TypeVar("T")
 
 Bound = float | Literal["inf", "-inf"]
 """An infinite bound is a string: JSON has no infinity."""
+
+Rows = Annotated[list[T], FailFast()]
+"""A list whose first wrong item is told: a foreign file may have a million."""
 
 
 class ParameterJson(BaseModel):
@@ -15,7 +20,7 @@ class ParameterJson(BaseModel):
     unit: str
     standard_error: float | None
     interval: tuple[Bound, Bound] | None
-    doubts: list[str]
+    doubts: Rows[str]
 
 
 class UncertaintyJson(BaseModel):
@@ -24,7 +29,7 @@ class UncertaintyJson(BaseModel):
     covariance: tuple[Bound, Bound] | None
     profile: tuple[Bound, Bound] | None
     bootstrap: tuple[Bound, Bound] | None
-    doubts: list[str]
+    doubts: Rows[str]
 
 
 class HoldOutJson(BaseModel):
@@ -42,11 +47,11 @@ class FitJson(BaseModel):
     relative_error: float | None
     n: int
     outcome: str
-    doubts: list[str]
-    hold_out: list[HoldOutJson]
+    doubts: Rows[str]
+    hold_out: Rows[HoldOutJson]
     degrees_of_freedom: int
-    free: list[str]
-    covariance: list[list[float | None]]
+    free: Rows[str]
+    covariance: Rows[Rows[float | None]]
     plain_grid: dict[str, float | None]
     huber: dict[str, float | None]
     without_stick_slip: dict[str, ParameterJson]
@@ -63,7 +68,7 @@ class CrosscheckJson(BaseModel):
     parameters: dict[str, float | None]
     difference_in_se: dict[str, float | None]
     verdict: str
-    doubts: list[str]
+    doubts: Rows[str]
 
 
 class LevelJson(BaseModel):
@@ -96,7 +101,7 @@ class PreslidingJson(BaseModel):
     counts: int
     bias: BiasJson
     breakaway: ParameterJson | None
-    doubts: list[str]
+    doubts: Rows[str]
     uncertainty: dict[str, UncertaintyJson] = {}
 
 
@@ -122,13 +127,13 @@ class TrackingJson(BaseModel):
     relative_error: float | None
     n: int
     outcome: str
-    doubts: list[str]
-    hold_out: list[HoldOutJson]
+    doubts: Rows[str]
+    hold_out: Rows[HoldOutJson]
     starts: int
     reached: int
     condition: Bound | None
-    free: list[str]
-    covariance: list[list[float | None]]
+    free: Rows[str]
+    covariance: Rows[Rows[float | None]]
     count_bias: dict[str, float | None]
     crosscheck: CrosscheckJson | None
     uncertainty: dict[str, UncertaintyJson] = {}
@@ -171,9 +176,9 @@ class ModelsJson(BaseModel):
     n: int
     effective: float
     hold_out_by: str
-    rows: list[ModelJson]
+    rows: Rows[ModelJson]
     sentence: str
-    left_out: list[str]
+    left_out: Rows[str]
 
 
 class SegmentJson(BaseModel):
@@ -186,8 +191,8 @@ class SegmentJson(BaseModel):
     torque: float | None
     standard_error: float | None
     accepted: bool
-    reasons: list[str]
-    doubts: list[str]
+    reasons: Rows[str]
+    doubts: Rows[str]
     stick_slip: bool
     labels: dict[str, str]
 
@@ -197,19 +202,19 @@ class JointJson(BaseModel):
 
     kind: Literal["revolute", "prismatic"]
     simulated: bool
-    assumptions: list[str]
+    assumptions: Rows[str]
     settings: dict[str, str]
-    doubts: list[str]
+    doubts: Rows[str]
     truth: dict[str, dict[str, float | None]]
     static: dict[str, FitJson]
     crosscheck: dict[str, CrosscheckJson]
     presliding: dict[str, PreslidingJson]
-    hysteresis: list[HysteresisJson]
+    hysteresis: Rows[HysteresisJson]
     tracking: TrackingJson | None
     joint_fit: TrackingJson | None
-    consistency: list[ConsistencyJson]
-    models: list[ModelsJson] = []
-    segments: list[SegmentJson]
+    consistency: Rows[ConsistencyJson]
+    models: Rows[ModelsJson] = []
+    segments: Rows[SegmentJson]
 
 
 class InputJson(BaseModel):
@@ -220,7 +225,7 @@ class InputJson(BaseModel):
     sha256: str
     rows: int
     dropped: int
-    notes: list[str]
+    notes: Rows[str]
     labels: dict[str, str]
 
 
@@ -229,5 +234,5 @@ class ResultsJson(BaseModel):
 
     schema_: Literal["bristle-results/1"] = Field(alias="schema")
     bristle: str
-    inputs: list[InputJson]
+    inputs: Rows[InputJson]
     joints: dict[str, JointJson]

@@ -1,0 +1,95 @@
+"""What the readers of MAT, NPZ and Parquet files share: which column is meant, what a column is, and what a damaged file is.
+
+Their libraries raise nearly anything at a damaged file: each call of one stands alone in `reading`, so that no defect of our own passes for damage.
+"""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bristle.data.document import short
+from bristle.errors import InputError
+from bristle.model.arrays import Array
+
+MAX_VALUES = 200_000_000
+"""Most numbers that are read from one file: a small compressed file can hold very many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """Which column: a name, a dotted path or a number; `index` picks a column of a matrix, from 0."""
+
+    column: int | str
+    index: int | None = None
+
+    def __str__(self) -> str:
+        return short(self.column) + ("" if self.index is None else f" index {self.index}")
+
+
+@contextmanager
+def reading(what: str, advice: str = "write it again") -> Iterator[None]:
+    """Around one call of a library's reader: whatever it raises means a damaged file, but for a file that cannot be read or does not fit into memory.
+
+    Raises InputError, and what the system raises. Warnings of the reader are left unsaid: they precede a refusal, or numbers that are checked later.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except (InputError, MemoryError):
+        raise
+    except OSError as error:
+        if error.errno is not None:
+            raise
+        raise InputError(f"is damaged, or no {what} ({error}); {advice}") from error
+    except Exception as error:
+        raise InputError(f"is damaged, or no {what} ({error}); {advice}") from error
+
+
+def numeric(value: Any, key: Key) -> Array:
+    """A vector of numbers, or the column `key.index` of a matrix, as floats."""
+    while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
+        value = value.flat[0]
+    if hasattr(value, "toarray"):  # a sparse array, which only a MAT-file holds
+        bounded(float(np.prod(value.shape, dtype=np.float64)))
+        with reading("MAT-file", "save it again"):
+            value.check_format(full_check=True)  # an index outside of it would crash
+            value = value.toarray()
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iufb":
+        what = f", but {_words(value)}" if isinstance(value, np.ndarray) else ""
+        raise InputError(f"column {key} holds no plain array of numbers{what}; expected one real number per sample")
+    bounded(value.size)
+    if value.ndim == 0:
+        raise InputError(f"column {key} holds a single number; expected one per sample")
+    if key.index is not None:
+        if value.ndim != 2 or key.index >= value.shape[1]:
+            raise InputError(
+                f"column {key}: the array has shape {value.shape}; index counts the columns of a matrix from 0"
+            )
+        value = value[:, key.index]
+    if value.size != max(value.shape, default=0):
+        raise InputError(
+            f"column {key} is a matrix of shape {value.shape}; say which column with index: 0 to {value.shape[-1] - 1}"
+        )
+    with np.errstate(over="ignore"):  # of longer floats, which are then not finite
+        return np.asarray(value, dtype=float).ravel()
+
+
+def _words(value: "np.ndarray[Any, Any]") -> str:
+    kinds = {"c": "complex numbers", "U": "text", "S": "text", "O": "cells", "V": "structs"}
+    return kinds.get(value.dtype.kind, f"values of type {value.dtype}")
+
+
+def is_vector(shape: tuple[int, ...], dtype: "np.dtype[Any]") -> bool:
+    """Whether an array of this shape and type is a column: a vector of numbers."""
+    return dtype.kind in "iufb" and np.prod(shape, dtype=float) == max(shape, default=0) > 1
+
+
+def bounded(values: float) -> None:
+    """Raises InputError where a file holds more numbers than are read."""
+    if values > MAX_VALUES:
+        raise InputError(f"holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")
