@@ -34,16 +34,16 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from bristle import edro
+from bristle.arrays import Array
 from bristle.control import compensator as compensating
 from bristle.control.adaptation import Adaptation
-from bristle.control.closed import simulate
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Measurement, Reference
 from bristle.control.period import at_rest, numbers_of, tick
 from bristle.control.stability import refuse_long_period
 from bristle.control.wiring import Case, Course, Wiring
-from bristle.model.arrays import Array
 from bristle.model.parameters import Pair
+from bristle.simulation import edro
 from timing import least, once
 
 H, SECONDS, SCANNED = 1e-3, 20.0, 2.0

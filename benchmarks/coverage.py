@@ -14,18 +14,18 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from bristle import bench, edro
-from bristle.data.options import FitOptions
-from bristle.identification.estimate import Estimate, Joint
-from bristle.identification.fit import estimate_static
-from bristle.identification.inference import infer
-from bristle.identification.moving import DIRECTIONS
-from bristle.identification.pipeline import Measured, identify_joint, measure
-from bristle.identification.regression import from_points
-from bristle.identification.static import default_range
-from bristle.identification.static_uncertainty import three_ways
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.results import Estimate, Joint
+from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.grid import default_range
+from bristle.identification.static.moving_data import DIRECTIONS
+from bristle.identification.static.problem import from_points
+from bristle.identification.static.stribeck_test import infer
+from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Lugre
+from bristle.simulation import bench, edro
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 WAYS = ("covariance", "profile", "bootstrap")

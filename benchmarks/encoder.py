@@ -11,21 +11,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from bristle import edro
-from bristle.data.loading import find_loadings
-from bristle.data.motion import estimate_motion
+from bristle.arrays import Array
+from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
-from bristle.identification.counts import without_count_bias
-from bristle.identification.estimate import PreslidingFit, TrackingFit
-from bristle.identification.presliding import fit_presliding
-from bristle.identification.simulation import simulation
-from bristle.identification.stiffness import Level, printed_bias
-from bristle.identification.tracking import fit_tracking
-from bristle.identification.trajectory import Tracking, tracking
+from bristle.data.slow_loading import find_loadings
+from bristle.identification.dynamic.encoder_bias import without_count_bias
+from bristle.identification.dynamic.fit import fit_tracking
+from bristle.identification.dynamic.output_error import simulation
+from bristle.identification.dynamic.problem import Tracking, tracking
+from bristle.identification.presliding.fit import fit_presliding
+from bristle.identification.presliding.stiffness import Level, printed_bias
+from bristle.identification.results import PreslidingFit, TrackingFit
 from bristle.model import functions
-from bristle.model.arrays import Array, evaluate
 from bristle.model.motor import drive_torque
 from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
+from bristle.simulation import edro
 
 PAIR = edro.TABLE_1["gripper rotation"]
 P = PAIR.positive

@@ -24,10 +24,11 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from bristle.arrays import Array
 from bristle.model import functions, law
-from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout, rollout_jacobian
+from bristle.model.vectorize import evaluate
 from timing import Call, least
 
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)

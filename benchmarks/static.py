@@ -10,13 +10,13 @@ import lmfit
 import numpy as np
 from scipy.optimize import curve_fit
 
-from bristle.edro import TABLE_1
-from bristle.identification.batch import Batch, solve_batch
-from bristle.identification.bootstrap import resample
-from bristle.identification.regression import from_points
-from bristle.identification.static import default_range, plain_grid, solve
-from bristle.identification.uncertainty import covariance
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.estimation.covariance import covariance
+from bristle.identification.static.batch import Batch, solve_batch
+from bristle.identification.static.bootstrap import resample
+from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.problem import from_points
+from bristle.simulation.edro import TABLE_1
 from timing import least
 
 P = TABLE_1["gripper rotation"].positive

@@ -31,16 +31,17 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
+from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.edro import TABLE_1
-from bristle.identification import descent, trajectory
-from bristle.identification.marquardt import minimise
-from bristle.identification.uncertainty import covariance
+from bristle.estimation.covariance import covariance
+from bristle.estimation.levenberg_marquardt import minimise
+from bristle.identification.dynamic import problem as trajectory
+from bristle.identification.dynamic import unknowns
 from bristle.model import functions, law
-from bristle.model.arrays import Array
-from bristle.model.nodes import Nodes, refined
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
+from bristle.model.time_refinement import Nodes, refined
+from bristle.simulation.edro import TABLE_1
 from timing import Call, least, once
 
 TRUTH = TABLE_1["gripper rotation"].positive
@@ -78,16 +79,16 @@ class Case(NamedTuple):
     @property
     def x0(self) -> Array:
         """The scaled start, (7,)."""
-        return descent.to_scaled(self.problem, self.start, self.scale)
+        return unknowns.to_scaled(self.problem, self.start, self.scale)
 
     def physical(self, x: Array) -> Array:
         """The six parameters and z0 at scaled unknowns, (7,)."""
-        return np.array(list(descent.from_scaled(self.problem, x, self.scale).values()))
+        return np.array(list(unknowns.from_scaled(self.problem, x, self.scale).values()))
 
     def slopes(self, x: Array) -> Array:
         """The derivative of each of `physical` by its scaled unknown, (7,)."""
-        values = descent.from_scaled(self.problem, x, self.scale)
-        return descent.slopes_of_scaling(self.problem, values, self.scale)
+        values = unknowns.from_scaled(self.problem, x, self.scale)
+        return unknowns.slopes_of_scaling(self.problem, values, self.scale)
 
     def steps(self) -> tuple[Array, Array, Array, Any]:
         """v0, v1 and h of one step to each node, the first of no duration, (N,); and which nodes are the samples."""
@@ -97,7 +98,7 @@ class Case(NamedTuple):
 
     def gauss_newton(self, evaluate: Evaluate) -> Array:
         """What bristle's own descent finds with another's residuals and Jacobian."""
-        return minimise(evaluate, self.x0, *descent.bounds(self.problem)).x
+        return minimise(evaluate, self.x0, *unknowns.bounds(self.problem)).x
 
 
 def case(n: int) -> Case:
@@ -108,12 +109,12 @@ def case(n: int) -> Case:
     record = Record(file="benchmark", time=t, velocity=v, torque=torque)
     problem = trajectory.tracking([record], ("both",), (), 1, None)
     start = {k: off * p for k, off, p in zip(Lugre._fields, OFF, TRUTH, strict=True)} | {"z0[0]": 0.0}
-    return Case(problem, start, descent.scales(problem, start))
+    return Case(problem, start, unknowns.scales(problem, start))
 
 
 def bristle(data: Case) -> Array:
     """The fit that all others are compared with."""
-    return descent.fit(data.problem, data.start)[1].x
+    return unknowns.fit(data.problem, data.start)[1].x
 
 
 def package(name: str) -> ModuleType | None:
@@ -279,7 +280,7 @@ def ipopt_fits(data: Case) -> dict[str, Fit]:
     T = step.mapaccum(n)(q[6], *(ca.DM(row).T for row in steps), ca.repmat(q[:6], 1, n))[1]
     cost = ca.sumsqr(ca.DM(data.torque) - T[np.arange(n)[samples].tolist()].T)
     nlp: Any = {"x": x, "f": cost / ca.Function("cost", [x], [cost])(data.x0)}
-    lower, upper = descent.bounds(data.problem)
+    lower, upper = unknowns.bounds(data.problem)
 
     def solve(solver: ca.Function) -> Array:
         found: Array = solver(x0=data.x0, lbx=lower, ubx=upper)["x"].full().ravel()
@@ -339,14 +340,14 @@ def keep(found: dict[str, Array], name: str, fit: Fit) -> None:
 
 def table(data: Case, fits: dict[str, Fit], slow: dict[str, Fit], repeats: int) -> None:
     """Time the fits, bristle's among them and the slow ones once, and print a line for each."""
-    best = descent.fit(data.problem, data.start)[1]
+    best = unknowns.fit(data.problem, data.start)[1]
     error = np.sqrt(covariance(best.jacobian, best.cost)[0].diagonal())
     found: dict[str, Array] = {}
     every: dict[str, Fit] = {"bristle": partial(bristle, data), **fits, **slow}
     calls: dict[str, Call] = {name: partial(keep, found, name, fit) for name, fit in every.items()}
     times = least({name: call for name, call in calls.items() if name not in slow}, repeats)
     times |= {name: once(calls[name]) for name in slow}
-    evaluate = descent.scaled(data.problem, data.scale)
+    evaluate = unknowns.scaled(data.problem, data.scale)
     costs = {name: float(np.sum(evaluate(x)[0] ** 2)) for name, x in found.items()}
     print(
         f"\n{data.torque.size} samples{'':16}    seconds   times bristle's   cost above bristle's   largest difference, s.e."

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from bristle.analysis.trial import POLISHED, REFINED, SEED, run_trial
-from bristle.analysis.trial_cases import NOISES, sweep
-from bristle.analysis.trial_methods import NAMES
-from bristle.analysis.trial_results import FREE, SAME, Tried
-from bristle.analysis.trial_verdict import overall
-from bristle.identification.static import PLAIN_GRID
+from bristle.identification.static.grid import PLAIN_GRID
+from bristle.questions.method_validation.cases import NOISES, sweep
+from bristle.questions.method_validation.results import FREE, SAME, Tried
+from bristle.questions.method_validation.run import POLISHED, REFINED, SEED, run_trial
+from bristle.questions.method_validation.solvers import NAMES
+from bristle.questions.method_validation.verdict import overall
 
 
 def main() -> None:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from bristle import cli
-from bristle.bench import steady_points
-from bristle.model.arrays import Array
+from bristle.arrays import Array
 from bristle.model.parameters import Lugre
+from bristle.simulation.bench import steady_points
 
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 """Gripper rotation (+) of Table 1."""

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle import Results, api, edro
-from bristle.data.experiment import Experiment, load_experiment
-from bristle.identification.estimate import Joint, StaticFit
-from bristle.identification.pipeline import Measured
+from bristle import Results, api
+from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.identification.identify import Measured
+from bristle.identification.results import Joint, StaticFit
+from bristle.simulation import edro
 
 from .conftest import FEW, speeds, write
 
@@ -158,7 +159,7 @@ def test_results_cannot_be_changed(clean: Results) -> None:
 
 def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`inspect` gives runs and segments, frozen too, and never comes near a fit."""
-    monkeypatch.delattr("bristle.identification.pipeline.fit_static")
+    monkeypatch.delattr("bristle.identification.identify.fit_static")
     measured = bristle.inspect(write(tmp_path, FEW))
     assert isinstance(measured, Measured)
     assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()

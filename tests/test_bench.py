@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from bristle import bench, edro
-from bristle.bench import Logs, Ramps, Rig
-from bristle.control.loop import Clock
-from bristle.data.sensor import Sensors
+from bristle.arrays import Array
+from bristle.control.plant import Clock
+from bristle.control.sensors import Sensors
 from bristle.model import law, motor
-from bristle.model.arrays import Array
+from bristle.simulation import bench, edro
+from bristle.simulation.bench import Logs, Ramps, Rig
 
 PAIR = edro.TABLE_1["gripper rotation"]
 CLOCK = Clock(2e-3, 1, 5)

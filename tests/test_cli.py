@@ -18,15 +18,16 @@ import numpy as np
 import pytest
 
 from bristle import __version__, cli
-from bristle.compensation import ablation, beyond, experiments
-from bristle.data import document, reading
-from bristle.data.experiment import load_experiment
-from bristle.edro import TABLE_1
+from bristle.arrays import Array
+from bristle.data import text_table
+from bristle.data.experiment import yaml_file
+from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
-from bristle.identification.pipeline import measure
-from bristle.model.arrays import Array
+from bristle.identification.identify import measure
 from bristle.model.rollout import rollout
-from bristle.report import files as report_files
+from bristle.page import output_folder as report_files
+from bristle.questions.compensation import ablation, paper_experiments, parameter_studies
+from bristle.simulation.edro import TABLE_1
 
 from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
 
@@ -89,7 +90,7 @@ def limited(module: object, name: str, limit: int) -> Patch:
 
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are not drawn, for that takes seconds: what is tested is where files land."""
-    monkeypatch.setattr("bristle.report.page.render", lambda _: (b"<svg/>", b""))
+    monkeypatch.setattr("bristle.questions.joint_report.page.render", lambda _: (b"<svg/>", b""))
 
 
 def both(one: Patch, two: Patch) -> Patch:
@@ -221,10 +222,10 @@ BAD = [
     *bad("glob of nothing", READ, "e.yaml: runs: files 'log_*.csv' matches no file", yaml_with("data.csv", "log_*.csv")),
     *bad(
         "long line", ALL, "data.csv: has a line longer than 64 bytes",
-        {"data.csv": f"v,tau\n0.1,0.2{'0' * 64}\n0.2,0.3\n"}, patch=limited(reading, "MAX_LINE", 64),
+        {"data.csv": f"v,tau\n0.1,0.2{'0' * 64}\n0.2,0.3\n"}, patch=limited(text_table, "MAX_LINE", 64),
     ),
-    *bad("long data", ALL, "data.csv: is ", patch=limited(reading, "MAX_BYTES", 16)),
-    *bad("long experiment", READ, "e.yaml: larger than 64 bytes", patch=limited(document, "MAX_BYTES", 64)),
+    *bad("long data", ALL, "data.csv: is ", patch=limited(text_table, "MAX_BYTES", 16)),
+    *bad("long experiment", READ, "e.yaml: larger than 64 bytes", patch=limited(yaml_file, "MAX_BYTES", 64)),
     *bad("two of one name", [("report", "e.yaml", "f.yaml", "-o", "out")], "joint.name", {"f.yaml": GOOD["e.yaml"]}),
     *bad("output below a file", [("report", "e.yaml", "-o", "data.csv/out")], "data.csv/out", patch=undrawn),
     *bad("output is a file", [("report", "e.yaml", "-o", "data.csv")], "data.csv: is a file", patch=undrawn),
@@ -459,9 +460,9 @@ def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
 def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on whether it helps."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
-        monkeypatch.setattr(experiments, name, value)
+        monkeypatch.setattr(paper_experiments, name, value)
     for name in ("GAMMAS", "AMPLITUDES"):
-        monkeypatch.setattr(beyond, name, (1.0,))
+        monkeypatch.setattr(parameter_studies, name, (1.0,))
     monkeypatch.setattr(ablation, "BITS", (14,))
     monkeypatch.setattr(ablation, "DELAYS", (0,))
     for name, text in whole_joint("frequency: 1 Hz").items():

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 import yaml
 
-from bristle import edro
-from bristle.bench import ramp_reference
-from bristle.control.loop import simulate
-from bristle.data.experiment import load_experiment, read_runs
-from bristle.identification.pipeline import measure
+from bristle.control.plant import simulate
+from bristle.data.experiment.load import load_experiment, read_runs
+from bristle.identification.identify import measure
 from bristle.model.parameters import Pair, is_passive
+from bristle.simulation import edro
+from bristle.simulation.bench import ramp_reference
 
 FOLDER = edro.datasets_folder()
 STEMS = list(edro.SETTINGS)

@@ -4,7 +4,7 @@ import pytest
 
 import bristle
 from bristle.api import Results
-from bristle.identification.estimate import Estimate
+from bristle.identification.results import Estimate
 from bristle.model.parameters import Lugre
 
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")

@@ -13,13 +13,13 @@ import pytest
 import typer.main
 
 from bristle import cli
-from bristle.bench import steady_points
-from bristle.data.experiment import load_experiment
-from bristle.edro import TABLE_1
-from bristle.model.arrays import evaluate
+from bristle.data.experiment.load import load_experiment
 from bristle.model.functions import steady_torque
 from bristle.model.motor import voltage
 from bristle.model.parameters import Motor
+from bristle.model.vectorize import evaluate
+from bristle.simulation.bench import steady_points
+from bristle.simulation.edro import TABLE_1
 
 from .conftest import TRUTH, run
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from bristle import edro
-from bristle.bench import Logs
 from bristle.model.parameters import Lugre, unit
+from bristle.simulation import edro
+from bristle.simulation.bench import Logs
 
 HEADER = "# SIMULATED by make.py from Table 1 of the paper; README.md marks what is assumed.\n"
 

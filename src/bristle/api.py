@@ -5,28 +5,28 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bristle import edro
-from bristle.analysis.compare import compare as compare_sessions
-from bristle.analysis.compared import Comparison
-from bristle.analysis.explored_joint import motion_of, of_gripper, of_joint
-from bristle.analysis.exploring import SAMPLES, Exploration, check_samples, explore
-from bristle.analysis.plan_study import VELOCITIES, Plan, check_plan
-from bristle.analysis.plan_study import plan as plan_next
-from bristle.analysis.trial import REPETITIONS, STARTS, run_trial
-from bristle.analysis.trial import check as check_trial
-from bristle.analysis.trial_cases import own_cases, sweep
-from bristle.analysis.trial_results import Trial
-from bristle.compensation.asked import asked_parts, of_experiment
-from bristle.compensation.replay import replays
-from bristle.compensation.study import Study, study
-from bristle.compensation.subject import of_paper
-from bristle.data.experiment import Experiment, load_experiment
+from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.errors import InputError
-from bristle.identification.estimate import Joint
-from bristle.identification.pipeline import Measured, identify_joint, measure
+from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.results import Joint
 from bristle.progress import Progress
-from bristle.report import summary
-from bristle.report.tracking import FITS, fits
+from bristle.questions.compensation.replay import replays
+from bristle.questions.compensation.study import Study, study
+from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
+from bristle.questions.experiment_design.plan import plan as plan_next
+from bristle.questions.joint_report import results_file
+from bristle.questions.joint_report.dynamic import FITS, fits
+from bristle.questions.method_validation.cases import own_cases, sweep
+from bristle.questions.method_validation.results import Trial
+from bristle.questions.method_validation.run import REPETITIONS, STARTS, run_trial
+from bristle.questions.method_validation.run import check as check_trial
+from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
+from bristle.questions.sensitivity.study import SAMPLES, Exploration, check_samples, explore
+from bristle.questions.session_comparison.compare import compare as compare_sessions
+from bristle.questions.session_comparison.results import Comparison
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import of_paper
+from bristle.simulation.requested_loop import asked_parts, of_experiment
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,21 +51,21 @@ class Results:
 
     def to_json(self) -> str:
         """`results.json` of schema bristle-results/1."""
-        return summary.to_json(self.joints)
+        return results_file.to_json(self.joints)
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, doubts."""
-        return summary.to_frame(self.joints)
+        return results_file.to_frame(self.joints)
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and what they let doubt."""
-        from bristle.report.uncertainty import uncertainty
+        from bristle.questions.joint_report.interval_figures import uncertainty
 
         return uncertainty(self.joints)
 
     def fit_report(self) -> str:
         """The fits as plain text."""
-        return summary.fit_report(self.joints)
+        return results_file.fit_report(self.joints)
 
     def write_report(
         self, folder: Path | str, progress: Progress | None = None, compensated: Study | None = None
@@ -75,7 +75,7 @@ class Results:
         With what `adapt` returned, its sections follow.
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
-        from bristle.report.page import write_report
+        from bristle.questions.joint_report.page import write_report
 
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
         return write_report(
@@ -144,7 +144,7 @@ def write_adaptation(compensated: Study, folder: Path | str) -> Path:
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.report.page import write_adaptation as write
+    from bristle.questions.joint_report.page import write_adaptation as write
 
     joints = compensated.subjects
     return write(compensated, Path(folder), joints[0].name if len(joints) == 1 else f"{len(joints)} joints")
@@ -156,7 +156,7 @@ def compare(first: Path | str, second: Path | str) -> Comparison:
     Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
     units.
     """
-    from bristle.report.reading import read_session
+    from bristle.questions.session_comparison.results_file import read_session
 
     sessions = [read_session(Path(path)) for path in (first, second)]
     if Path(first).samefile(second):
@@ -169,7 +169,7 @@ def write_comparison(compared: Comparison, folder: Path | str) -> Path:
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.report.compare_section import write_comparison as write
+    from bristle.questions.session_comparison.page import write_comparison as write
 
     joints = list(compared.kinds)
     return write(compared, Path(folder), joints[0] if len(joints) == 1 else f"{len(joints)} joints")
@@ -211,7 +211,7 @@ def write_sensitivity(explored: Exploration, folder: Path | str) -> Path:
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.report.sensitivity_section import write_sensitivity as write
+    from bristle.questions.sensitivity.page import write_sensitivity as write
 
     return write(explored, Path(folder))
 
@@ -251,7 +251,7 @@ def write_trial(tried: Trial, folder: Path | str) -> Path:
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.report.trial_section import write_trial as write
+    from bristle.questions.method_validation.page import write_trial as write
 
     return write(tried, Path(folder))
 
@@ -282,7 +282,7 @@ def write_plan(planned: Plan, folder: Path | str) -> Path:
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.report.plan_section import write_plan as write
+    from bristle.questions.experiment_design.page import write_plan as write
 
     return write(planned, Path(folder))
 

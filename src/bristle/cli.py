@@ -92,7 +92,7 @@ def report(
     """
     from bristle import adapt as compensate
     from bristle import identify
-    from bristle.report.console import outcomes
+    from bristle.questions.joint_report.console import outcomes
 
     sources = experiments or []
     folder = _folder(output, sources[0] if sources else None)
@@ -145,14 +145,14 @@ def inspect(
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     from bristle.api import inspect as run
-    from bristle.report.console import segments as lines
+    from bristle.questions.joint_report.console import segments as lines
 
     _check(output)
     measured = run(experiment)
     _print(lines(measured))
     if output is not None:
-        from bristle.report.figures import inspect_figure
-        from bristle.report.page import save_figure
+        from bristle.questions.joint_report.page import save_figure
+        from bristle.questions.joint_report.static_figures import inspect_figure
 
         records = [recorded.record for recorded in measured.runs]
         save_figure(
@@ -181,8 +181,8 @@ def validate(
     Example: bristle validate wrist.yaml -o reports/trial
     """
     from bristle import trial, write_trial
-    from bristle.analysis.trial import check
-    from bristle.report.trial_section import text
+    from bristle.questions.method_validation.page import text
+    from bristle.questions.method_validation.run import check
 
     folder = _folder(output, experiment, "-validate")
     check(repetitions, starts, noise)
@@ -199,8 +199,8 @@ def validate(
 def _cross_checked(experiment: Path) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     from bristle import identify as run
-    from bristle.analysis.trial_cases import check_fitted
-    from bristle.report.console import checks
+    from bristle.questions.joint_report.console import checks
+    from bristle.questions.method_validation.cases import check_fitted
 
     with shown() as progress:
         results = run(experiment, second_route=True, progress=progress)
@@ -219,7 +219,7 @@ def adapt(
     """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
     from bristle import adapt as run
     from bristle import write_adaptation
-    from bristle.report.compensation_section import text
+    from bristle.questions.compensation.page import text
 
     folder = _folder(output, experiment, "-adapt")
     with shown() as progress:
@@ -244,8 +244,8 @@ def compare(
     """
     from bristle import compare as run
     from bristle import write_comparison
-    from bristle.report.compare_section import text
-    from bristle.report.files import check_folder
+    from bristle.page.output_folder import check_folder
+    from bristle.questions.session_comparison.page import text
 
     if output is not None:
         check_folder(output)
@@ -283,14 +283,14 @@ def sensitivity(
     Example: bristle sensitivity wrist.yaml --amplitude "0.5 rad" --frequency "1 Hz" -o reports/wrist-sensitivity
     """
     if symbolic:
-        from bristle.analysis.symbolic import formulas
-        from bristle.report.sensitivity_section import symbolic_text
+        from bristle.questions.sensitivity.formulas import formulas
+        from bristle.questions.sensitivity.page import symbolic_text
 
         _print([symbolic_text(formulas())])
         return
     from bristle import sensitivity as run
     from bristle import write_sensitivity
-    from bristle.report.sensitivity_section import text
+    from bristle.questions.sensitivity.page import text
 
     folder = _folder(output, experiment, "-sensitivity")
     with shown() as progress:
@@ -323,9 +323,9 @@ def plan(
     """
     from bristle import plan as run
     from bristle import write_plan
-    from bristle.report.files import check_folder, staged
-    from bristle.report.plan_section import text
-    from bristle.report.plan_tables import to_csv
+    from bristle.page.output_folder import check_folder, staged
+    from bristle.questions.experiment_design.page import text
+    from bristle.questions.experiment_design.tables import to_csv
 
     _check(output)
     if page is not None:
@@ -353,7 +353,7 @@ def new(
     ] = None,
 ) -> None:
     """Draft a commented experiment file from a data file."""
-    from bristle.data.draft import draft_experiment
+    from bristle.data.experiment.draft import draft_experiment
 
     text, unknown = draft_experiment(data, None if output is None else output.parent)
     if output is None:
@@ -438,13 +438,13 @@ def _shortened(line: str) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    from bristle.report.files import write_text
+    from bristle.page.output_folder import write_text
 
     write_text(path, text)
 
 
 def _check(output: Path | None) -> None:
-    from bristle.report.files import check_file
+    from bristle.page.output_folder import check_file
 
     if output is not None:
         check_file(output)
@@ -452,7 +452,7 @@ def _check(output: Path | None) -> None:
 
 def _folder(output: Path | None, experiment: Path | None, what: str = "") -> Path:
     """The folder asked for, or reports/NAME and what it is of, which can be written there."""
-    from bristle.report.files import check_folder
+    from bristle.page.output_folder import check_folder
 
     folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}{what}"
     check_folder(folder)
@@ -484,7 +484,7 @@ def _complain(line: str) -> None:
 
 
 def _finish(results: "Results", strict: bool) -> None:
-    from bristle.report.console import doubts
+    from bristle.questions.joint_report.console import doubts
 
     if strict and results.doubts:
         _complain(f"{doubts(len(results.doubts))} (--strict)")

@@ -22,18 +22,18 @@ from scipy import stats
 
 import bristle
 from bristle import cli
-from bristle.analysis.compare import compare, holm
-from bristle.analysis.compared import Change, Comparison, Fit, Session, SessionJoint
-from bristle.bench import steady_points
-from bristle.data.options import FitOptions
-from bristle.identification.estimate import Estimate
-from bristle.identification.fit import estimate_static
-from bristle.identification.regression import from_points
+from bristle.data.experiment.schema import FitOptions
+from bristle.identification.results import Estimate
+from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre, unit
-from bristle.report import reading
-from bristle.report.compare_figures import forest_figure
-from bristle.report.compare_section import text as compare_text
-from bristle.report.compare_section import write_comparison
+from bristle.questions.session_comparison import results_file
+from bristle.questions.session_comparison.compare import compare, holm
+from bristle.questions.session_comparison.figures import forest_figure
+from bristle.questions.session_comparison.page import text as compare_text
+from bristle.questions.session_comparison.page import write_comparison
+from bristle.questions.session_comparison.results import Change, Comparison, Fit, Session, SessionJoint
+from bristle.simulation.bench import steady_points
 
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 SPEEDS = np.geomspace(0.2 * TRUTH.v_s, 0.8, 20)
@@ -413,7 +413,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 def test_what_was_written_is_read_back(sessions: tuple[Path, Path]) -> None:
     """Every estimate and covariance of results.json comes back to the last digit."""
     document = json.loads(sessions[0].read_text(encoding="utf-8"))["joints"][HOSTILE]["static"]
-    joint = reading.read_session(sessions[0])[HOSTILE]
+    joint = results_file.read_session(sessions[0])[HOSTILE]
     assert [fit.source for fit in joint.fits] == ["static +", "static -"]
     for fit, (d, written) in zip(joint.fits, document.items(), strict=True):
         assert {n.rstrip("+-"): e.value for n, e in fit.parameters.items()} == {
@@ -591,7 +591,7 @@ def test_files_that_are_too_large_missing_binary_or_in_the_way(
         code, _, said = run("compare", sessions[0], second, "-o", output)
         assert (code, len(said)) == (2, 1), said
         assert named in said[0]
-    monkeypatch.setattr(reading, "LARGEST", 1000)
+    monkeypatch.setattr(results_file, "LARGEST", 1000)
     code, _, said = run("compare", *sessions, "-o", tmp_path / "out")
     assert (code, len(said)) == (2, 1)
     assert "a results file has at most 1000" in said[0]

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.analysis.information import (
+from bristle.estimation.covariance import covariance as fitted_covariance
+from bristle.identification.fisher import (
     STATIC,
     Information,
     covariance,
@@ -17,13 +18,12 @@ from bristle.analysis.information import (
     static_information,
     static_jacobian,
 )
-from bristle.bench import steady_points
-from bristle.edro import TABLE_1
-from bristle.identification.batch import solve_batch
-from bristle.identification.static import default_range
-from bristle.identification.uncertainty import covariance as fitted_covariance
+from bristle.identification.static.batch import solve_batch
+from bristle.identification.static.grid import default_range
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
+from bristle.simulation.bench import steady_points
+from bristle.simulation.edro import TABLE_1
 
 FEW = settings(max_examples=40, deadline=None)
 PAIR = TABLE_1["gripper rotation"]

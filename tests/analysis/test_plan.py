@@ -3,10 +3,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.analysis.information import static_information, static_jacobian
-from bristle.analysis.plan import Design, Task, by_v_s, design, judged, nodes_of, simulated_errors, spaced
-from bristle.edro import TABLE_1
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.identification.fisher import static_information, static_jacobian
+from bristle.questions.experiment_design.velocities import (
+    Design,
+    Task,
+    by_v_s,
+    design,
+    judged,
+    nodes_of,
+    simulated_errors,
+    spaced,
+)
+from bristle.simulation.edro import TABLE_1
 
 P = TABLE_1["gripper rotation"].positive
 RUNS = 12

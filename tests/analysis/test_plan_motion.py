@@ -6,10 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from bristle.analysis import plan_motion
-from bristle.analysis.information import covariance, motion_information
-from bristle.analysis.plan_limits import Limits
-from bristle.analysis.plan_motion import (
+from bristle.arrays import Array
+from bristle.identification.fisher import covariance, motion_information
+from bristle.identification.limits import Limits
+from bristle.model import functions
+from bristle.model.vectorize import evaluate
+from bristle.questions.experiment_design import excitation
+from bristle.questions.experiment_design.excitation import (
     Drive,
     Lines,
     best_motion,
@@ -21,9 +24,7 @@ from bristle.analysis.plan_motion import (
     plain_lines,
     within_torque,
 )
-from bristle.edro import TABLE_1, inertia
-from bristle.model import functions
-from bristle.model.arrays import Array, evaluate
+from bristle.simulation.edro import TABLE_1, inertia
 
 PAIR = TABLE_1["gripper rotation"]
 P = PAIR.positive
@@ -96,8 +97,8 @@ def test_information_is_that_of_the_model_and_the_acceleration() -> None:
 
 def test_the_planned_motion_beats_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its relative errors are smaller than those of a plain multisine, within the torque limit; the same each time; longer is better."""
-    monkeypatch.setattr(plan_motion, "TRIES", 6)
-    monkeypatch.setattr(plan_motion, "STEPS", 60)
+    monkeypatch.setattr(excitation, "TRIES", 6)
+    monkeypatch.setattr(excitation, "STEPS", 60)
     calls: list[tuple[int, int]] = []
     found = best_motion(DRIVE, lambda done, total: calls.append((done, total)))
     plain = judged("plain", within_torque(plain_lines(LIMITS), DRIVE), DRIVE)
@@ -110,8 +111,8 @@ def test_the_planned_motion_beats_the_plain_one(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_motion_for_one_parameter_is_better_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Planned for sigma_1 alone, its two errors are smaller than when planned for all."""
-    monkeypatch.setattr(plan_motion, "TRIES", 10)
-    monkeypatch.setattr(plan_motion, "STEPS", 60)
+    monkeypatch.setattr(excitation, "TRIES", 10)
+    monkeypatch.setattr(excitation, "STEPS", 60)
     own = (5, 11)
     one, every = best_motion(replace(DRIVE, aims=own)), best_motion(DRIVE)
     assert relative(np.where(np.isin(range(13), own), one.errors, 0)) < relative(
@@ -134,7 +135,7 @@ def test_the_error_of_sigma_0_is_what_simulated_loadings_scatter_by() -> None:
     g0, edges, noise = P.alpha_0 + P.alpha_1, 40, 1e-4
     peak = 0.6 * g0
     reach = float(evaluate(functions.loading_displacement(), peak, g0, P.sigma_0)[0])
-    predicted = plan_motion._stiffness_error(P, peak, 0.0, noise, reach / edges, rise=0.1 * edges)
+    predicted = excitation._stiffness_error(P, peak, 0.0, noise, reach / edges, rise=0.1 * edges)
     y = reach * (np.arange(edges) + 0.5) / edges
     T = g0 * -np.expm1(-P.sigma_0 * y / g0)
     rng = np.random.default_rng(0)
@@ -150,7 +151,7 @@ def test_loading_is_planned_as_its_error_asks() -> None:
     fine = P.alpha_0 / P.sigma_0 / 500
     known = loads("+", P, 0.0, 1e-4, fine)
     half = loads("+", P, 0.0, 5e-5, fine)
-    k = plan_motion.RISES.tolist().index(known.rise), int(np.abs(plan_motion.PEAKS - known.share).argmin())
+    k = excitation.RISES.tolist().index(known.rise), int(np.abs(excitation.PEAKS - known.share).argmin())
     lag = known.lag * P.sigma_0
     assert np.sqrt(half.by_peak[k] ** 2 - lag**2) == pytest.approx(known.scatter / 2, rel=1e-3)
     assert (np.diff(known.by_peak, axis=0) <= 1e-9).all()
@@ -199,7 +200,7 @@ def test_what_loading_neglects_is_within_the_error_that_is_promised(rise: float,
     T, x = peak * time[10:] / rise, found.y[1][10:]
     U = evaluate(functions.loading_displacement(), T, g0, 1.0)[0]
     slope = np.polynomial.polynomial.polyfit(x, U, 1, w=1 - T / g0)[1]
-    row, column = plan_motion.RISES.tolist().index(rise), int(np.abs(plan_motion.PEAKS - share).argmin())
+    row, column = excitation.RISES.tolist().index(rise), int(np.abs(excitation.PEAKS - share).argmin())
     promised = loads("+", P, 0.0, 1e-12, 0.0).by_peak[row, column]
     assert 0.4 * promised < abs(slope - P.sigma_0) < promised
 
@@ -207,7 +208,7 @@ def test_what_loading_neglects_is_within_the_error_that_is_promised(rise: float,
 def test_a_slower_rise_wins_where_much_is_neglected() -> None:
     """With hardly any noise the slowest rise is planned, its error is the viscous share; ten times the damping never makes the error smaller."""
     quiet = loads("+", P, 0.0, 1e-9, 0.0)
-    assert quiet.rise == plan_motion.RISES[-1]
+    assert quiet.rise == excitation.RISES[-1]
     assert quiet.error == pytest.approx(quiet.lag * P.sigma_0, rel=1e-3)
     usual = loads("+", P, 0.001 * P.alpha_0, 1e-4, 0.0)
     assert usual.error == pytest.approx(np.hypot(usual.scatter, usual.lag * P.sigma_0))
@@ -222,4 +223,4 @@ def test_a_coarse_encoder_sees_no_stiffness() -> None:
     coarse = loads("-", P, 0.0, 1e-4, 1.1 * P.alpha_0 / P.sigma_0)
     assert coarse.error == np.inf
     assert coarse.counts < 2
-    assert coarse.share == plan_motion.PEAKS[-1]
+    assert coarse.share == excitation.PEAKS[-1]

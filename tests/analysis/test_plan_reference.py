@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.analysis import plan_reference as reference
-from bristle.analysis.plan_limits import Limits
-from bristle.analysis.plan_motion import CYCLES, loads
-from bristle.analysis.plan_reference import Reference
-from bristle.edro import TABLE_1
+from bristle.identification.limits import Limits
+from bristle.questions.experiment_design import references as reference
+from bristle.questions.experiment_design.excitation import CYCLES, loads
+from bristle.questions.experiment_design.references import Reference
+from bristle.simulation.edro import TABLE_1
 
 P = TABLE_1["gripper rotation"].positive
 LIMITS = Limits(

@@ -8,18 +8,26 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.analysis import plan_motion
-from bristle.analysis.information import STATIC
-from bristle.analysis.plan_joint import scatter
-from bristle.analysis.plan_limits import followed, limits_of
-from bristle.analysis.plan_study import Plan
-from bristle.bench import steady_points
-from bristle.edro import experiments
-from bristle.identification.estimate import Outcome, StaticFit
-from bristle.identification.pipeline import Measured, measure
-from bristle.report.plan_figures import intervals_figure, motions_figure, velocities_figure
-from bristle.report.plan_section import lacking, text
-from bristle.report.plan_tables import comparison, intervals, lines, loading, motions, references, to_csv
+from bristle.identification.fisher import STATIC
+from bristle.identification.identify import Measured, measure
+from bristle.identification.known_joint import scatter
+from bristle.identification.limits import followed, limits_of
+from bristle.identification.results import Outcome, StaticFit
+from bristle.questions.experiment_design import excitation
+from bristle.questions.experiment_design.figures import intervals_figure, motions_figure, velocities_figure
+from bristle.questions.experiment_design.page import lacking, text
+from bristle.questions.experiment_design.plan import Plan
+from bristle.questions.experiment_design.tables import (
+    comparison,
+    intervals,
+    lines,
+    loading,
+    motions,
+    references,
+    to_csv,
+)
+from bristle.simulation.bench import steady_points
+from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, run, speeds, write
 
@@ -30,16 +38,16 @@ Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque refe
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few motions are tried: what is tested holds for any number."""
-    monkeypatch.setattr(plan_motion, "TRIES", 3)
-    monkeypatch.setattr(plan_motion, "STEPS", 12)
+    monkeypatch.setattr(excitation, "TRIES", 3)
+    monkeypatch.setattr(excitation, "STEPS", 12)
 
 
 @pytest.fixture(scope="module")
 def gripper() -> Plan:
     """The plan for gripper rotation of the embedded default, which all kinds of runs were made of."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plan_motion, "TRIES", 3)
-        patch.setattr(plan_motion, "STEPS", 40)
+        patch.setattr(excitation, "TRIES", 3)
+        patch.setattr(excitation, "STEPS", 40)
         return bristle.plan(experiments()[0])
 
 
@@ -390,7 +398,7 @@ def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
         """As a user presses Ctrl-C."""
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(plan_motion, "best_motion", interrupted)
+    monkeypatch.setattr(excitation, "best_motion", interrupted)
     ran = planned(tmp_path, "", "--page", tmp_path / "page")
     assert ran.code == 130
     assert sorted(p.name for p in tmp_path.iterdir()) == ["wrist.csv", "wrist.yaml"]

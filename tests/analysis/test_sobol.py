@@ -8,23 +8,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
 
-from bristle import edro
-from bristle.analysis import sobol
-from bristle.analysis.box import box_of, joints_at, ordered
-from bristle.analysis.periodic import rms_torque
-from bristle.analysis.sobol import Global, global_sensitivity, indices
-from bristle.compensation.subject import Subject
+from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
-from bristle.control.closed import simulate
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.wiring import Wiring
-from bristle.identification.estimate import Estimate
+from bristle.identification.results import Estimate
 from bristle.model import functions
-from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Kind, Lugre, Pair
+from bristle.model.periodic import rms_torque
 from bristle.model.rollout import rollout
-from bristle.report.sobol_figures import sobol_figure, sobol_frame, sobol_sentences
-from bristle.report.style import render_as
+from bristle.model.vectorize import evaluate
+from bristle.page.style import render_as
+from bristle.questions.sensitivity import sobol
+from bristle.questions.sensitivity.parameter_box import box_of, joints_at, ordered
+from bristle.questions.sensitivity.sobol import Global, global_sensitivity, indices
+from bristle.questions.sensitivity.sobol_figures import sobol_figure, sobol_frame, sobol_sentences
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import Subject
 
 PAIR = edro.TABLE_1["gripper rotation"]
 GRIPPER = PAIR.positive

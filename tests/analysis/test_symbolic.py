@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.analysis.symbolic import LATEX, Tree, abbreviated, formulas, tree_of, written
-from bristle.edro import TABLE_1
 from bristle.model import functions
 from bristle.model.parameters import Lugre
+from bristle.questions.sensitivity.formulas import LATEX, Tree, abbreviated, formulas, tree_of, written
+from bristle.simulation.edro import TABLE_1
 
 FEW = settings(max_examples=40, deadline=None)
 FORMULAS = formulas()

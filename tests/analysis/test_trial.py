@@ -9,24 +9,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle import edro, identify, trial, write_trial
-from bristle.analysis import trial as running
-from bristle.analysis import trial_intervals as intervals
-from bristle.analysis import trial_methods as methods
-from bristle.analysis.trial import POLISHED, REFINED, RESOLUTIONS, run_trial, spread
-from bristle.analysis.trial_cases import MOST_POINTS, Subject, own_cases, sweep
-from bristle.analysis.trial_intervals import covered
-from bristle.analysis.trial_methods import NAMES, Case
-from bristle.analysis.trial_results import BLIND, FREE, SAME, Starts, Trial, Tried
-from bristle.analysis.trial_verdict import overall, verdict
-from bristle.bench import steady_points
-from bristle.identification import static
-from bristle.identification.batch import Batch
-from bristle.identification.estimate import Estimate, Joint, Outcome, StaticFit
-from bristle.identification.uncertainty import covariance, student
-from bristle.model.arrays import Array
-from bristle.report import trial_figures
-from bristle.report.trial_section import cases as table_of_cases
+from bristle import identify, trial, write_trial
+from bristle.arrays import Array
+from bristle.estimation.covariance import covariance, student
+from bristle.identification.results import Estimate, Joint, Outcome, StaticFit
+from bristle.identification.static import grid as static
+from bristle.identification.static.batch import Batch
+from bristle.questions.method_validation import figures, intervals
+from bristle.questions.method_validation import run as running
+from bristle.questions.method_validation import solvers as methods
+from bristle.questions.method_validation.cases import MOST_POINTS, Subject, own_cases, sweep
+from bristle.questions.method_validation.intervals import covered
+from bristle.questions.method_validation.page import cases as table_of_cases
+from bristle.questions.method_validation.results import BLIND, FREE, SAME, Starts, Trial, Tried
+from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, run_trial, spread
+from bristle.questions.method_validation.solvers import NAMES, Case
+from bristle.questions.method_validation.verdict import overall, verdict
+from bristle.simulation import edro
+from bristle.simulation.bench import steady_points
 
 from ..conftest import FEW, experiment, run, speeds, table, tree, write
 
@@ -414,8 +414,8 @@ def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
 def test_figures_say_what_they_show(tried: Trial) -> None:
     """Every figure names its joint, says SIMULATED, carries units (m/s for a prismatic joint) and names each solver."""
     one = tried.cases[0]
-    cost, starts = (draw(one, "prismatic") for draw in (trial_figures.landscape_figure, trial_figures.starts_figure))
-    resolution, by_method = trial_figures.resolution_figure(tried), trial_figures.methods_figure(one)
+    cost, starts = (draw(one, "prismatic") for draw in (figures.landscape_figure, figures.starts_figure))
+    resolution, by_method = figures.resolution_figure(tried), figures.methods_figure(one)
     assert resolution is not None
     for figure in (cost, starts, resolution, by_method):
         assert "SIMULATED" in figure.axes[0].get_title(loc="left")
@@ -432,7 +432,7 @@ def test_figures_say_what_they_show(tried: Trial) -> None:
 
 def test_no_resolution_is_drawn_where_nothing_can_be_known(tried: Trial) -> None:
     """Without a case in which v_s can be known there is no such figure."""
-    assert trial_figures.resolution_figure(replace(tried, cases=tried.cases[2:])) is None
+    assert figures.resolution_figure(replace(tried, cases=tried.cases[2:])) is None
 
 
 def test_the_page_holds_verdict_tables_and_figures(tried: Trial, tmp_path: Path) -> None:
@@ -528,7 +528,7 @@ def test_final_velocities_that_agree_have_plain_labels(tried: Trial) -> None:
     same = {name: np.repeat(one.starts.best[:, None], len(one.starts.begun), axis=1) for name in one.starts.ended}
     for shift in (0.0, 1e-7):
         ended = {name: theta * (1 + shift * np.arange(theta.shape[1])) for name, theta in same.items()}
-        figure = trial_figures.starts_figure(replace(one, starts=replace(one.starts, ended=ended)), "revolute")
+        figure = figures.starts_figure(replace(one, starts=replace(one.starts, ended=ended)), "revolute")
         figure.draw_without_rendering()
         ax, best = figure.axes[0], one.starts.best[3]
         low, high = ax.get_ylim()

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from bristle import edro
-from bristle.compensation.subject import Subject
+from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
-from bristle.data.experiment import Experiment, load_experiment
-from bristle.identification.estimate import Estimate, Joint, TrackingFit
-from bristle.model.arrays import Array
+from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model.parameters import Lugre, Pair, unit
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import Subject
 
 GRIPPER = edro.TABLE_1["gripper rotation"]
 J = edro.inertia(GRIPPER)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bristle.compensation import ablation as trying
-from bristle.compensation.ablation import SHARES, WAYS, Tried, ablation
-from bristle.control.closed import simulate
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.wiring import Wiring
+from bristle.questions.compensation import ablation as trying
+from bristle.questions.compensation.ablation import SHARES, WAYS, Tried, ablation
 
 from .conftest import subject
 

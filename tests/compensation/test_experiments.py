@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from bristle import edro
-from bristle.compensation import beyond
-from bristle.compensation.beyond import band, controllers, drifts, gradients, landings, sampling
-from bristle.compensation.experiments import Errors, adapted, errors, followed
-from bristle.compensation.subject import one_way
 from bristle.control.adaptation import LAWS, Adaptation
 from bristle.model.parameters import Lugre, Pair
+from bristle.questions.compensation import parameter_studies
+from bristle.questions.compensation.paper_experiments import Errors, adapted, errors, followed
+from bristle.questions.compensation.parameter_studies import band, controllers, drifts, gradients, landings, sampling
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import one_way
 
 from .conftest import GRIPPER, J, subject
 
@@ -100,9 +100,9 @@ def test_the_printed_law_is_left_out_where_it_is_not_typeset() -> None:
 
 def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """At the plan's own rate, amplitude and frequency both maps hold what the adaptation ends at; shapes are those of their axes."""
-    monkeypatch.setattr(beyond, "GAMMAS", (20.0, 50.0, 5.0))
-    monkeypatch.setattr(beyond, "FREQUENCIES", (2.0, 1.0))
-    monkeypatch.setattr(beyond, "AMPLITUDES", (1.0, 0.5, 2.0))
+    monkeypatch.setattr(parameter_studies, "GAMMAS", (20.0, 50.0, 5.0))
+    monkeypatch.setattr(parameter_studies, "FREQUENCIES", (2.0, 1.0))
+    monkeypatch.setattr(parameter_studies, "AMPLITUDES", (1.0, 0.5, 2.0))
     one = one_way(subject(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
     found = landings(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
@@ -221,7 +221,7 @@ def test_without_draws_there_is_no_band() -> None:
 def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
     """With rates of zero nothing moves, over the whole map."""
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(beyond, name, (1.0,))
+        monkeypatch.setattr(parameter_studies, name, (1.0,))
     found = landings(subject(adaptation=Adaptation(gamma=(0.0, 0.0))))
     np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
 
@@ -229,7 +229,7 @@ def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatc
 def test_the_plans_own_law_has_the_plans_own_rates(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the law of the plan, its row of Table 2 ends where the map at the same rate does."""
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(beyond, name, (20.0,) if name == "GAMMAS" else (1.0,))
+        monkeypatch.setattr(parameter_studies, name, (20.0,) if name == "GAMMAS" else (1.0,))
     for law in ("partial", "partial-theta", "total"):
         one = one_way(subject(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
         ends = [x.final for x in adapted(one).factors if x.law == law]

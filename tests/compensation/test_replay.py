@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bristle.compensation.replay import Replay, replays
-from bristle.compensation.subject import Subject
+from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
-from bristle.identification.pipeline import measure
-from bristle.model.arrays import Array
+from bristle.identification.identify import measure
 from bristle.model.parameters import Pair
 from bristle.model.rollout import rollout
+from bristle.questions.compensation.replay import Replay, replays
+from bristle.simulation.joint_loop import Subject
 
 from .conftest import GRIPPER, J, experiment, joint, share_of, subject
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from bristle import edro
 from bristle.control.wiring import Case, Course
 from bristle.model.parameters import Motor, Pair
+from bristle.simulation import edro
 
 H = 1e-3
 P = edro.TABLE_1["gripper rotation"].positive

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from bristle import edro
 from bristle.control.adaptation import Adaptation, Law
-from bristle.control.closed import Trajectory, simulate
+from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
 from bristle.control.wiring import Course, Wiring
 from bristle.model.parameters import Motor, Pair
+from bristle.simulation import edro
 
 from .conftest import H, P, case, sine, wrong_start
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bristle import edro
 from bristle.control.adaptation import Adaptation, Law
-from bristle.control.closed import simulate
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import NAMES, Compensator, Name, Velocity
 from bristle.control.continuous import Sine, simulate_continuous
 from bristle.control.wiring import Wiring
+from bristle.simulation import edro
 
 from .conftest import H, case, sine, wrong_start
 

@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from bristle import edro
-from bristle.control.closed import simulate
-from bristle.control.loop import State, inductive_step
+from bristle.control.closed_loop import simulate
+from bristle.control.plant import State, inductive_step
 from bristle.control.wiring import Case, Wiring
 from bristle.model.parameters import Lugre, Motor, pair_of
+from bristle.simulation import edro
 
 from .conftest import H, case, sine
 

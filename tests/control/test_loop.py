@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from bristle.bench import ramp_gains
-from bristle.control.loop import Clock, Loop, State, exponential, plant_step, simulate
+from bristle.arrays import Array
 from bristle.control.pid import AT_REST, pid
-from bristle.data.sensor import quantise
+from bristle.control.plant import Clock, Loop, State, exponential, plant_step, simulate
+from bristle.control.sensors import quantise
 from bristle.model import law, motor
-from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.simulation.bench import ramp_gains
 
 GRIPPER = Pair(
     Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184), Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)

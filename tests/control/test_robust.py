@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle import edro
+from bristle.arrays import Array
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Law, Step
-from bristle.control.closed import simulate
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Measurement, Name, Reference, compiled, start
 from bristle.control.pid import Gains
 from bristle.control.stability import refuse_long_period
 from bristle.control.wiring import Case, Course, Wiring
-from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
+from bristle.simulation import edro
 
 from .conftest import H, P, case, sine
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bristle import edro
-from bristle.control.closed import simulate
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
 from bristle.control.wiring import Wiring
+from bristle.simulation import edro
 
 from .conftest import H, case, sine
 

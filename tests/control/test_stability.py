@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bristle import edro
-from bristle.control import closed
-from bristle.control.closed import simulate
+from bristle.arrays import Array
+from bristle.control import closed_loop
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.period import numbers_of
 from bristle.control.pid import Gains
 from bristle.control.stability import growth, refuse_long_period
 from bristle.control.wiring import Case, Course, Wiring
-from bristle.model.arrays import Array
 from bristle.model.parameters import Motor, Pair
+from bristle.simulation import edro
 
 from .conftest import H, P, case, sine
 
@@ -50,7 +50,7 @@ def test_below_the_bound_it_runs_and_above_it_diverges(
 ) -> None:
     """After a blow of a thousand breakaway torques, 0.9 of the named period brings the joint back; 1.2 of it, unrefused, loses it."""
     named = borne(wiring, name, 0.5)
-    monkeypatch.setattr(closed, "refuse_long_period", lambda *_: None)
+    monkeypatch.setattr(closed_loop, "refuse_long_period", lambda *_: None)
     ends = []
     for h in (0.9 * named, 1.2 * named):
         zero, load = np.zeros(601), np.zeros(601)

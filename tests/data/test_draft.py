@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from bristle.data.draft import draft_experiment
-from bristle.data.experiment import Experiment, load_experiment, read_runs
+from bristle.data.experiment.draft import draft_experiment
+from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.errors import InputError
 
 _T = np.arange(200) * 0.01

@@ -10,8 +10,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bristle.data.experiment import Experiment, FitOptions, Inertia, load_experiment, read_runs
-from bristle.data.steady import Thresholds
+from bristle.data.constant_velocity.segments import Thresholds
+from bristle.data.experiment.load import Experiment, FitOptions, Inertia, load_experiment, read_runs
 from bristle.errors import InputError
 
 _BASE: dict[str, Any] = {

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bristle.arrays import Array
+from bristle.data.differentiation import smoothed
 from bristle.data.encoder import smallest_step
-from bristle.data.loading import find_loadings, find_loops
-from bristle.data.motion import smoothed
 from bristle.data.record import Record
+from bristle.data.slow_loading import find_loadings, find_loops
 from bristle.errors import InputError
-from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 

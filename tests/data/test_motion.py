@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from bristle.data.motion import derivative, estimate_motion, smoothed, stretches
+from bristle.arrays import Array
+from bristle.data.differentiation import derivative, estimate_motion, smoothed, stretches
 from bristle.data.record import Record
-from bristle.model.arrays import Array
 
 
 def _record(time: ArrayLike, position: ArrayLike, starts: tuple[int, ...] = (0,)) -> Record:

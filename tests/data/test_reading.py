@@ -16,9 +16,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from bristle.data import reading
-from bristle.data.containers import Key, names_of
-from bristle.data.reading import read_table
+from bristle.data import text_table
+from bristle.data.binary_tables import Key, names_of
+from bristle.data.text_table import read_table
 from bristle.data.units import factor, plus_minus, to_si
 from bristle.errors import InputError
 
@@ -213,10 +213,10 @@ def test_bad_paths_are_refused(tmp_path: Path) -> None:
 
 def test_sizes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A line or a file longer than the stated limits is refused before it is parsed."""
-    path = _write(tmp_path, b"0,1\n" + b"2" * (reading.MAX_LINE + 1))
-    with pytest.raises(InputError, match=f"longer than {reading.MAX_LINE} bytes"):
+    path = _write(tmp_path, b"0,1\n" + b"2" * (text_table.MAX_LINE + 1))
+    with pytest.raises(InputError, match=f"longer than {text_table.MAX_LINE} bytes"):
         _column(path, 0)
-    monkeypatch.setattr(reading, "MAX_BYTES", 1000)
+    monkeypatch.setattr(text_table, "MAX_BYTES", 1000)
     with pytest.raises(InputError, match="over the limit of 1000"):
         _column(path, 0)
 
@@ -541,8 +541,8 @@ def test_our_own_defect_is_not_called_damage(tmp_path: Path, monkeypatch: pytest
     def fail(*_: object) -> None:
         raise ValueError("ours")
 
-    monkeypatch.setattr("bristle.data.containers.numeric", fail)
-    monkeypatch.setattr("bristle.data.reading.text_layout", fail)
+    monkeypatch.setattr("bristle.data.binary_tables.numeric", fail)
+    monkeypatch.setattr("bristle.data.text_table.text_layout", fail)
     for path in (_container(tmp_path, ".npz", np.arange(3.0)), _write(tmp_path, "q\n1\n2\n")):
         with pytest.raises(ValueError, match=r"^ours$") as caught:
             _column(path, "q")

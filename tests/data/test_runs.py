@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from bristle.data.experiment import Experiment, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.data.record import Record
 
 _T = np.arange(400) * 1e-3

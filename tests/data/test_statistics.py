@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.signal import lfilter
 
-from bristle.data.statistics import autocorrelation, inflation, lag_one, residual_doubts, standard_error
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import autocorrelation, inflation, lag_one, residual_doubts, standard_error
 
 EMPTY = np.zeros(0)
 

@@ -9,12 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, filtfilt, lfilter
 
-from bristle.data.options import SegmentLimits
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment, Thresholds, find_segments, nothing_left
+from bristle.data.experiment.schema import SegmentLimits
+from bristle.data.experiment.signals import Context
 from bristle.data.record import Record
-from bristle.data.signals import Context
-from bristle.data.steady import Segment, Thresholds, find_segments, nothing_left
-from bristle.model.arrays import Array, evaluate
 from bristle.model.functions import steady_torque
+from bristle.model.vectorize import evaluate
 
 RATE = 500.0
 LEVELS = (0.05, 0.1, 0.3, 0.6, 1.0, 1.5)

@@ -8,8 +8,8 @@ import pytest
 from scipy.io import loadmat
 from scipy.signal import butter, filtfilt
 
+from bristle.data.constant_velocity.segments import Segment, Thresholds, find_segments
 from bristle.data.record import Record
-from bristle.data.steady import Segment, Thresholds, find_segments
 
 
 def accepted(record: Record) -> list[Segment]:

@@ -12,9 +12,9 @@ import scipy.io
 import yaml
 from hypothesis import strategies as st
 
-from bristle.edro import TABLE_1
-from bristle.model.arrays import Array
+from bristle.arrays import Array
 from bristle.model.rollout import rollout
+from bristle.simulation.edro import TABLE_1
 
 Columns = Mapping[str, Array]
 Draw = Any

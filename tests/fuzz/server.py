@@ -16,14 +16,22 @@ from types import TracebackType
 
 SECONDS, BYTES = 20, 2 * 2**30
 """What one input may take."""
-_READERS = ("data", "report/reading.py", "errors.py", "cli.py", "api.py", "edro.py", "progress.py")
+_READERS = (
+    "data",
+    "questions/session_comparison/results_file.py",
+    "errors.py",
+    "cli.py",
+    "api.py",
+    "edro.py",
+    "progress.py",
+)
 """Where, below the package, an input that fails there was not yet past the reader."""
 
 
 def _past(trace: TracebackType | None) -> bool:
     """Whether an error was raised in what comes after reading."""
     where = [frame.filename.partition("/bristle/")[2] for frame in traceback.extract_tb(trace)]
-    return any(name and not name.startswith(_READERS) for name in where if name != "report/files.py")
+    return any(name and not name.startswith(_READERS) for name in where if name != "page/output_folder.py")
 
 
 def _run(folder: str, arguments: list[str]) -> None:
@@ -73,13 +81,6 @@ def _waited(child: int) -> tuple[int, float, float]:
 
 def serve() -> None:
     """Answer until the input ends."""
-    import bristle.api
-    import bristle.report.compare_section
-    import bristle.report.page
-    import bristle.report.plan_section
-    import bristle.report.sensitivity_section
-    import bristle.report.trial_section  # noqa: F401  # imported for those that are forked
-
     for line in sys.stdin:
         asked = json.loads(line)
         child = os.fork()

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from bristle.model.arrays import Array, evaluate
+from bristle.arrays import Array
 from bristle.model.functions import steady_torque
 from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
 
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bristle.data.options import FitOptions
-from bristle.identification.agreement import FACTOR, PARTED, doubts
-from bristle.identification.estimate import Uncertainty
-from bristle.identification.inference import Inferred, infer
-from bristle.identification.regression import from_points
-from bristle.identification.static import default_range
-from bristle.identification.static_uncertainty import three_ways
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.estimation.interval_comparison import FACTOR, PARTED, doubts
+from bristle.identification.results import Uncertainty
+from bristle.identification.static.grid import default_range
+from bristle.identification.static.problem import from_points
+from bristle.identification.static.stribeck_test import Inferred, infer
+from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.identification import bootstrap, uncertainty
-from bristle.identification.batch import Batch, solve_batch
-from bristle.identification.profiles import profiled
-from bristle.identification.regression import Regression, from_points, gravity
-from bristle.identification.static import default_range, solve
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.estimation import covariance
+from bristle.identification.static import bootstrap
+from bristle.identification.static.batch import Batch, solve_batch
+from bristle.identification.static.grid import default_range, solve
+from bristle.identification.static.problem import Regression, from_points, gravity
+from bristle.identification.static.profiles import profiled
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve
@@ -44,7 +45,7 @@ def assert_as_one_by_one(found: Batch) -> tuple[int, int]:
         solution = solve(problem, found.v_s_range)
         assert found.cost[k] == pytest.approx(solution.cost, rel=3e-4)
         if not solution.at_bound:
-            own = np.sqrt(np.diag(uncertainty.covariance(solution.jacobian, solution.cost)[0]))
+            own = np.sqrt(np.diag(covariance.covariance(solution.jacobian, solution.cost)[0]))
             assert (found.theta[:, k] - solution.theta) / own == pytest.approx(np.zeros(own.size), abs=1e-3)
         at_bound += bool(solution.at_bound)
         intervals = profiled(problem, solution).intervals
@@ -80,8 +81,8 @@ def test_errors_are_those_of_the_covariance() -> None:
     errors, (low, high) = found.errors(), found.covariance_intervals()
     inside, floored = np.flatnonzero((found.theta > 0).all(axis=0)), 0
     for k in inside.tolist():
-        spread, freedom = uncertainty.covariance(alone(found, k).jacobian(found.theta[:, k]), float(found.cost[k]))
-        reach = uncertainty.student(freedom) * np.sqrt(np.diag(spread))
+        spread, freedom = covariance.covariance(alone(found, k).jacobian(found.theta[:, k]), float(found.cost[k]))
+        reach = covariance.student(freedom) * np.sqrt(np.diag(spread))
         assert errors[:, k] == pytest.approx(np.sqrt(np.diag(spread)), rel=1e-4)
         assert high[:, k] == pytest.approx(found.theta[:, k] + reach, rel=1e-4)
         assert low[:, k] - np.maximum(found.theta[:, k] - reach, 0) == pytest.approx(

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from bristle.data.statistics import inflation
-from bristle.identification.blocks import block_bootstrap, block_length, cells
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.block_bootstrap import block_bootstrap, block_length, cells
 
 
 def correlated(rho: float, n: int, seed: int) -> Array:

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.identification.bootstrap import Resampled, one_step, resample, variances_differ
-from bristle.identification.regression import Regression, from_points
-from bristle.identification.static import default_range, solve
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.identification.static.bootstrap import Resampled, one_step, resample, variances_differ
+from bristle.identification.static.grid import default_range, solve
+from bristle.identification.static.problem import Regression, from_points
 
 from .conftest import GRIPPER, curve
 

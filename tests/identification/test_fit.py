@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bristle.data.options import FitOptions
-from bristle.identification.estimate import Outcome, StaticFit
-from bristle.identification.fit import Where, estimate_static, fit_static
-from bristle.identification.regression import from_points
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.identification.results import Outcome, StaticFit
+from bristle.identification.static.fit import Where, estimate_static, fit_static
+from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve

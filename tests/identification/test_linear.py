@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from bristle.identification.linear import bounded_least_squares, orthonormal
-from bristle.identification.regression import from_points
-from bristle.identification.static import Projected, solve_at
+from bristle.estimation.linear import bounded_least_squares, orthonormal
+from bristle.identification.static.grid import Projected, solve_at
+from bristle.identification.static.problem import from_points
 
 
 @settings(max_examples=60, deadline=None)

@@ -9,18 +9,18 @@ from hypothesis import given
 from hypothesis import settings as options
 from hypothesis import strategies as st
 
-from bristle.data.experiment import Experiment, load_experiment
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.data.record import Record
-from bristle.data.statistics import inflation
-from bristle.identification import models
-from bristle.identification.estimate import Joint, ModelComparison, ModelRow, TrackingFit
-from bristle.identification.model_choice import APART, COULOMB, LUGRE, ONE, STRIBECK, SYMMETRIC, VISCOUS, Candidate
-from bristle.identification.model_choice import compared as choose
-from bristle.identification.moving import fit_moving
-from bristle.identification.pipeline import identify_joint, measure
-from bristle.identification.tracking import fit_tracking
-from bristle.identification.trajectory import tracking
-from bristle.model.arrays import Array
+from bristle.estimation.autocorrelation import inflation
+from bristle.identification import model_selection
+from bristle.identification.dynamic.fit import fit_tracking
+from bristle.identification.dynamic.problem import tracking
+from bristle.identification.identify import identify_joint, measure
+from bristle.identification.model_criteria import APART, COULOMB, LUGRE, ONE, STRIBECK, SYMMETRIC, VISCOUS, Candidate
+from bristle.identification.model_criteria import compared as choose
+from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit
+from bristle.identification.static.moving_data import fit_moving
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 
@@ -195,7 +195,7 @@ def moved(
     )
     experiment, records, held = load_experiment(path), [run(Pair(GRIPPER, OTHER))], [run(Pair(GRIPPER, OTHER), seed=1)]
     alone = fitted(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
-    compared = models.of_moving(experiment, records, held, fit_moving(experiment, records, [], None)[0], alone)
+    compared = model_selection.of_moving(experiment, records, held, fit_moving(experiment, records, [], None)[0], alone)
     assert compared is not None
     return compared, alone
 
@@ -205,7 +205,7 @@ def fitted(
 ) -> TrackingFit:
     """All parameters of moving runs, from near the truth."""
     sets = {"both": GRIPPER, "+": GRIPPER, "-": OTHER}
-    asked = models.asked_regressors(experiment, directions, moving=True)
+    asked = model_selection.asked_regressors(experiment, directions, moving=True)
     start = {n + d.replace("both", ""): x for d in directions for n, x in sets[d]._asdict().items()}
     start |= {"inertia": J, "offset": 0.0} if "offset" in asked else {"inertia": J}
     problem, test = (tracking(r, directions, asked, experiment.fit.decimation, None) for r in (records, held))

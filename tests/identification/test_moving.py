@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from bristle.data.options import FitOptions
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.identification.crosscheck import full_fit
-from bristle.identification.fit import Where, fit_static
-from bristle.identification.regression import from_records, with_prior
-from bristle.identification.static import default_range, solve
-from bristle.model.arrays import Array
+from bristle.identification.static.crosscheck import full_fit
+from bristle.identification.static.fit import Where, fit_static
+from bristle.identification.static.grid import default_range, solve
+from bristle.identification.static.problem import from_records, with_prior
 from bristle.model.parameters import Lugre
 
 from .conftest import curve

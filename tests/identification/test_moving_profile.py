@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.identification.descent import fit, scaled, scales, to_scaled
-from bristle.identification.estimate import Estimate, TrackingFit
-from bristle.identification.judged import judge
-from bristle.identification.moving_profile import profile_moving
-from bristle.identification.moving_uncertainty import explored, with_three_ways
-from bristle.identification.tracking import Tracked, fit_tracking
-from bristle.identification.trajectory import Motion, Prior, Tracking, tracking, with_priors
-from bristle.identification.uncertainty import student
-from bristle.model.arrays import Array
+from bristle.estimation.covariance import student
+from bristle.identification.dynamic.fit import Tracked, fit_tracking
+from bristle.identification.dynamic.multistart import judge
+from bristle.identification.dynamic.problem import Motion, Prior, Tracking, tracking, with_priors
+from bristle.identification.dynamic.profile import profile_moving
+from bristle.identification.dynamic.uncertainty import explored, with_three_ways
+from bristle.identification.dynamic.unknowns import fit, scaled, scales, to_scaled
+from bristle.identification.results import Estimate, TrackingFit
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 
@@ -167,7 +167,7 @@ def test_few_evaluations_suffice(gripper: Tracked, monkeypatch: pytest.MonkeyPat
 
         return evaluate
 
-    monkeypatch.setattr("bristle.identification.moving_profile.scaled", counted)
+    monkeypatch.setattr("bristle.identification.dynamic.profile.scaled", counted)
     profile_moving(gripper, lambda *what: told.append(what))
     assert count[0] <= 30
     assert [done for _, done, _ in told] == list(range(7))

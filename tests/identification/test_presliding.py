@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from bristle.data.loading import Loading, find_loadings
-from bristle.data.options import FitOptions
+from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.identification.estimate import PreslidingFit
-from bristle.identification.presliding import fit_presliding, identify_presliding
-from bristle.identification.stiffness import Level, printed_bias
+from bristle.data.slow_loading import Loading, find_loadings
+from bristle.identification.presliding.fit import fit_presliding, identify_presliding
+from bristle.identification.presliding.stiffness import Level, printed_bias
+from bristle.identification.results import PreslidingFit
 from bristle.model import functions, law
-from bristle.model.arrays import evaluate
+from bristle.model.vectorize import evaluate
 
 from .conftest import GRIPPER
 

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from bristle.data.loading import Loading, find_loadings
+from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.identification.estimate import Uncertainty
-from bristle.identification.presliding import fit_presliding
-from bristle.identification.presliding_uncertainty import stiffness_uncertainty
-from bristle.identification.stiffness import Level, by_edges, of_loading, stiffness
-from bristle.identification.uncertainty import student
+from bristle.data.slow_loading import Loading, find_loadings
+from bristle.estimation.covariance import student
+from bristle.identification.presliding.fit import fit_presliding
+from bristle.identification.presliding.stiffness import Level, by_edges, of_loading, stiffness
+from bristle.identification.presliding.uncertainty import stiffness_uncertainty
+from bristle.identification.results import Uncertainty
 from bristle.model import functions
-from bristle.model.arrays import Array, evaluate
+from bristle.model.vectorize import evaluate
 
 from .conftest import GRIPPER
 

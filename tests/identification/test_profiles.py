@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy import sparse, stats
 from scipy.optimize import brentq, minimize, nnls
 
-from bristle.identification import uncertainty
-from bristle.identification.profiles import Profiled, profiled
-from bristle.identification.regression import Regression, from_points, with_prior
-from bristle.identification.static import Solution, default_range, solve
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.estimation import covariance as uncertainty
+from bristle.identification.static.grid import Solution, default_range, solve
+from bristle.identification.static.problem import Regression, from_points, with_prior
+from bristle.identification.static.profiles import Profiled, profiled
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import sparse
 
+from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.identification.reduced import reduced
-from bristle.identification.regression import Regression, from_points, from_records, with_prior
-from bristle.identification.static import default_range, solve
-from bristle.model.arrays import Array
+from bristle.identification.static.compression import reduced
+from bristle.identification.static.grid import default_range, solve
+from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
 
 from .conftest import GRIPPER, curve
 

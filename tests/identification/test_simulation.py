@@ -10,19 +10,19 @@ import pytest
 import yaml
 from scipy.integrate import solve_ivp
 
-from bristle import edro
-from bristle.data.experiment import load_experiment
+from bristle.arrays import Array
+from bristle.data.experiment.load import load_experiment
 from bristle.data.record import Record
-from bristle.identification.descent import fit, from_scaled, scaled, scales, to_scaled
-from bristle.identification.estimate import Joint
-from bristle.identification.judged import judge, with_deflections
-from bristle.identification.pipeline import identify_joint, measure
-from bristle.identification.simulation import simulation
-from bristle.identification.tracking import fit_tracking, relative_error
-from bristle.identification.trajectory import Tracking, residuals, tracking
+from bristle.identification.dynamic.fit import fit_tracking, relative_error
+from bristle.identification.dynamic.multistart import judge, with_deflections
+from bristle.identification.dynamic.output_error import simulation
+from bristle.identification.dynamic.problem import Tracking, residuals, tracking
+from bristle.identification.dynamic.unknowns import fit, from_scaled, scaled, scales, to_scaled
+from bristle.identification.identify import identify_joint, measure
+from bristle.identification.results import Joint
 from bristle.model import law, motor
-from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.simulation import edro
 
 from .conftest import GRIPPER
 

@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit, nnls
 
-from bristle.identification.batch import solve_batch
-from bristle.identification.regression import from_points, gravity
-from bristle.identification.static import Projected, default_range, plain_grid, solve, solve_at
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.identification.static.batch import solve_batch
+from bristle.identification.static.grid import Projected, default_range, plain_grid, solve, solve_at
+from bristle.identification.static.problem import from_points, gravity
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve

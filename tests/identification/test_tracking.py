@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from bristle.data.motion import estimate_motion
+from bristle.arrays import Array
+from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
-from bristle.identification import descent
-from bristle.identification.counts import without_count_bias
-from bristle.identification.descent import fit, scaled, scales, to_scaled
-from bristle.identification.estimate import TrackingFit
-from bristle.identification.marquardt import minimise
-from bristle.identification.moving_check import check_tracking
-from bristle.identification.tracking import fit_tracking
-from bristle.identification.trajectory import Prior, Tracking, residuals, tracking, with_priors
-from bristle.model.arrays import Array
+from bristle.estimation.levenberg_marquardt import minimise
+from bristle.identification.dynamic import unknowns
+from bristle.identification.dynamic.crosscheck import check_tracking
+from bristle.identification.dynamic.encoder_bias import without_count_bias
+from bristle.identification.dynamic.fit import fit_tracking
+from bristle.identification.dynamic.problem import Prior, Tracking, residuals, tracking, with_priors
+from bristle.identification.dynamic.unknowns import fit, scaled, scales, to_scaled
+from bristle.identification.results import TrackingFit
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 
@@ -123,7 +123,7 @@ def test_many_samples_have_the_minimum_that_few_of_them_lead_to(
     problem = posed(record(p, noise=3e-4), ("both",) if isinstance(p, Lugre) else ("+", "-"))
     start = shifted(named(p), 1.5) | {"z0[0]": 0.0}
     plain, minimum = fit(problem, start)
-    monkeypatch.setattr(descent, "_LARGE", 1)
+    monkeypatch.setattr(unknowns, "_LARGE", 1)
     thinned, other = fit(problem, start)
     assert other.steps < minimum.steps
     assert other.cost == pytest.approx(minimum.cost, rel=1e-9)
@@ -140,7 +140,7 @@ def test_samples_that_show_nothing_do_not_end_a_fit_of_many(monkeypatch: pytest.
     problem = posed(record(GRIPPER, noise=3e-4, velocity=np.where(np.arange(t.size) % 8 == 0, 0.0, v)))
     start = shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0, "inertia": 0.0}
     plain, _ = fit(problem, start)
-    monkeypatch.setattr(descent, "_LARGE", 1)
+    monkeypatch.setattr(unknowns, "_LARGE", 1)
     assert fit(problem, start)[0] == plain
 
 

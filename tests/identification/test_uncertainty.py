@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from bristle.identification import uncertainty
-from bristle.identification.regression import from_points
-from bristle.identification.static import Projected, default_range, solve
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.estimation import covariance as uncertainty
+from bristle.identification.static.grid import Projected, default_range, solve
+from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre
 
 from .conftest import curve

@@ -6,14 +6,14 @@ import pytest
 from scipy.io import loadmat
 
 import bristle
-from bristle.compensation.asked import of_experiment
-from bristle.compensation.replay import replays
-from bristle.control.loop import State, plant_step
-from bristle.data.motion import estimate_motion
+from bristle.control.plant import State, plant_step
+from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
-from bristle.identification.estimate import Estimate, Joint, Outcome, StaticFit, TrackingFit
-from bristle.identification.pipeline import measure
+from bristle.identification.identify import measure
+from bristle.identification.results import Estimate, Joint, Outcome, StaticFit, TrackingFit
 from bristle.model.parameters import Motor, Pair
+from bristle.questions.compensation.replay import replays
+from bristle.simulation.requested_loop import of_experiment
 
 KINOVA = """
 joint: {name: kinova joint 7, kind: revolute}

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from bristle.model import arrays
-from bristle.model.arrays import evaluate, scan, vectorised
+from bristle.model import vectorize
+from bristle.model.vectorize import evaluate, scan, vectorised
 
 UNARY: dict[str, Callable[[Any], Any]] = {
     "exp": ca.exp,
@@ -154,7 +154,7 @@ def test_blocks_leave_no_seam(monkeypatch: pytest.MonkeyPatch) -> None:
     x, y = rng.normal(size=(2, 1000))
     expected = np.array(evaluate(function, x, y))
     for block in (1, 7, 999, 1000, 1001):
-        monkeypatch.setattr(arrays, "_BLOCK", block)
+        monkeypatch.setattr(vectorize, "_BLOCK", block)
         out = np.empty((2, 1000))
         vectorised(function)(x, y, out=list(out))
         np.testing.assert_array_equal(out, expected)

@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from bristle.arrays import Array
 from bristle.model import functions, law
-from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre, Pair, is_passive
 from bristle.model.rollout import rollout
+from bristle.model.vectorize import evaluate
 
 
 def acting_torque(z: float, v: float, pair: Pair[float]) -> float:

@@ -4,9 +4,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from bristle.arrays import Array
 from bristle.model import law
 from bristle.model import rollout as module
-from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 

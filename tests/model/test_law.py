@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bristle.model import functions, law, motor
-from bristle.model.arrays import evaluate
 from bristle.model.parameters import BOUNDS, Lugre, Motor, is_passive, unit
+from bristle.model.vectorize import evaluate
 
 positive = st.floats(1e-3, 1e3)
 velocities = st.floats(-10, 10, allow_subnormal=False)

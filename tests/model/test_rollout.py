@@ -12,11 +12,12 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from bristle.model import functions, nodes
+from bristle.arrays import Array
+from bristle.model import functions, time_refinement
 from bristle.model import rollout as module
-from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
+from bristle.model.vectorize import evaluate
 
 STIFFNESS = np.array([1.0, 6.1843, 1e2, 1e3, 1e4, 1e5, 1e6])
 
@@ -213,7 +214,7 @@ def test_fast_reversals_need_the_extra_nodes(gripper: Lugre[float], monkeypatch:
     finer = np.interp(np.arange(199 * 200 + 1) / 200, np.arange(200), v)
     exact = rollout(finer, 1e-3 / 200, gripper, z0=0.0).torque[::200]
     error = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
-    monkeypatch.setattr(nodes, "_FINE", np.inf)
+    monkeypatch.setattr(time_refinement, "_FINE", np.inf)
     without = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
     assert error < 0.1 * without
 

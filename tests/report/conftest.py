@@ -9,10 +9,11 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from bristle.data.loading import Loading, Loop
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
-from bristle.data.steady import Segment
-from bristle.identification.estimate import (
+from bristle.data.slow_loading import Loading, Loop
+from bristle.identification.results import (
     Crosscheck,
     Estimate,
     HoldOut,
@@ -24,10 +25,10 @@ from bristle.identification.estimate import (
     Profile,
     StaticFit,
 )
-from bristle.model.arrays import Array, evaluate
 from bristle.model.functions import loading_displacement, stribeck_shape
 from bristle.model.parameters import Lugre, unit
-from bristle.report.curves import curve
+from bristle.model.vectorize import evaluate
+from bristle.questions.joint_report.curves import curve
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 TABLE_1 = {

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.identification.estimate import Consistency, Crosscheck, Estimate, HoldOut, Joint, TrackingFit
+from bristle.identification.results import Consistency, Crosscheck, Estimate, HoldOut, Joint, TrackingFit
 from bristle.model.parameters import unit
 
 from .conftest import TABLE_1, loaded

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bristle.identification.estimate import Joint, Outcome
-from bristle.report.advice import next_measurements
+from bristle.identification.results import Joint, Outcome
+from bristle.questions.joint_report.next_measurements import next_measurements
 
 
 def changed(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:

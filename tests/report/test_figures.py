@@ -6,12 +6,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
-from bristle.identification.estimate import Joint
-from bristle.model.arrays import evaluate
+from bristle.identification.results import Joint
 from bristle.model.functions import steady_jacobian
-from bristle.report import figures
-from bristle.report.curves import band
-from bristle.report.style import render_as
+from bristle.model.vectorize import evaluate
+from bristle.page.style import render_as
+from bristle.questions.joint_report import static_figures
+from bristle.questions.joint_report.curves import band
 
 from .conftest import HOSTILE
 
@@ -20,11 +20,14 @@ _UNIT = re.compile(r"\([^()]+\)|\(\([^()]+\)²\)$")
 
 def _all(joint: Joint, slide: Joint, record: Record) -> list[Figure]:
     drawn = [
-        figures.stribeck_figure(),
-        *(draw(joint) for draw in (figures.curve_figure, figures.profile_figure, figures.residuals_figure)),
-        figures.curve_figure(slide),
-        figures.inspect_figure([record], joint.segments, "revolute"),
-        figures.inspect_figure([], [], "prismatic"),
+        static_figures.stribeck_figure(),
+        *(
+            draw(joint)
+            for draw in (static_figures.curve_figure, static_figures.profile_figure, static_figures.residuals_figure)
+        ),
+        static_figures.curve_figure(slide),
+        static_figures.inspect_figure([record], joint.segments, "revolute"),
+        static_figures.inspect_figure([], [], "prismatic"),
     ]
     return [figure for figure in drawn if figure is not None]
 
@@ -43,14 +46,14 @@ def test_every_axis_has_a_quantity_and_a_unit(joint: Joint, slide: Joint, record
 
 def test_a_prismatic_joint_has_forces_in_newton(slide: Joint) -> None:
     """No N*m and no rad on a slide's axes."""
-    ax = figures.curve_figure(slide).axes[0]
+    ax = static_figures.curve_figure(slide).axes[0]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Velocity (m/s)", "Friction force (N)")
 
 
 def test_what_does_not_exist_is_not_drawn(slide: Joint) -> None:
     """Without a profile and without residuals there is no such figure."""
-    assert figures.profile_figure(slide) is None
-    assert figures.residuals_figure(slide) is None
+    assert static_figures.profile_figure(slide) is None
+    assert static_figures.residuals_figure(slide) is None
 
 
 def test_band_is_the_delta_method(joint: Joint) -> None:
@@ -79,19 +82,19 @@ def test_band_ignores_regressors_and_refuses_a_covariance_that_is_not_finite(joi
 
 def test_a_wild_rejected_segment_does_not_flatten_the_curve(joint: Joint) -> None:
     """The frame follows what was fitted, not the rejected segment at 30 rad/s."""
-    low, high = figures.curve_figure(joint).axes[0].get_xlim()
+    low, high = static_figures.curve_figure(joint).axes[0].get_xlim()
     assert -1.0 < low < high < 1.0
 
 
 def test_simulated_data_say_so_in_the_figure(joint: Joint) -> None:
     """A figure that travels alone still says that its data are simulated."""
-    assert b"SIMULATED" in render_as(figures.curve_figure(joint), "svg")
-    assert b"SIMULATED" not in render_as(figures.curve_figure(replace(joint, simulated=False)), "svg")
+    assert b"SIMULATED" in render_as(static_figures.curve_figure(joint), "svg")
+    assert b"SIMULATED" not in render_as(static_figures.curve_figure(replace(joint, simulated=False)), "svg")
 
 
 def test_hostile_names_are_text(joint: Joint) -> None:
     """Markup in a name is escaped in the SVG, and a dollar sign starts no formula."""
-    svg = render_as(figures.residuals_figure(replace(joint, name=HOSTILE)) or Figure(), "svg").decode()
+    svg = render_as(static_figures.residuals_figure(replace(joint, name=HOSTILE)) or Figure(), "svg").decode()
     assert "<script" not in svg
     assert "&lt;script&gt;" in svg
     assert '"$x$"' in svg
@@ -99,7 +102,7 @@ def test_hostile_names_are_text(joint: Joint) -> None:
 
 def test_dense_data_are_thinned() -> None:
     """At most MOST_POINTS of many points are drawn, the first and last among them; few points all are."""
-    many = figures.thinned(100_000)
-    assert (many.size, many[0], many[-1]) == (figures.MOST_POINTS, 0, 99_999)
-    np.testing.assert_array_equal(figures.thinned(7), np.arange(7))
-    assert figures.thinned(0).size == 0
+    many = static_figures.thinned(100_000)
+    assert (many.size, many[0], many[-1]) == (static_figures.MOST_POINTS, 0, 99_999)
+    np.testing.assert_array_equal(static_figures.thinned(7), np.arange(7))
+    assert static_figures.thinned(0).size == 0

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from bristle.errors import InputError
-from bristle.report import files
-from bristle.report.style import new_figure, render
+from bristle.page import output_folder
+from bristle.page.style import new_figure, render
 
 OWN = '{\n "schema": "bristle-results/1"}\n'
 
@@ -31,11 +31,11 @@ NEW = {"index.html": b"new", "figures/a.svg": b"new a"}
 
 def test_replaces_what_it_made_and_nothing_else(tmp_path: Path) -> None:
     """What the last call made is replaced or removed; a user's file stays, byte for byte."""
-    files.replace_files(tmp_path, OLD)
+    output_folder.replace_files(tmp_path, OLD)
     (tmp_path / "figures" / "mine.svg").write_bytes(b"mine")
-    files.replace_files(tmp_path, NEW)
+    output_folder.replace_files(tmp_path, NEW)
     manifest = listing(NEW)
-    assert _tree(tmp_path) == {**NEW, "figures/mine.svg": b"mine", files.MANIFEST: manifest}
+    assert _tree(tmp_path) == {**NEW, "figures/mine.svg": b"mine", output_folder.MANIFEST: manifest}
 
 
 @pytest.mark.parametrize("name", ["index.html", "figures/a.svg"])
@@ -44,7 +44,7 @@ def test_refuses_a_file_it_did_not_make(tmp_path: Path, name: str) -> None:
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_bytes(b"mine")
     with pytest.raises(ValueError, match="bristle did not make it"):
-        files.replace_files(tmp_path, NEW)
+        output_folder.replace_files(tmp_path, NEW)
     assert _tree(tmp_path) == {name: b"mine"}
 
 
@@ -52,21 +52,21 @@ def test_refuses_a_file_in_place_of_a_folder(tmp_path: Path) -> None:
     """A folder that is a file, or whose own subfolder is a file or a link, is refused."""
     (tmp_path / "out").write_bytes(b"mine")
     with pytest.raises(ValueError, match="is a file"):
-        files.replace_files(tmp_path / "out", NEW)
+        output_folder.replace_files(tmp_path / "out", NEW)
     (tmp_path / "report").mkdir()
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "report" / "figures").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(ValueError, match="in the way"):
-        files.replace_files(tmp_path / "report", NEW)
+        output_folder.replace_files(tmp_path / "report", NEW)
     assert list((tmp_path / "elsewhere").iterdir()) == []
 
 
 def refused(folder: Path, why: str) -> None:
     """A folder is refused before a report is made, and when it is written, for one reason."""
     with pytest.raises(InputError, match=why):
-        files.check_folder(folder)
+        output_folder.check_folder(folder)
     with pytest.raises(InputError, match=why):
-        files.replace_files(folder, NEW)
+        output_folder.replace_files(folder, NEW)
 
 
 HASH = hashlib.sha256(b"mine").hexdigest()
@@ -77,7 +77,7 @@ HASH = hashlib.sha256(b"mine").hexdigest()
     [
         (f"{HASH}  ../precious\n", "is no list"), (f"{HASH}  {{here}}/precious\n", "is no list"), (f"{HASH}  a/../../precious\n", "is no list"),
         (f"{HASH}  ./index.html\n", "is no list"), (f"{HASH}  ..\\precious\n", "is no list"), (f"{HASH}  C:precious\n", "is no list"),
-        (f"{HASH}  {files.MANIFEST}\n", "is no list"), (f"{HASH}  .\n", "is no list"), (f"{HASH}  \0\n", "is no list"),
+        (f"{HASH}  {output_folder.MANIFEST}\n", "is no list"), (f"{HASH}  .\n", "is no list"), (f"{HASH}  \0\n", "is no list"),
         ("index.html\n", "is no list"),
         (f"{HASH[1:]}  index.html\n", "is no list"), (f"{HASH} index.html\n", "is no list"), ("\n", "is no list"), ("\udcff\udcfe\n", "is no list"),
         (f"{HASH}  index.html", "is cut off"), ("\0" * 100, "is cut off"), ("\n" * 2_000_000, "is no list"),
@@ -88,7 +88,7 @@ def test_a_manifest_that_is_none_is_refused(tmp_path: Path, manifest: str, why: 
     (tmp_path / "precious").write_bytes(b"mine")
     (tmp_path / "out").mkdir()
     text = manifest.replace("{here}", str(tmp_path))
-    (tmp_path / "out" / files.MANIFEST).write_bytes(text.encode("utf-8", "surrogateescape"))
+    (tmp_path / "out" / output_folder.MANIFEST).write_bytes(text.encode("utf-8", "surrogateescape"))
     (tmp_path / "out" / "index.html").write_bytes(b"mine")
     before = _tree(tmp_path)
     refused(tmp_path / "out", rf"\.bristle-manifest: {why}.*; move or remove the folder .*, or name another")
@@ -98,32 +98,34 @@ def test_a_manifest_that_is_none_is_refused(tmp_path: Path, manifest: str, why: 
 @pytest.mark.parametrize("name", ["index.html", "figures/a.svg", "figures/b.svg"])
 def test_what_was_changed_since_is_neither_replaced_nor_removed(tmp_path: Path, name: str) -> None:
     """A file that the manifest lists, but with another hash, was edited: it is named and stays, and so does all else. One that is gone is none."""
-    files.replace_files(tmp_path, OLD)
+    output_folder.replace_files(tmp_path, OLD)
     (tmp_path / name).write_bytes(b"mine")
     before = _tree(tmp_path)
     refused(tmp_path, f"{name}: was changed since bristle made it; move it")
     assert _tree(tmp_path) == before
     (tmp_path / name).unlink()
-    files.replace_files(tmp_path, NEW)
-    assert _tree(tmp_path) == {**NEW, files.MANIFEST: listing(NEW)}
+    output_folder.replace_files(tmp_path, NEW)
+    assert _tree(tmp_path) == {**NEW, output_folder.MANIFEST: listing(NEW)}
 
 
 def test_other_seconds_are_no_change(tmp_path: Path) -> None:
     """The manifest of one result is one, however long it took; a change of timings.json that is no number is one."""
     lists = []
     for seconds in ("0.5", "1e-05"):
-        files.replace_files(tmp_path, {"timings.json": f'{{\n "fit 2: 3": {seconds},\n "b": 1.0\n}}\n'.encode()})
-        lists.append((tmp_path / files.MANIFEST).read_bytes())
+        output_folder.replace_files(
+            tmp_path, {"timings.json": f'{{\n "fit 2: 3": {seconds},\n "b": 1.0\n}}\n'.encode()}
+        )
+        lists.append((tmp_path / output_folder.MANIFEST).read_bytes())
     assert lists[0] == lists[1]
     (tmp_path / "timings.json").write_bytes(b'{\n "mine": 1.0\n}\n')
     with pytest.raises(InputError, match="was changed"):
-        files.replace_files(tmp_path, NEW)
+        output_folder.replace_files(tmp_path, NEW)
 
 
 @pytest.mark.parametrize("after", range(6))
 def test_an_interrupted_move_is_still_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     """Wherever the renames stop, the next call knows old and new files as bristle's, and replaces them."""
-    files.replace_files(tmp_path, OLD)
+    output_folder.replace_files(tmp_path, OLD)
     with monkeypatch.context() as patch:
         rename, count = Path.replace, 0
 
@@ -136,17 +138,17 @@ def test_an_interrupted_move_is_still_known(tmp_path: Path, monkeypatch: pytest.
 
         patch.setattr(Path, "replace", stop)
         with contextlib.suppress(KeyboardInterrupt):
-            files.replace_files(tmp_path, NEW)
-    files.replace_files(tmp_path, OLD)
-    assert _tree(tmp_path) == {**OLD, files.MANIFEST: listing(OLD)}
+            output_folder.replace_files(tmp_path, NEW)
+    output_folder.replace_files(tmp_path, OLD)
+    assert _tree(tmp_path) == {**OLD, output_folder.MANIFEST: listing(OLD)}
 
 
-@pytest.mark.parametrize("name", [files.MANIFEST, "index.html", "figures", "figures/a.svg", "figures/b.svg"])
+@pytest.mark.parametrize("name", [output_folder.MANIFEST, "index.html", "figures", "figures/a.svg", "figures/b.svg"])
 @pytest.mark.parametrize("target", ["same", "none"])
 def test_no_link_in_the_folder_is_followed_or_replaced(tmp_path: Path, name: str, target: str) -> None:
     """A link in place of what bristle made, of its manifest or of its subfolder is refused, even to the very same bytes; nothing changes."""
     out = tmp_path / "out"
-    files.replace_files(out, OLD)
+    output_folder.replace_files(out, OLD)
     (out / name).rename(tmp_path / "same")
     (out / name).symlink_to(tmp_path / target)
     before = _tree(tmp_path)
@@ -159,8 +161,8 @@ def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
     """The user named it; the report lands where it points. A link to nothing is refused, and nothing is made there."""
     (tmp_path / "there").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "there")
-    files.replace_files(tmp_path / "link", NEW)
-    assert _tree(tmp_path / "there") == {**NEW, files.MANIFEST: listing(NEW)}
+    output_folder.replace_files(tmp_path / "link", NEW)
+    assert _tree(tmp_path / "there") == {**NEW, output_folder.MANIFEST: listing(NEW)}
     (tmp_path / "loose").symlink_to(tmp_path / "nothing")
     refused(tmp_path / "loose", "symbolic link to no folder")
     assert not (tmp_path / "nothing").exists()
@@ -174,18 +176,18 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
         (tmp_path / f"to {target}").symlink_to(tmp_path / target)
     for name, why in {"pipe": "is a pipe", "to own.json": "link", "to nothing": "link", "to pipe": "link"}.items():
         with pytest.raises(InputError, match=why):
-            files.check_file(tmp_path / name)
+            output_folder.check_file(tmp_path / name)
         with pytest.raises(InputError, match=why):
-            files.write_text(tmp_path / name, "new")
+            output_folder.write_text(tmp_path / name, "new")
     for path in (tmp_path / "pipe", tmp_path / "to own.json"):
         with pytest.raises(InputError, match="a report needs a folder"):
-            files.replace_files(path, NEW)
+            output_folder.replace_files(path, NEW)
         with pytest.raises(InputError, match="a report needs a folder"):
-            files.check_folder(path)
+            output_folder.check_folder(path)
         with pytest.raises(InputError, match="cannot be written"):
-            files.check_folder(path / "below")
+            output_folder.check_folder(path / "below")
         with pytest.raises(InputError, match="is no folder"):
-            files.check_file(path / "below")
+            output_folder.check_file(path / "below")
     assert (tmp_path / "pipe").is_fifo()
     assert (tmp_path / "own.json").read_text() == OWN
     assert not (tmp_path / "nothing").exists()
@@ -197,7 +199,7 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
 )
 def test_a_device_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: int, what: str) -> None:
     """Whatever the system says is no regular file is neither opened nor replaced, whoever runs bristle; a report that lists it is refused."""
-    files.replace_files(tmp_path / "out", OLD)
+    output_folder.replace_files(tmp_path / "out", OLD)
     path, look = tmp_path / "out" / "index.html", Path.stat
 
     def told(self: Path, *, follow_symlinks: bool = True) -> os.stat_result:
@@ -206,14 +208,14 @@ def test_a_device_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ki
 
     monkeypatch.setattr(Path, "stat", told)
     with pytest.raises(InputError, match=f"is {what}; expected a file"):
-        files.write_text(path, "new")
+        output_folder.write_text(path, "new")
     with pytest.raises(InputError, match=f"is {what}; expected a file"):
-        files.replace_files(tmp_path / "out", NEW)
+        output_folder.replace_files(tmp_path / "out", NEW)
     assert path.read_bytes() == b"old"
 
 
 def _fill_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
-    write, count = files._write, 0
+    write, count = output_folder._write, 0
 
     def full(path: Path, data: bytes) -> None:
         nonlocal count
@@ -223,38 +225,38 @@ def _fill_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
             raise OSError(errno.ENOSPC, "No space left on device", str(path))
         write(path, data)
 
-    monkeypatch.setattr(files, "_write", full)
+    monkeypatch.setattr(output_folder, "_write", full)
 
 
 @pytest.mark.parametrize("after", range(4))
 def test_a_full_disk_leaves_the_old_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     """Whichever write fails, the folder is as it was: no new file, no temporary one."""
-    files.replace_files(tmp_path, OLD)
+    output_folder.replace_files(tmp_path, OLD)
     before = _tree(tmp_path)
     _fill_disk(monkeypatch, after)
     with pytest.raises(OSError, match="No space left"):
-        files.replace_files(tmp_path, NEW)
+        output_folder.replace_files(tmp_path, NEW)
     assert _tree(tmp_path) == before
-    assert not [p for p in tmp_path.rglob("*") if p.name.startswith(".bristle-") and p.name != files.MANIFEST]
+    assert not [p for p in tmp_path.rglob("*") if p.name.startswith(".bristle-") and p.name != output_folder.MANIFEST]
 
 
 def test_a_full_disk_leaves_no_new_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Folders made for a report that failed are removed again."""
     _fill_disk(monkeypatch, 1)
     with pytest.raises(OSError, match="No space left"):
-        files.replace_files(tmp_path / "a" / "b", NEW)
+        output_folder.replace_files(tmp_path / "a" / "b", NEW)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_text_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An older file survives a failed write; lone surrogates, as in odd file names, do not stop one."""
     path = tmp_path / "results.json"
-    files.write_text(path, '"\udc80"')
+    output_folder.write_text(path, '"\udc80"')
     assert path.read_bytes() == b'"\\udc80"'
     path.write_text(OWN)
     _fill_disk(monkeypatch, 0)
     with pytest.raises(OSError, match="No space left"):
-        files.write_text(path, "new")
+        output_folder.write_text(path, "new")
     assert _tree(tmp_path) == {"results.json": OWN.encode()}
 
 
@@ -264,18 +266,18 @@ def test_only_what_bristle_made_is_replaced(tmp_path: Path) -> None:
     figure.subplots().plot([0, 1])
     for name, data in {"r.json": OWN.encode(), "f.png": render(figure)[1], "f.svg": render(figure)[0]}.items():
         (tmp_path / name).write_bytes(data)
-        files.write_bytes(tmp_path / name, b"new")
+        output_folder.write_bytes(tmp_path / name, b"new")
         assert (tmp_path / name).read_bytes() == b"new"
     for name in ("log.csv", "e.yaml", "f.png"):
         (tmp_path / name).write_text("t,q\n0,1 of bristle\n")
         with pytest.raises(ValueError, match="is there already, and bristle did not make it"):
-            files.write_text(tmp_path / name, "new")
+            output_folder.write_text(tmp_path / name, "new")
         assert (tmp_path / name).read_text() == "t,q\n0,1 of bristle\n"
 
 
 def test_bad_paths_are_refused_in_one_sentence(tmp_path: Path) -> None:
     """A folder, or a file in a folder that does not exist, is refused with what to do."""
     with pytest.raises(ValueError, match="is a folder; name a file"):
-        files.write_text(tmp_path, "")
+        output_folder.write_text(tmp_path, "")
     with pytest.raises(ValueError, match="does not exist; create it"):
-        files.write_text(tmp_path / "no" / "file", "")
+        output_folder.write_text(tmp_path / "no" / "file", "")

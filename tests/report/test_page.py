@@ -9,9 +9,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
-from bristle.identification.estimate import Joint
-from bristle.report import figures, page
-from bristle.report.style import inline, render_as
+from bristle.identification.results import Joint
+from bristle.page.style import inline, render_as
+from bristle.questions.joint_report import page, static_figures
 
 from .conftest import HOSTILE, gripper
 
@@ -106,9 +106,9 @@ NAMES = (
 def crowded(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Elements]:
     """The page of a report of joints with such names, each with two figures, and its elements."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page, "_DRAW", {"curve": figures.curve_figure})
-        drawn = {"curve": figures.stribeck_figure}
-        patch.setattr("bristle.report.uncertainty.figures", lambda _: drawn)
+        patch.setattr(page, "_DRAW", {"curve": static_figures.curve_figure})
+        drawn = {"curve": static_figures.stribeck_figure}
+        patch.setattr("bristle.questions.joint_report.interval_figures.figures", lambda _: drawn)
         patch.setattr(page, "render", lambda figure: (render_as(figure, "svg"), b""))  # a PNG holds no name
         folder = tmp_path_factory.mktemp("crowded")
         page.write_report([gripper(name) for name in NAMES], folder, title=NAMES[12], seed=0)
@@ -204,7 +204,7 @@ def test_two_joints_of_one_name_are_refused(tmp_path: Path, slide: Joint) -> Non
 
 def test_save_figure(tmp_path: Path, record: Record) -> None:
     """A figure lands as the kind that its name says; any other kind is refused."""
-    figure = figures.inspect_figure([record], (), "revolute")
+    figure = static_figures.inspect_figure([record], (), "revolute")
     page.save_figure(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(ValueError, match=r"\.svg or \.png"):

@@ -10,9 +10,9 @@ from typing import Any
 import jsonschema
 import numpy as np
 
-from bristle.identification.estimate import Joint, Presliding
-from bristle.report import page, presliding, sections, summary, tables
-from bristle.report.advice import next_measurements
+from bristle.identification.results import Joint, Presliding
+from bristle.questions.joint_report import page, presliding, results_file, sections, tables
+from bristle.questions.joint_report.next_measurements import next_measurements
 
 from .conftest import QUANTUM, TABLE_1, closed_cycle, loaded, nothing_seen, only, slow_fit
 
@@ -21,8 +21,8 @@ GOLDEN = Path(__file__).parent / "presliding_report.txt"
 
 def read(joint: Joint) -> dict[str, Any]:
     """The joint as results.json holds it, after it was held to the schema."""
-    document = json.loads(summary.to_json([joint]))
-    jsonschema.Draft202012Validator(summary.schema()).validate(document)
+    document = json.loads(results_file.to_json([joint]))
+    jsonschema.Draft202012Validator(results_file.schema()).validate(document)
     found: dict[str, Any] = document["joints"][joint.name]
     return found
 
@@ -86,13 +86,13 @@ def test_json_holds_the_doubts_of_the_runs_as_a_whole(slow: Joint) -> None:
 
 def test_frame_has_sigma_after_the_static_rows_of_each_direction(slow: Joint) -> None:
     """sigma_0 is the recommended one; a direction that only presliding knows comes after all others."""
-    frame = summary.to_frame([slow])
+    frame = results_file.to_frame([slow])
     names = ["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"]
     assert list(frame["parameter"]) == 2 * names
     assert list(frame["direction"]) == 6 * ["+"] + 6 * ["-"]
     assert list(frame[frame["parameter"] == "sigma_0"]["value"]) == [TABLE_1[d].sigma_0 for d in ("+", "-")]
     both = replace(slow, static={"both": slow.static["+"]})
-    assert list(summary.to_frame([both])["direction"]) == 4 * ["both"] + 2 * ["+"] + 2 * ["-"]
+    assert list(results_file.to_frame([both])["direction"]) == 4 * ["both"] + 2 * ["+"] + 2 * ["-"]
 
 
 def test_parameters_know_the_true_sigma_and_its_absence(slow: Joint) -> None:
@@ -137,7 +137,7 @@ def test_tables_without_presliding_runs_have_their_columns(joint: Joint) -> None
 
 def test_presliding_report_is_the_golden_file(slow: Joint) -> None:
     """The blocks of the printed report are presliding_report.txt, word for word; BRISTLE_REGENERATE=1 rewrites it."""
-    text = summary.fit_report(
+    text = results_file.fit_report(
         [replace(only(slow, fits={"+": slow_fit("+"), "-": nothing_seen("-")}), static={}, crosscheck={})]
     )
     if os.environ.get("BRISTLE_REGENERATE"):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from bristle.identification.estimate import Joint
-from bristle.report import presliding, presliding_figures
-from bristle.report.style import render_as
+from bristle.identification.results import Joint
+from bristle.page.style import render_as
+from bristle.questions.joint_report import presliding, presliding_figures
 
 from .conftest import HOSTILE, QUANTUM, TABLE_1, closed_cycle, loaded, loading, nothing_seen, only, slow_fit
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bristle.report.spreadsheet import to_csv
+from bristle.page.spreadsheet import to_csv
 
 SOURCE = Path(__file__).parents[2] / "src" / "bristle"
 FORMULAS = [

@@ -11,9 +11,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bristle.identification.estimate import Joint, TrackingFit
-from bristle.report import summary, tables
-from bristle.report.tracking import agreement, split
+from bristle.identification.results import Joint, TrackingFit
+from bristle.questions.joint_report import results_file, tables
+from bristle.questions.joint_report.dynamic import agreement, split
 
 from .conftest import TABLE_1
 from .moving import DIFFER, UNSEEN, VALUES, compared, moving, tracked, without
@@ -35,8 +35,8 @@ def of(fit: TrackingFit | None) -> TrackingFit:
 
 def read(joint: Joint) -> dict[str, Any]:
     """The joint as results.json holds it, after it was held to the schema."""
-    document = json.loads(summary.to_json([joint]))
-    jsonschema.Draft202012Validator(summary.schema()).validate(document)
+    document = json.loads(results_file.to_json([joint]))
+    jsonschema.Draft202012Validator(results_file.schema()).validate(document)
     found: dict[str, Any] = document["joints"][joint.name]
     return found
 
@@ -104,14 +104,14 @@ def test_split_gives_direction_and_bare_name() -> None:
 
 def test_frame_gains_rows_and_a_last_column(moved: Joint, joint: Joint) -> None:
     """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns."""
-    frame = summary.to_frame([moved])
-    old = list(summary.to_frame([joint]).columns)
+    frame = results_file.to_frame([moved])
+    old = list(results_file.to_frame([joint]).columns)
     assert list(frame.columns) == [*old, "source"]
     assert old[-1] == "doubts"
     assert list(frame["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"]) + 13 * ["joint"]
     assert list(frame["direction"])[12:] == 6 * ["+"] + 6 * ["-"] + ["shared"]
     assert frame["value"].iloc[-1] == of(moved.joint_fit).parameters["inertia"].value
-    alone = summary.to_frame([replace(moved, joint_fit=None)])
+    alone = results_file.to_frame([replace(moved, joint_fit=None)])
     assert list(alone["source"])[12:] == 13 * ["tracking"]
 
 
@@ -179,7 +179,7 @@ def test_table_1_lists_nothing_twice(moved: Joint) -> None:
 
 def test_report_is_the_golden_file(moved: Joint) -> None:
     """The blocks of the printed report are tracking_report.txt, word for word; BRISTLE_REGENERATE=1 rewrites it."""
-    text = summary.fit_report([replace(moved, static={}, crosscheck={}, presliding=None)])
+    text = results_file.fit_report([replace(moved, static={}, crosscheck={}, presliding=None)])
     if os.environ.get("BRISTLE_REGENERATE"):
         GOLDEN.write_text(text, encoding="utf-8")
     assert text == GOLDEN.read_text(encoding="utf-8")

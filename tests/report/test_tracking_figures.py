@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from bristle.identification.estimate import Joint
-from bristle.report import tracking_figures
-from bristle.report.style import render_as
+from bristle.identification.results import Joint
+from bristle.page.style import render_as
+from bristle.questions.joint_report import dynamic_figures
 
 from .conftest import HOSTILE
 from .moving import REVERSAL, STRETCH, moving, tracked
@@ -15,17 +15,17 @@ from .moving import REVERSAL, STRETCH, moving, tracked
 
 def both(joint: Joint) -> list[Figure]:
     """Both figures of a joint."""
-    drawn = (tracking_figures.course_figure(joint), tracking_figures.velocity_figure(joint))
+    drawn = (dynamic_figures.course_figure(joint), dynamic_figures.velocity_figure(joint))
     return [figure for figure in drawn if figure is not None]
 
 
 def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
     """The piece holds the reversal with the largest acceleration, lasts no longer than SPAN, and crosses no boundary."""
     fit = tracked()
-    own = tracking_figures.window(fit)
+    own = dynamic_figures.window(fit)
     assert own.start >= STRETCH
     assert fit.time[own.start] < REVERSAL < fit.time[own.stop - 1]
-    assert fit.time[own.stop - 1] - fit.time[own.start] <= tracking_figures.SPAN + 1e-9
+    assert fit.time[own.stop - 1] - fit.time[own.start] <= dynamic_figures.SPAN + 1e-9
 
 
 @pytest.mark.parametrize("seconds", [0.5, 2.0, 30.0])
@@ -33,25 +33,25 @@ def test_window_of_a_stretch_without_reversals_begins_with_it(seconds: float) ->
     """A joint that never turns, and a stretch that is shorter than SPAN, are shown from their start."""
     t = np.linspace(0.0, seconds, 301)
     fit = tracked(time=t, velocity=np.ones(301), measured=t, residuals=0 * t, starts_of_runs=(0,))
-    own = tracking_figures.window(fit)
+    own = dynamic_figures.window(fit)
     assert own.start == 0
-    assert t[own.stop - 1] == pytest.approx(min(seconds, tracking_figures.SPAN), abs=seconds / 300)
+    assert t[own.stop - 1] == pytest.approx(min(seconds, dynamic_figures.SPAN), abs=seconds / 300)
 
 
 def test_window_near_the_end_keeps_its_length() -> None:
     """A reversal in the last moment of a stretch is shown with what came before it."""
     t = np.arange(1000) / 100
     fit = tracked(time=t, velocity=np.where(t < 9.9, 1.0, -1.0), measured=t, residuals=0 * t, starts_of_runs=(0,))
-    own = tracking_figures.window(fit)
+    own = dynamic_figures.window(fit)
     assert own.stop == 1000
-    assert t[own.stop - 1] - t[own.start] == pytest.approx(tracking_figures.SPAN, abs=0.011)
+    assert t[own.stop - 1] - t[own.start] == pytest.approx(dynamic_figures.SPAN, abs=0.011)
 
 
 def test_stretches_are_told_apart() -> None:
     """Every equation belongs to one stretch, and none is in two; an empty one is left out."""
     fit = tracked()
-    assert tracking_figures.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
-    assert tracking_figures.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
+    assert dynamic_figures.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
+    assert dynamic_figures.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
 
 
 def test_no_line_crosses_a_boundary() -> None:
@@ -107,7 +107,7 @@ def test_few_points_are_drawn_of_many() -> None:
     )
     for figure in both(replace(moving(), joint_fit=fit)):
         sizes = [len(np.asarray(line.get_xdata())) for ax in figure.axes for line in ax.get_lines()]
-        assert max(sizes) <= tracking_figures.MOST
+        assert max(sizes) <= dynamic_figures.MOST
         assert len(render_as(figure, "svg")) < 200_000
 
 

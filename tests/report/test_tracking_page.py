@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from bristle.identification.estimate import Joint
-from bristle.report import page, sections
-from bristle.report.advice import next_measurements
+from bristle.identification.results import Joint
+from bristle.questions.joint_report import page, sections
+from bristle.questions.joint_report.next_measurements import next_measurements
 
 from .conftest import HOSTILE
 from .moving import DIFFER, UNSEEN, moving, tracked

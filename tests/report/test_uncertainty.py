@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bristle.data.options import FitOptions
-from bristle.identification.estimate import Joint, StaticFit, Uncertainty
-from bristle.identification.fit import Where, fit_static
-from bristle.identification.regression import from_points
-from bristle.model.arrays import Array
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.identification.results import Joint, StaticFit, Uncertainty
+from bristle.identification.static.fit import Where, fit_static
+from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind
-from bristle.report import page, summary, uncertainty
-from bristle.report.curves import curve
-from bristle.report.wording import MISSING
+from bristle.page.wording import MISSING
+from bristle.questions.joint_report import interval_figures, page, results_file
+from bristle.questions.joint_report.curves import curve
 
 from .conftest import TABLE_1
 
@@ -74,14 +74,14 @@ def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
 def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
     """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
     joint = built(fits(SPEEDS, 1e-4, kind), kind)
-    frame = uncertainty.uncertainty([joint, replace(joint, name="other")])
+    frame = interval_figures.uncertainty([joint, replace(joint, name="other")])
     assert list(frame["joint"].unique()) == ["wrist", "other"]
     own = frame[frame["joint"] == "wrist"].set_index("parameter")
     order = ("alpha_0", "alpha_1", "alpha_2", "v_s")
     assert tuple(own.loc[list(order), "unit"]) == UNITS[kind]
     for name in order:
         three = joint.static["+"].uncertainty[name]
-        for way in uncertainty.WAYS:
+        for way in interval_figures.WAYS:
             assert (own.loc[name, f"{way}_lower"], own.loc[name, f"{way}_upper"]) == getattr(three, way)
         assert own.loc[name, "value"] == joint.static["+"].parameters[name].value
     assert all(frame[c].dtype == float for c in frame.columns if c.endswith(("lower", "upper")))
@@ -90,17 +90,17 @@ def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -
 def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
     """A joint without fits, and no joint at all: the columns and no row, and no figure."""
     for joints in ([], [slide]):
-        frame = uncertainty.uncertainty(joints)
+        frame = interval_figures.uncertainty(joints)
         assert frame.empty
         assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
-    assert uncertainty.figures(slide) == {}
-    assert uncertainty.section(slide)["tables"] == {}
+    assert interval_figures.figures(slide) == {}
+    assert interval_figures.section(slide)["tables"] == {}
 
 
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
     joint = changed(open_, "alpha_0", bootstrap=None, doubts=("No bootstrap: <b>few</b> blocks.",))
-    cells = {cell for row in uncertainty.section(joint)["tables"]["static"].rows for cell in row}
+    cells = {cell for row in interval_figures.section(joint)["tables"]["static"].rows for cell in row}
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)
     page.write_report([joint], tmp_path, title="t", seed=0)
@@ -117,31 +117,31 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     assert read["profile_upper"]["alpha_1"] == np.inf
     assert read["bootstrap_lower"].isna().to_dict() == dict.fromkeys(read.index, False) | {"alpha_0": True}
     assert "nan" not in table.read_text(encoding="utf-8").lower()
-    assert "NaN" not in summary.to_json([joint])
+    assert "NaN" not in results_file.to_json([joint])
 
 
 def test_figures_have_a_panel_per_parameter_with_all_it_says(good: Joint) -> None:
     """One figure per fit and direction; each panel: unit on its axis, three bars at the very ends, threshold at one, the estimate dashed."""
     joint = built({"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
-    drawn = uncertainty.figures(joint)
+    drawn = interval_figures.figures(joint)
     assert set(drawn) == {"static-positive", "static-negative"}
     axes = [ax for ax in drawn["static-positive"]().axes if ax.has_data()]
     assert len(axes) == 4
     for ax, (name, own) in zip(axes, good.static["+"].uncertainty.items(), strict=True):
         assert re.search(r"\([^()]+\)$", ax.get_xlabel())
         lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
-        for way in uncertainty.WAYS:
+        for way in interval_figures.WAYS:
             assert lines[way] == pytest.approx(getattr(own, way))
         assert lines["cost (1: threshold)"] == pytest.approx(own.curve[0])
         value = good.static["+"].parameters[name].value
         assert any(line.get_xdata()[0] == value for line in ax.lines if len(line.get_xdata()) == 2)  # type: ignore[arg-type,index]
         low, high = ax.get_xlim()
-        assert all(low <= end <= high for way in uncertainty.WAYS for end in getattr(own, way))
+        assert all(low <= end <= high for way in interval_figures.WAYS for end in getattr(own, way))
 
 
 def test_open_intervals_are_drawn_within_a_finite_frame(open_: Joint) -> None:
     """Open ends reach the frame's edge; every axis is finite and holds its estimate."""
-    for draw in uncertainty.figures(open_).values():
+    for draw in interval_figures.figures(open_).values():
         for ax, (name, own) in zip(
             (ax for ax in draw().axes if ax.has_data()), open_.static["+"].uncertainty.items(), strict=True
         ):
@@ -154,7 +154,7 @@ def test_open_intervals_are_drawn_within_a_finite_frame(open_: Joint) -> None:
 
 def test_results_keep_the_three_intervals(open_: Joint) -> None:
     """results.json holds every interval to the last digit, infinity as a word."""
-    text = summary.to_json([open_])
+    text = results_file.to_json([open_])
     assert '"inf"' in text
     for own in open_.static["+"].uncertainty.values():
         for interval in (own.covariance, own.profile, own.bootstrap):

@@ -23,11 +23,12 @@ from typing import Any, Literal, NamedTuple, get_args
 import casadi as ca
 import numpy as np
 
+from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model import law as friction
-from bristle.model.arrays import Array, evaluate
 from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
 
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""

@@ -25,8 +25,8 @@ from bristle.control.adaptation import start as nothing_learnt
 from bristle.control.pid import differentiated
 from bristle.errors import InputError
 from bristle.model import functions, law
-from bristle.model.arrays import bound
 from bristle.model.parameters import Pair, pair_of
+from bristle.model.vectorize import bound
 
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from bristle.control import compensator as compensating
 from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, rate
-from bristle.control.closed import Trajectory
+from bristle.control.closed_loop import Trajectory
 from bristle.control.compensator import Compensator, Measurement, Reference
-from bristle.control.loop import plant_rates
+from bristle.control.plant import plant_rates
 from bristle.control.wiring import Case
 from bristle.errors import InputError
 from bristle.model import law, motor

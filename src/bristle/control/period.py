@@ -8,11 +8,11 @@ import casadi as ca
 
 from bristle.control import compensator as compensating
 from bristle.control.compensator import Measurement, Reference
-from bristle.control.loop import Current, inductive_step, plant_rates, plant_step
-from bristle.control.loop import State as Plant
 from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
+from bristle.control.plant import Current, inductive_step, plant_rates, plant_step
+from bristle.control.plant import State as Plant
+from bristle.control.sensors import quantise
 from bristle.control.wiring import Case, Wiring
-from bristle.data.sensor import quantise
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair, pair_of
 

@@ -15,12 +15,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from bristle.arrays import Array
 from bristle.control.compensator import Compensator
 from bristle.control.period import controlled, moved, numbers_of, plant_size
 from bristle.control.wiring import Case, Wiring
 from bristle.errors import InputError
 from bristle.model import law, motor
-from bristle.model.arrays import Array
 from bristle.model.parameters import Lugre, Motor, Pair
 
 _FAST = 1e3

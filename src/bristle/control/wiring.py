@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
+from bristle.arrays import Array
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains, Sliding
 from bristle.errors import InputError
-from bristle.model.arrays import Array
 from bristle.model.parameters import Motor, Pair
 
 _SOFT: Sliding[float] = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.0)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bristle.arrays import Array
 from bristle.data.columns import Key
-from bristle.data.document import Model
-from bristle.data.reading import Table
+from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals
+from bristle.data.experiment.yaml_file import Model
 from bristle.data.record import Record
-from bristle.data.signals import Cleaning, Context, Signal, Signals
+from bristle.data.text_table import Table
 from bristle.errors import InputError
-from bristle.model.arrays import Array
 
 _TURN = 2 * np.pi
 _LATEST = 0.1

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from bristle.data.document import short
+from bristle.arrays import Array
+from bristle.data.experiment.yaml_file import short
 from bristle.errors import InputError
-from bristle.model.arrays import Array
 
 MAX_VALUES = 200_000_000
 """Most numbers that are read from one file: a small compressed file can hold very many."""

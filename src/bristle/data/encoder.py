@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bristle.data.experiment import Experiment
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.model.arrays import Array
 
 _NEAR, _ENOUGH = 50.0, 8
 """Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid by chance."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from bristle.data.document import short
+from bristle.data.experiment.yaml_file import short
 from bristle.errors import InputError
 
 _SAMPLE, _MOST = 2**18, 3 * 2**20

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.model.arrays import Array
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -8,7 +8,7 @@ import tokenize
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from bristle.data.document import short
+from bristle.data.experiment.yaml_file import short
 from bristle.errors import InputError
 
 if TYPE_CHECKING:

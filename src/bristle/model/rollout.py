@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bristle.arrays import Array
 from bristle.model import functions
-from bristle.model.arrays import Array, evaluate, scan, vectorised
-from bristle.model.nodes import Index, Nodes, inserted, refined
 from bristle.model.parameters import Lugre, Pair
+from bristle.model.time_refinement import Index, Nodes, inserted, refined
+from bristle.model.vectorize import evaluate, scan, vectorised
 
 _CHUNK = 15_000
 """Samples worked on at a time."""

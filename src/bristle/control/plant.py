@@ -1,0 +1,232 @@
+"""The closed loop: motor and LuGre friction, a sampled encoder and a controller, stepped together in CasADi.
+
+Velocity and bristle are one stiff pair: a joint in stick rings at sqrt(sigma_0 / J). With lambda(v) frozen, (4) and (7) are linear in (v, z),
+
+    d(v, z)/dt = A (v, z) + b,   tr A < 0 < det A,
+
+and are stepped by the exponential of the 2x2 matrix A in closed form: stable for any stiffness and any step. lambda is frozen at the velocity that an
+implicit half step predicts, which makes the step second order where the motion is smooth. A and b come from the law and the motor by differentiation.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.control.pid import AT_REST, Gains, Memory, pid
+from bristle.control.sensors import quantise
+from bristle.model import law, motor
+from bristle.model.parameters import Motor, Pair
+
+Expression = Any
+"""A float or a CasADi symbol: CasADi carries no types."""
+
+Current = Callable[[Expression, Expression, Motor[Any]], Expression]
+"""(drive, velocity, motor) -> armature current, A: `motor.current` or `motor.current_for`."""
+
+_INPUTS = 4
+_CHUNK = 100
+"""Logged samples of every scenario in one CasADi call: what bounds the memory."""
+THREADS = 2
+"""That CasADi runs cases on."""
+
+_TINY = 1e-100
+"""Keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where both are exact to rounding."""
+
+
+class State(NamedTuple):
+    """The plant at one instant."""
+
+    position: Expression
+    """rad."""
+    velocity: Expression
+    """rad/s."""
+    deflection: Expression
+    """Bristle deflection z, rad."""
+
+
+STILL = State(0.0, 0.0, 0.0)
+
+
+class Clock(NamedTuple):
+    """The times of a sampled loop."""
+
+    period: float
+    """Control period, s."""
+    substeps: int
+    """Plant steps in one control period."""
+    decimation: int
+    """Control periods between logged samples."""
+
+
+class Loop(NamedTuple):
+    """A plant under PID control: everything that a run needs but its reference and its disturbance."""
+
+    pair: Pair[float]
+    motor: Motor[float]
+    gains: Gains[float]
+    torque_limit: float
+    """Largest torque that the controller asks for, N*m."""
+    resolution: float
+    """Encoder, rad per count."""
+    clock: Clock
+
+
+class Log(NamedTuple):
+    """What a run gives at each logged instant; arrays of shape (scenarios, samples)."""
+
+    position: Array
+    """The encoder's reading, rad."""
+    voltage: Array
+    """The mean voltage until the next logged instant, V: sampled, the controller's ripple would alias into it."""
+    velocity: Array
+    """The true velocity, rad/s."""
+    deflection: Array
+    """The true bristle deflection, rad."""
+
+
+def exponential(A: Expression, h: Expression) -> Expression:
+    """exp(A h) of a 2x2 matrix whose eigenvalues have no positive real part, in closed form.
+
+    With m = tr A / 2 and d = m**2 - det A:  exp(A h) = c I + s (A - m I), where c = exp(m h) cosh(sqrt(d) h), s = exp(m h) sinh(sqrt(d) h) / sqrt(d),
+    or their cosine and sine where d < 0. Every exponent is <= 0, so nothing overflows; equal eigenvalues need no case of their own.
+    """
+    m = (A[0, 0] + A[1, 1]) / 2
+    d = ((A[0, 0] - A[1, 1]) / 2) ** 2 + A[0, 1] * A[1, 0]
+    w = ca.sqrt(ca.fabs(d) + _TINY)
+    slow, decay = ca.exp((m + w) * h), ca.exp(m * h)
+    forgotten = -ca.expm1(-2 * w * h)
+    c = ca.if_else(d < 0, decay * ca.cos(w * h), slow * (1 - forgotten / 2))
+    s = ca.if_else(d < 0, decay * ca.sin(w * h), slow * forgotten / 2) / w
+    return c * ca.SX.eye(2) + s * (A - m * ca.SX.eye(2))
+
+
+def plant_rates(
+    v: Expression,
+    z: Expression,
+    drive: Expression,
+    load: Expression,
+    pair: Pair[Any],
+    m: Motor[Any],
+    current: Current,
+    at: tuple[Expression, Expression] | None = None,
+) -> Expression:
+    """d(v, z)/dt, (2, 1), from (2), (4) and (6); with `at`, lambda and the sets are those of that (v, z) instead."""
+    v_at, z_at = at or (v, z)
+    p = law.active(z_at, v_at, pair)
+    friction = law.torque(z, v, p, at=v_at)
+    return ca.vertcat(motor.acceleration(current(drive, v, m), friction - load, m), law.bristle_rate(z, v, p, at=v_at))
+
+
+def _frozen(
+    at: Expression, drive: Expression, load: Expression, pair: Pair[Any], m: Motor[Any], current: Current
+) -> tuple[Expression, Expression]:
+    """A, b of d(v, z)/dt = A (v, z) + b with lambda frozen at a (v, z)."""
+    x = ca.SX.sym("x", 2)
+    rates = plant_rates(x[0], x[1], drive, load, pair, m, current, at=(at[0], at[1]))
+    return ca.jacobian(rates, x), ca.substitute(rates, x, ca.SX.zeros(2))
+
+
+def plant_step(
+    state: State,
+    drive: Expression,
+    load: Expression,
+    h: Expression,
+    pair: Pair[Any],
+    m: Motor[Any],
+    current: Current = motor.current,
+) -> State:
+    """The plant after h seconds at a constant drive and disturbing torque `load` (N*m, positive along positive velocity).
+
+    The drive is a voltage (V) under `motor.current`, a torque (N*m) under `motor.current_for`; pair and motor hold floats or CasADi symbols.
+    """
+    x = ca.vertcat(state.velocity, state.deflection)
+    A, b = _frozen(x, drive, load, pair, m, current)
+    middle = ca.inv_minor(ca.SX.eye(2) - h / 2 * A) @ (x + h / 2 * b)
+    A, b = _frozen(middle, drive, load, pair, m, current)
+    inverse = ca.inv_minor(A)
+    rest = -inverse @ b
+    new = rest + exponential(A, h) @ (x - rest)
+    travel = inverse @ (new - x - h * b)
+    return State(state.position + travel[0], new[0], new[1])
+
+
+def inductive_step(
+    state: State, i: Expression, V: Expression, load: Expression, h: Expression, pair: Pair[Any], m: Motor[Any]
+) -> tuple[State, Expression]:
+    """The plant and its armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m; needs L > 0.
+
+    The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, its back-EMF part of the frozen system; then the current lags at the pair's mean
+    velocity. Second order, stable for any L / R against h; with L -> 0 it is `plant_step`.
+    """
+    a, phi = motor.lag(h, m)
+    new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
+    mean = (new.position - state.position) / h
+    return new, a * i + (1 - a) * motor.current(V, mean, m)
+
+
+@lru_cache(maxsize=64)
+def _tick(loop: Loop) -> ca.Function:
+    """One control period: (memory, (reference, its velocity, feed-forward, disturbance)) -> (memory, (reading, voltage, velocity, deflection))."""
+    memory, u = ca.SX.sym("memory", 6), ca.SX.sym("u", _INPUTS)
+    state, control = State(*ca.vertsplit(memory[:3])), Memory(*ca.vertsplit(memory[3:]))
+    reference, speed, forward, load = ca.vertsplit(u)
+    reading = quantise(state.position, loop.resolution)
+    period, substeps, _ = loop.clock
+    demand, control = pid(control, reference - reading, period, loop.gains, loop.torque_limit)
+    V = motor.voltage(demand + forward, speed, loop.motor)
+    new = state
+    for _ in range(substeps):
+        new = plant_step(new, V, load, period / substeps, loop.pair, loop.motor)
+    log = ca.vertcat(reading, V, state.velocity, state.deflection)
+    return ca.Function("tick", [memory, u], [ca.vertcat(*new, *control), log], {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def _run(loop: Loop, samples: int, scenarios: int) -> ca.Function:
+    """Many logged samples of many scenarios: `decimation` ticks make a sample, which logs its first tick and its mean voltage."""
+    n = loop.clock.decimation
+    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", _INPUTS, n)
+    ends, logs = _tick(loop).mapaccum(n)(memory, u)
+    log = ca.vertcat(logs[0, 0], ca.sum2(logs[1, :]) / n, logs[2:, 0])
+    sample = ca.Function("sample", [memory, u], [ends[:, -1], log])
+    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", _INPUTS, n * samples)
+    ends, logs = sample.mapaccum(samples)(memory, u)
+    run = ca.Function("run", [memory, u], [ends[:, -1], logs])
+    return run.map(scenarios, "thread", THREADS) if scenarios > 1 else run
+
+
+def simulate(
+    loop: Loop,
+    reference: Array,
+    speed: Array,
+    load: Array,
+    start: State = STILL,
+    forward: Array | float = 0.0,
+) -> Log:
+    """Runs the loop from `start`, controller at rest, once for each disturbance.
+
+    reference (rad) and its velocity speed (rad/s), shape (periods,); load, the disturbing torque (N*m), shape (scenarios, periods); forward, a torque
+    (N*m) added to the controller's, shape (periods,): with gains of zero the loop is open. Each value holds over one control period; periods must be
+    a multiple of the clock's decimation, else ValueError. Each number of `start` is one for all scenarios, or an array (scenarios,).
+    """
+    scenarios, periods = load.shape
+    samples, rest = divmod(periods, loop.clock.decimation)
+    if rest or reference.shape != (periods,) or speed.shape != (periods,):
+        raise ValueError(
+            f"the disturbance has {periods} control periods, reference and speed have {reference.size} and {speed.size}; "
+            f"expected the same number, a multiple of the decimation {loop.clock.decimation}"
+        )
+    memory: Any = np.array([np.broadcast_to(x, scenarios) for x in (*start, *AT_REST)])
+    forward = np.broadcast_to(forward, periods)
+    logs = np.empty((4, scenarios, samples))
+    for first in range(0, samples, _CHUNK):
+        last = min(first + _CHUNK, samples)
+        window = slice(first * loop.clock.decimation, last * loop.clock.decimation)
+        part = np.broadcast_arrays(reference[window], speed[window], forward[window], load[:, window])
+        memory, log = _run(loop, last - first, scenarios)(memory, np.stack(part).reshape(_INPUTS, -1))
+        logs[:, :, first:last] = log.full().reshape(4, scenarios, last - first)
+    return Log(*logs)

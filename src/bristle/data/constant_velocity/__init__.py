@@ -1,0 +1,1 @@
+"""Segments of constant velocity in a log: found, described, accepted or rejected."""

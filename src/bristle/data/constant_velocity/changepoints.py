@@ -1,0 +1,184 @@
+"""Where to look for constant velocity: a run cut into stretches of constant acceleration, each a plateau or not.
+
+The cut depends on the data alone, on no threshold, so that loosening a threshold can only let more of the same candidates in.
+Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic programming over the marginal likelihood
+of each line with an unknown noise of its own. The block length is the one whose plateaus last longest in all; what lies between them is cut
+again, finer.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import gammaln
+
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import autocorrelation
+
+_SHORTEST = 6
+"""Blocks in a plateau: enough to tell a drift from noise."""
+_SMALLEST = 4
+"""Samples in a block."""
+_BLOCKS = (16, 32, 64, 128, 256, 512, 2048)
+_ENOUGH = 512
+"""Blocks beyond which one looks only where no more than half is explained: the work grows with their square."""
+_COLUMNS = 64
+"""Ends of lines whose costs are found at once."""
+_CONSTANT = 0.05
+"""Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion, not less noise."""
+_TRIMS = 64
+"""Parts of a plateau of which the first may be dropped."""
+_PRIOR = 4.0
+"""Degrees of freedom of the prior on each line's noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Samples start to stop - 1 of a run, which look like a plateau or do not."""
+
+    start: int
+    stop: int
+    plateau: bool
+    score: float = 0.0
+    """Samples explained as motion at constant velocity; fewer the more the velocity swings."""
+
+
+def stretches(velocity: Array, torque: Array, start: int, stop: int) -> list[Stretch]:
+    """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order; with no plateau, into lines.
+
+    Args:
+        velocity: rad/s, shape (n,).
+        torque: N*m, shape (n,): a plateau begins once both have settled.
+        start: first sample.
+        stop: one past the last sample.
+    """
+    found = [_without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))]
+    if not found and stop - start >= _BLOCKS[0] * _SMALLEST:
+        return _cut(velocity, torque, start, stop, min(_ENOUGH // 2, (stop - start) // _SMALLEST))
+    edges = [start, *(edge for s in found for edge in (s.start, s.stop)), stop]
+    between = [Stretch(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+    return sorted([*found, *between], key=lambda s: s.start)
+
+
+def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Stretch]:
+    if stop - start < _BLOCKS[0] * _SMALLEST:
+        return []
+    best: list[Stretch] = []
+    most = 0.0
+    for blocks in _BLOCKS:
+        if stop - start < blocks * _SMALLEST or (blocks > _ENOUGH and most > 0.5 * (stop - start)):
+            break
+        cut = _cut(velocity, torque, start, stop, blocks)
+        total = sum(s.score for s in cut)
+        if total > 1.05 * most:
+            best, most = cut, total
+    if not best:
+        return []
+    found: list[Stretch] = []
+    edge = start
+    for plateau in (s for s in best if s.plateau):
+        found += [*_plateaus(velocity, torque, edge, plateau.start), plateau]
+        edge = plateau.stop
+    return found + _plateaus(velocity, torque, edge, stop)
+
+
+def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> list[Stretch]:
+    length = (stop - start) // blocks
+    blocks = (stop - start) // length
+    u, t = (x[start : start + blocks * length].reshape(blocks, length).mean(axis=1) for x in (velocity, torque))
+    edges = start + length * np.arange(blocks + 1)
+    edges[-1] = stop
+    found = []
+    for i, j in _lines(u):
+        first, last = _settled(u, t, i, j) if j - i >= _SHORTEST else (i, j)
+        a, b = int(edges[first]), int(edges[last])
+        score = _score(u[first:last], velocity[a:b])
+        found += [Stretch(a, b, True, score)] if score else [Stretch(int(edges[i]), int(edges[j]), False)]
+    return found
+
+
+def _lines(u: Array) -> list[tuple[int, int]]:
+    """Divide u among straight lines: the optimal partition under minus twice the log marginal likelihood, with a penalty per line."""
+    n = u.size
+    penalty = 6 * np.log(n)
+    k = np.arange(n) - n / 2
+    sums = np.array([np.r_[0.0, np.cumsum(x)] for x in (np.ones(n), k, k * k, u, u * u, k * u)])
+    noise = float(np.median(np.abs(np.diff(u, 2)))) / (0.6745 * np.sqrt(6)) + 1e-9 * float(np.abs(u).max())
+    constant = gammaln((np.arange(n + 1) + _PRIOR) / 2) * 2 - np.arange(n + 1) * np.log(_PRIOR)
+    best, previous = np.zeros(n + 1), np.zeros(n + 1, dtype=int)
+    for j in range(1, n + 1):
+        if j % _COLUMNS == 1:
+            columns = _line_costs(sums[:, j : j + _COLUMNS, None] - sums[:, None, :], max(noise, 1e-150))
+        total = best[:j] + columns[(j - 1) % _COLUMNS, :j] - constant[j:0:-1]
+        previous[j] = int(np.argmin(total))
+        best[j] = total[previous[j]] + penalty
+    ends = [n]
+    while ends[-1] > 0:
+        ends.append(int(previous[ends[-1]]))
+    return list(zip(ends[:0:-1], ends[-2::-1], strict=True))
+
+
+def _line_costs(sums: Array, noise: float) -> Array:
+    """Minus twice the log marginal likelihood of lines through blocks, noise integrated out, but for terms in their number alone.
+
+    The prior scale is the noise between neighbouring blocks, and no less than 1 % of the line's mean: what is flatter than that is flat.
+
+    Args:
+        sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no meaning.
+        noise: standard deviation between neighbours.
+    """
+    m, sk, skk, su, suu, sku = sums
+    m = np.maximum(m, 1)
+    spread, covariance = skk - sk * sk / m, sku - sk * su / m
+    covariance[m < 2] = 0.0
+    residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
+    scale = noise**2 + (0.01 * su / m) ** 2
+    return np.asarray((m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale))
+
+
+def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
+    """Blocks i to j - 1 without those at either end whose mean velocity or torque is off the others' median by over four deviations."""
+    outside = np.zeros(j - i, dtype=bool)
+    for x in (u[i:j], t[i:j]):
+        off = np.abs(x - np.median(x))
+        outside |= off > max(4 * float(np.median(off)) / 0.6745, 1e-3 * float(np.abs(np.median(x))))
+    inside = np.flatnonzero(~outside)
+    return (i + int(inside[0]), i + int(inside[-1]) + 1) if inside.size else (i, i)
+
+
+def _without_edges(velocity: Array, found: list[Stretch]) -> list[Stretch]:
+    """Without plateaus that are the edge of another: no further from it than they are long, a third as long or less, at its speed within 10 %."""
+    kept: list[tuple[Stretch, float]] = []
+    for s in sorted(found, key=lambda s: s.start - s.stop):
+        length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
+        if not any(
+            max(k.start - s.stop, s.start - k.stop) <= length
+            and k.stop - k.start >= 3 * length
+            and abs(mean - speed) <= 0.1 * abs(speed)
+            for k, speed in kept
+        ):
+            kept.append((s, mean))
+    return sorted((s for s, _ in kept), key=lambda s: s.start)
+
+
+def _without_transient(torque: Array, s: Stretch) -> Stretch:
+    """A plateau from where its mean torque has the least standard error, in its first quarter: the marginal standard error rule (White, 1997)."""
+    length = max((s.stop - s.start) // _TRIMS, 1)
+    count = (s.stop - s.start) // length
+    t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)
+    errors = [float(np.var(t[d:])) / (count - d) for d in range(count // 4 + 1)]
+    return replace(s, start=s.start + length * int(np.argmin(errors)))
+
+
+def _score(u: Array, v: Array) -> float:
+    """Samples explained if block means u and samples v are a plateau; zero if they are none."""
+    m = u.size
+    if m < _SHORTEST:
+        return 0.0
+    mean = float(abs(u.mean()))
+    slope, level = np.polyfit(np.arange(m), u, 1)
+    sd = float(np.std(u - (level + slope * np.arange(m)))) * np.sqrt(m / (m - 2))
+    drifts = abs(slope) * m > max(0.1 * mean, 3 * sd * np.sqrt(12 / m))
+    if drifts or mean <= 5 * sd / np.sqrt(m):
+        return 0.0
+    swing = float(np.var(v)) * max(float(autocorrelation(v)[min(2, v.size - 1)]), 0.0)
+    return v.size / (1 + 6 * max(float(np.sqrt(swing)) / mean - _CONSTANT, 0.0))

@@ -1,0 +1,187 @@
+"""Constant-velocity segments of ramp runs: each candidate accepted or rejected, with its reason."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.acceptance import Thresholds, doubts, reasons, sticks
+from bristle.data.constant_velocity.changepoints import Stretch, stretches
+from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import residual_doubts
+
+__all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_doubts"]
+
+_MISTAKES = {
+    "a velocity in deg/s read as rad/s (or a position in rad read as deg)": np.pi / 180,
+    "a velocity in rpm read as rad/s": np.pi / 30,
+    "a velocity in turns/s read as rad/s": 2 * np.pi,
+    "a position in deg read as rad": 180 / np.pi,
+    "a position in turns read as rad": 1 / (2 * np.pi),
+    "a time in ms read as s, or a position in mm read as m": 1e-3,
+    "a time in us read as s": 1e-6,
+    "a time in s read as ms, or a velocity in mm/s read as m/s": 1e3,
+}
+"""What the slope of the position over the logged velocity looks like."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """One candidate for a velocity-torque point."""
+
+    file: str
+    start: int
+    """First sample of the record."""
+    stop: int
+    """One past the last sample."""
+    velocity: float
+    """Mean velocity, rad/s."""
+    torque: float
+    """Mean torque, N*m."""
+    standard_error: float | None
+    """Standard error of the mean torque, corrected for autocorrelation, N*m; None where it cannot be known."""
+    accepted: bool
+    reasons: tuple[str, ...] = ()
+    """Why it was rejected, and what would have let it in."""
+    doubts: tuple[str, ...] = ()
+    """Why it is kept but not trusted fully (stick-slip)."""
+    stick_slip: bool = False
+    time: float | None = None
+    """Middle of the segment, s from the start of its run."""
+    position: float | None = None
+    """Mean position, rad."""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    """temperature and load of its run."""
+
+
+def find_segments(
+    record: Record, thresholds: Thresholds, encoder_resolution: float | None = None
+) -> tuple[Segment, ...]:
+    """Every candidate of a ramp run, in order of time, each accepted or rejected with its reasons; none crosses a gap.
+
+    Where to look depends on the data alone; `thresholds` only decide what counts. The mean velocity is the slope of the position where
+    there is one, else the mean of the velocity.
+
+    Args:
+        record: with velocity, rad/s, and torque, N*m.
+        thresholds: None entries come from the noise floor.
+        encoder_resolution: rad; by default the smallest step of the position.
+
+    Raises:
+        InputError: where the record has no velocity or no torque.
+    """
+    if record.velocity is None or record.torque is None:
+        raise InputError(
+            f"{record.file}: a ramp run needs velocity and torque; name position or velocity, and torque, under signals"
+        )
+    edges = (*record.starts, record.time.size)
+    found = [s for start, stop in pairwise(edges) for s in stretches(record.velocity, record.torque, start, stop)]
+    usual = usual_scale(record, found, encoder_resolution)
+    settling = _settling(record.velocity, found)
+    return tuple(_segment(record, s, usual, thresholds, longer) for s, longer in zip(found, settling, strict=True))
+
+
+def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
+    """One message for the case that no candidate of any run is accepted: what each threshold rejected, and what unit mistake it looks like.
+
+    Args:
+        segments: all candidates.
+        records: the runs that they were cut from.
+        thresholds: as given.
+    """
+    counts = Counter(reason.split(":")[0] for s in segments for reason in s.reasons)
+    eaten = "; ".join(f"{kind.lower()}: {count}" for kind, count in counts.most_common()) or "no samples"
+    message = f"No segment at constant velocity is left of {len(segments)} candidates in {len(records)} runs (rejected as {eaten})."
+    longest = max((s for s in segments if s.reasons), key=lambda s: (-len(s.reasons), s.stop - s.start), default=None)
+    nearest = (
+        f" Nearest, rows {longest.start}-{longest.stop} of {longest.file}: {longest.reasons[0]}" if longest else ""
+    )
+    hints = [hint for hint in (*map(unit_mistake, records), *(_magnitudes(r, thresholds) for r in records)) if hint]
+    looks = f" It looks like {Counter(hints).most_common(1)[0][0]}." if hints else ""
+    return message + nearest + looks
+
+
+def _settling(velocity: Array, found: Sequence[Stretch]) -> list[Stretch | None]:
+    """For each stretch, the plateau that it is the beginning or end of.
+
+    That is at least three times as long, at the same speed within 10 %, and reached from the stretch, in a third of its length, without ever
+    leaving that speed.
+    """
+    means = [float(np.mean(velocity[s.start : s.stop])) for s in found]
+    owner: list[Stretch | None] = [None] * len(found)
+    for j, plateau in enumerate(found):
+        reach = (plateau.stop - plateau.start) / 3
+        for way in (-1, 1):
+            k = j + way
+            while plateau.plateau and 0 <= k < len(found) and abs(means[k] - means[j]) <= 0.1 * abs(means[j]):
+                s, before = found[k], found[k - way]
+                touches = s.stop == before.start or s.start == before.stop
+                away = plateau.start - s.start if way < 0 else s.stop - plateau.stop
+                if not touches or away > reach:
+                    break
+                owner[k], k = plateau, k + way
+    return owner
+
+
+def _segment(record: Record, stretch: Stretch, usual: Scale, thresholds: Thresholds, longer: Stretch | None) -> Segment:
+    e = evidence(record, stretch, usual, thresholds.torque_limit)
+    against = reasons(e, usual, thresholds)
+    if longer is not None:
+        against = (
+            f"Settling: it is an edge of the plateau in rows {longer.start}-{longer.stop}, which is kept apart; a hold of its own would let it in.",
+            *against,
+        )
+    middle = (record.time[stretch.start] + record.time[stretch.stop - 1]) / 2 - record.time[0]
+    return Segment(
+        file=record.file,
+        start=stretch.start,
+        stop=stretch.stop,
+        velocity=e.velocity,
+        torque=e.torque,
+        standard_error=e.torque_error,
+        accepted=not against,
+        reasons=against,
+        doubts=() if against else doubts(e),
+        stick_slip=not against and sticks(e),
+        time=float(middle),
+        position=None if record.position is None else float(record.position[stretch.start : stretch.stop].mean()),
+        labels=record.labels,
+    )
+
+
+def unit_mistake(record: Record) -> str | None:
+    """Where position and velocity are both logged, their ratio betrays the unit: what it looks like, or None."""
+    if record.position is None or record.velocity is None or record.time.size < 3:
+        return None
+    inner = np.setdiff1d(np.arange(1, record.time.size), record.starts)
+    travelled = np.diff(record.position)[inner - 1]
+    expected = ((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))[inner - 1]
+    ratio = float(travelled @ expected / (expected @ expected)) if np.any(expected) else 1.0
+    if ratio <= 0:
+        return "a velocity whose sign is not that of the position (give it a negative scale)" if ratio < -0.5 else None
+    near = {what: abs(float(np.log(ratio / factor))) for what, factor in _MISTAKES.items()}
+    best = min(near, key=lambda what: near[what])
+    return f"{best} (the position moves {ratio:.3g} times as fast as the velocity says)" if near[best] < 0.1 else None
+
+
+def _magnitudes(record: Record, thresholds: Thresholds) -> str | None:
+    """A threshold, or a sampling interval, that is out of all proportion to the data."""
+    duration = float(record.time[-1] - record.time[0])
+    speed = 0.0 if record.velocity is None else float(np.max(np.abs(record.velocity)))
+    load = 0.0 if record.torque is None else float(np.median(np.abs(record.torque)))
+    if thresholds.minimum_duration is not None and duration < thresholds.minimum_duration:
+        return f"a time in s read as ms, or a segments.minimum_duration in ms (the run lasts {duration:.3g} s)"
+    if thresholds.minimum_velocity is not None and speed < thresholds.minimum_velocity:
+        return f"a segments.minimum_velocity in deg/s or rpm (the largest speed is {speed:.3g})"
+    if thresholds.torque_limit is not None and load > thresholds.torque_limit:
+        return f"a torque in mN*m read as N*m, or a motor torque against a joint limit (half of the torques exceed {load:.3g})"
+    if record.step >= 0.5:
+        return f"a time in ms read as s (the sampling interval is {record.step:.3g} s)"
+    if speed > 100:
+        return f"a velocity in deg/s or rpm read as rad/s, 57 or 9.5 times too large (the largest speed is {speed:.3g})"
+    return None

@@ -1,0 +1,261 @@
+"""The experiment file: joint, motor, signals, runs; and the runs it names, read.
+
+All quantities are in SI once the file is loaded; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is prismatic.
+"""
+
+import glob
+import os
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
+
+from bristle.data import cleaning as clean
+from bristle.data.constant_velocity.segments import Thresholds
+from bristle.data.experiment.schema import (
+    AdaptOptions,
+    FitOptions,
+    Inertia,
+    Joint,
+    MotorConstants,
+    PlanOptions,
+    RunFiles,
+    RunKind,
+    SegmentLimits,
+    Shown,
+    TrueSet,
+    read_inertia,
+)
+from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
+from bristle.data.experiment.yaml_file import Model, check_name, parse, read_text, short, validate
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.model.parameters import Kind, Lugre, Motor
+
+__all__ = [
+    "AdaptOptions",
+    "Cleaning",
+    "Experiment",
+    "FitOptions",
+    "Inertia",
+    "PlanOptions",
+    "Position",
+    "Run",
+    "Signal",
+    "Signals",
+    "Time",
+    "load_experiment",
+    "read_runs",
+]
+
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
+_NAN = float("nan")
+
+
+class Experiment(Model):
+    """An experiment file, validated, in SI."""
+
+    path: Path
+    joint: Joint
+    motor_constants: MotorConstants | None = Field(default=None, alias="motor")
+    inertia: Annotated[Inertia, BeforeValidator(read_inertia)] | None = None
+    encoder_resolution: Annotated[float, quantity("position"), Field(gt=0)] | None = None
+    """Size of one count, rad."""
+    signals: Signals = Signals()
+    runs: Annotated[tuple[RunFiles, ...], Field(min_length=1)]
+    cleaning: Cleaning = Cleaning()
+    segment_limits: SegmentLimits = Field(default=SegmentLimits(), alias="segments")
+    fit: FitOptions = FitOptions()
+    adapt: AdaptOptions = AdaptOptions()
+    plan: PlanOptions = PlanOptions()
+    simulated: StrictBool = False
+    assumptions: tuple[Shown, ...] = ()
+    true_sets: dict[Literal["+", "-", "both"], TrueSet] = Field(default_factory=dict, alias="truth")
+
+    @property
+    def motor(self) -> Motor[float] | None:
+        """The motor, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; what is not known is nan, but L, which is then 0."""
+        m = self.motor_constants
+        return None if m is None else Motor(m.torque_constant, _known(m.resistance), m.inductance, _known(m.inertia))
+
+    @property
+    def segments(self) -> Thresholds:
+        """What a constant-velocity segment must satisfy."""
+        return Thresholds(**self.segment_limits.model_dump())
+
+    @property
+    def truth(self) -> dict[str, Lugre[float]]:
+        """The true parameters by direction (+, -, both), where the data are simulated."""
+        return {
+            d: Lugre(p.alpha_0, p.alpha_1, p.alpha_2, p.v_s, _known(p.sigma_0), _known(p.sigma_1))
+            for d, p in self.true_sets.items()
+        }
+
+    @property
+    def context(self) -> Context:
+        """What its units depend on."""
+        return Context(kind=self.joint.kind, resolution=self.encoder_resolution)
+
+    @field_validator("true_sets")
+    @classmethod
+    def _both_or_each(cls, sets: dict[str, TrueSet]) -> dict[str, TrueSet]:
+        if "both" in sets and len(sets) > 1:
+            raise InputError("got both beside + or -; expected either both, or + and -")
+        return sets
+
+    @model_validator(mode="after")
+    def _runs_have_signals(self) -> "Experiment":
+        for k, run in enumerate(self.runs):
+            _check_run(self, run, f"runs.{k}")
+        return self
+
+
+def _known(value: float | None) -> float:
+    return _NAN if value is None else value
+
+
+def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
+    signals = run.signals.over(experiment.signals) if run.signals else experiment.signals
+    drive, moving = signals.drive(), run.experiment != "points"
+    if drive is None:
+        raise InputError(f"{where}: no torque; name one of torque, voltage and current under signals")
+    if moving and signals.time is None:
+        raise InputError(
+            f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
+        )
+    needs_position = run.experiment == "presliding" or (moving and "gravity" in (experiment.fit.regressors or ()))
+    if signals.position is None and (needs_position or signals.velocity is None):
+        wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
+        raise InputError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")
+    if not moving and (signals.velocity is None or drive != "torque"):
+        raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
+    constants = experiment.motor_constants
+    if drive != "torque" and (constants is None or (drive == "voltage" and constants.resistance is None)):
+        wanted = "motor.torque_constant" if constants is None else "motor.resistance"
+        raise InputError(
+            f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
+        )
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """The experiment that a YAML file describes; the data files are not read yet.
+
+    Raises InputError in one sentence that names the file, the key or the line, what was got and what to do.
+    """
+    path = Path(path)
+    data = parse(read_text(path), str(path))
+    if "path" in data:
+        raise InputError(f"{path}: unknown key 'path'; data files are named under runs, as files")
+    data = {key: value for key, value in data.items() if value is not None}  # a heading with nothing under it
+    return validate(Experiment, {**data, "path": path}, str(path), _context(data))
+
+
+def _context(data: dict[str, Any]) -> Context:
+    """The joint's kind and resolution, before they are validated: the units of all other keys depend on them."""
+    joint = data.get("joint")
+    kind: Kind = "prismatic" if isinstance(joint, dict) and joint.get("kind") == "prismatic" else "revolute"
+    return Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """One file that was read."""
+
+    kind: RunKind
+    record: Record
+    hold_out: bool = False
+
+
+def read_runs(experiment: Experiment) -> tuple[Run, ...]:
+    """Every file that the experiment names, as a record with velocity and torque; tracking runs have acceleration as well.
+
+    Raises InputError in one sentence that names the file and what is wrong with it.
+    """
+    found = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
+    return tuple(
+        Run(kind=run.experiment, record=_read(experiment, run, path, shown), hold_out=run.hold_out)
+        for run, path, shown in found
+    )
+
+
+def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
+    """Paths that a pattern matches, sorted by name, each with the name that results show: no variable in it is filled in."""
+    folder, variables = experiment.parent, {}
+    for name in _VARIABLE.findall(files):
+        if not os.environ.get(name):
+            raise InputError(
+                f"{experiment}: runs: files {short(files)} needs the environment variable {name}, which is not set; set it to a folder"
+            )
+        variables[name] = os.environ[name]
+    pattern = _VARIABLE.sub(lambda match: variables[match[1]], files)
+    if pattern.count("**") > 1:  # each may stand for any number of folders: together they search for ever
+        raise InputError(
+            f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
+        )
+    try:
+        found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
+    except OSError as error:
+        raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
+    if not found:
+        what = "matches no file" if glob.has_magic(pattern) else "is no file"
+        raise InputError(
+            f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
+        )
+    shown = [_shown(match, folder, variables) for match in found]
+    return [
+        (folder / match, check_name(name, f"{experiment}: runs: files: the file name"))
+        for match, name in zip(found, shown, strict=True)
+    ]
+
+
+def _glob(pattern: str, folder: Path) -> list[str]:
+    return glob.glob(pattern, root_dir=folder, recursive=True)  # noqa: PTH207  # Path.glob takes no absolute pattern
+
+
+def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:
+    for name, value in variables.items():
+        if value in match:
+            return Path(match.replace(value, f"${{{name}}}", 1)).as_posix()
+    return Path(os.path.relpath(match, folder) if Path(match).is_absolute() else match).as_posix()
+
+
+def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record:
+    from bristle.data.text_table import read_table
+
+    signals = run.signals.over(experiment.signals) if run.signals else experiment.signals
+    table = read_table(path, list(clean.keys_of(signals).values()), shown)
+    labels = {name: value for name in ("temperature", "load") if (value := getattr(run, name)) is not None}
+    make = clean.make_points if run.experiment == "points" else clean.make_record
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not finite, and treated as such
+        try:
+            record = make(shown, table, signals, experiment.cleaning, experiment.context, labels=labels)
+            return (
+                record if run.experiment == "points" else _complete(experiment, run.experiment, record, signals.drive())
+            )
+        except InputError as error:
+            raise InputError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
+
+
+def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:
+    """The record with velocity and torque, and for tracking with acceleration."""
+    from bristle.data.differentiation import estimate_motion
+    from bristle.model.motor import drive_torque
+
+    if kind == "tracking":
+        record = estimate_motion(record, experiment.fit.position_cutoff)
+    elif record.velocity is None:
+        record = estimate_motion(record, experiment.fit.velocity_cutoff)
+    motor = experiment.motor
+    if drive == "current" and motor is not None and record.torque is not None:
+        return replace(
+            record,
+            torque=motor.k_t * record.torque,
+            notes=(*record.notes, f"Torque from current: k_t = {motor.k_t:g} {si('k_t', experiment.context)}."),
+        )
+    if drive == "voltage" and motor is not None:
+        note = f"Torque from voltage by (8): k_t = {motor.k_t:g} {si('k_t', experiment.context)}, R = {motor.R:g} ohm."
+        return replace(record, torque=drive_torque(record.voltage, record.velocity, motor), notes=(*record.notes, note))
+    return record

@@ -1,0 +1,294 @@
+"""The parts of an experiment file: joint, motor, thresholds, fit options, runs; quantities are in SI once validated."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictStr, ValidationInfo, model_validator
+
+from bristle.data import units
+from bristle.data.experiment.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
+from bristle.data.experiment.yaml_file import Model, check_name, short
+from bristle.errors import InputError
+from bristle.model.parameters import Kind, Lugre
+
+RunKind = Literal["ramp", "points", "presliding", "tracking"]
+Regressor = Literal["inertia", "offset", "gravity"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inertia:
+    """Inertia at the joint, kg*m**2 (kg): fixed, or with a standard error a prior."""
+
+    value: float
+    standard_error: float | None = None
+
+
+def read_inertia(value: object, info: ValidationInfo) -> object:
+    """Read `x` (fixed) or `x ± s` (a prior), each with its unit."""
+    if isinstance(value, Inertia):
+        return value
+    number, error = units.plus_minus(value, si("inertia", info.context))
+    if not number > 0:
+        raise InputError(f"got {short(value)}; expected a positive inertia")
+    return Inertia(value=number, standard_error=error)
+
+
+_SIGNS = {
+    "alpha_0": "> 0",
+    "alpha_1": ">= 0",
+    "alpha_2": ">= 0",
+    "v_s": "> 0",
+    "sigma_0": "> 0",
+    "sigma_1": ">= 0",
+    "inertia": "> 0",
+    "offset": "",
+    "gravity_sin": "",
+    "gravity_cos": "",
+}
+"""What can be fixed, and which sign it has."""
+
+
+def read_fixed(value: object, info: ValidationInfo) -> object:
+    """Read `{sigma_1: 0.02 N*m*s/rad, ...}`, each with its unit, and perhaps a direction's sign at its name's end."""
+    if not isinstance(value, dict):
+        raise InputError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
+    wrong = [name for name in value if _bare(name) not in _SIGNS]
+    if wrong:
+        raise InputError(f"got {short(wrong[0])}; expected one of {', '.join(_SIGNS)}, with + or - for one direction")
+    if not isinstance(info.context, Context):
+        return value
+    return {name: units.to_si(x, si(_bare(name), info.context)) for name, x in value.items()}
+
+
+def _bare(name: object) -> str:
+    """The name without the sign of a direction, which is its last letter."""
+    return str(name)[:-1] if str(name).endswith(("+", "-")) else str(name)
+
+
+def _physical(fixed: dict[str, float]) -> dict[str, float]:
+    """The values; raises InputError where one has a sign that it cannot have, or is given twice over."""
+    for name, value in fixed.items():
+        sign = _SIGNS.get(_bare(name), "")
+        if (sign and value < 0) or (sign == "> 0" and value == 0):
+            raise InputError(f"{name}: got {value:g}; expected a value {sign}")
+        if name != _bare(name) and _bare(name) in fixed:
+            raise InputError(
+                f"got both {_bare(name)} and {name}; expected either one value for both directions, or + and -"
+            )
+    return fixed
+
+
+def _label(value: object) -> object:
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _shown(text: str) -> str:
+    return check_name(text, "the text")
+
+
+Shown = Annotated[StrictStr, AfterValidator(_shown)]
+"""What pages and terminals show as it is."""
+Label = Annotated[Shown, Field(max_length=200), BeforeValidator(_label)]
+
+
+class Joint(Model):
+    """Which joint, and whether it turns or slides."""
+
+    name: Annotated[Shown, Field(min_length=1, max_length=200)]
+    kind: Kind = "revolute"
+
+
+class MotorConstants(Model):
+    """What is known of the motor, seen at the joint (so gear included)."""
+
+    torque_constant: Annotated[float, quantity("k_t"), Field(gt=0)]
+    resistance: Annotated[float, quantity("R"), Field(gt=0)] | None = None
+    inductance: Annotated[float, quantity("L"), Field(ge=0)] = 0.0
+    inertia: Annotated[float, quantity("J"), Field(gt=0)] | None = None
+
+
+class SegmentLimits(Model):
+    """Thresholds for constant-velocity segments; what is not given comes from the data."""
+
+    minimum_duration: Seconds | None = None
+    velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
+    minimum_velocity: Speed | None = None
+
+
+class FitOptions(Model):
+    """How the static parameters are fitted."""
+
+    directions: Literal["separate", "symmetric"] = "separate"
+    loss: Literal["least-squares", "huber"] = "least-squares"
+    regressors: tuple[Regressor, ...] | None = None
+    """None: none for ramp and points, inertia (and offset, if symmetric) for tracking."""
+    v_s_range: tuple[Speed, Speed] | None = None
+    """Stribeck velocities that are searched, rad/s; None: from the data."""
+    grid: Annotated[int, Field(ge=8, le=10_000)] = 32
+    plain_grid: Annotated[int, Field(ge=8, le=100_000)] = 500
+    position_cutoff: Hertz = 100.0
+    """Low pass of position before it is differentiated, tracking runs, Hz."""
+    velocity_cutoff: Hertz = 10.0
+    """The same, ramp and presliding runs without logged velocity, Hz."""
+    presliding_cutoff: Hertz = 2.0
+    """Low pass of the torque of presliding runs, Hz."""
+    breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
+    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of loading."""
+    moving_above: Annotated[float, quantity("velocity"), Field(gt=0)] | None = None
+    """Equations of moving runs slower than this are left out of the static fit, and of its errors, rad/s; None: none are."""
+    fixed: Annotated[dict[str, float], BeforeValidator(read_fixed), AfterValidator(_physical)] = Field(
+        default_factory=dict
+    )
+    """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both directions; SI."""
+    shared: tuple[Literal["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"], ...] = ()
+    """LuGre parameters that both directions have in common in the fit of all parameters."""
+    predict: Literal["torque", "position"] = "torque"
+    """What the model of moving runs predicts: the torque of the measured velocity, or, the motor simulated, the position."""
+    horizon: Seconds = 0.5
+    """Length of the windows that are simulated, s."""
+    decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "FitOptions":
+        if self.regressors is not None and "offset" in self.regressors and self.directions == "separate":
+            raise InputError(
+                "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, or set directions: symmetric"
+            )
+        if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
+            raise InputError(
+                f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"
+            )
+        split = [name for name in self.fixed if _bare(name) != name and _bare(name) in self.shared]
+        if split:
+            raise InputError(
+                f"fit.fixed: {split[0]} fixes one direction of what both share; fix {_bare(split[0])}, or take it out of fit.shared"
+            )
+        return self
+
+
+class PidGains(Model):
+    """The PID controller (21)."""
+
+    K_p: Annotated[float, quantity("K_p"), Field(gt=0)]
+    K_i: Annotated[float, quantity("K_i"), Field(ge=0)] = 0.0
+    K_d: Annotated[float, quantity("K_d"), Field(ge=0)] = 0.0
+    filter_time: Annotated[float, quantity("time"), Field(ge=0)] = 0.0
+    """Of the derivative, s."""
+
+
+Name = Annotated[StrictStr, Field(min_length=1, max_length=40)]
+Plain = Annotated[float, Field(allow_inf_nan=True)]
+"""A number without a unit, which the adaptation itself judges."""
+
+
+class AdaptOptions(Model):
+    """The compensated loop and its adaptation; what is not given is taken from the joint, and said."""
+
+    amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None
+    """Of the sinusoidal reference, rad."""
+    frequency: Hertz | None = None
+    """Of the reference of the adaptation, Hz; the other experiments have 0.4 of it."""
+    period: Seconds = 1e-3
+    """Of controller, compensator and adaptation, s."""
+    gains: PidGains | None = None
+    compensator: Name = "lugre"
+    """Of the LuGre ones, which alone can adapt: lugre (by reference velocity), lugre-feedback, lugre-observer."""
+    law: Name | None = None
+    step: Name | None = None
+    parameters: tuple[Name, ...] | None = None
+    gamma: tuple[Plain, ...] | None = None
+    """Learning rates, one for each of `parameters`, 1/(rad*s) times what makes a rate."""
+    limits: tuple[Plain, Plain] | None = None
+    dead_zone: Plain | None = None
+    """rad."""
+    leakage: Plain | None = None
+    """1/s."""
+    forgetting: Plain | None = None
+    """1/s."""
+    start: Annotated[dict[Name, Annotated[float, Field(gt=0, le=100)]], Field(min_length=1)] = Field(
+        default_factory=lambda: {"alpha_0": 0.3, "alpha_2": 0.5}
+    )
+    """Where the adaptation begins, as shares of the identified parameters; the paper's Table 2."""
+
+    @model_validator(mode="after")
+    def _known_start(self) -> "AdaptOptions":
+        wrong = [name for name in self.start if name not in Lugre._fields]
+        if wrong:
+            raise InputError(f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}")
+        return self
+
+
+class RunFiles(Model):
+    """One entry under runs: a file or several, and what they hold."""
+
+    files: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
+    """Path or glob, relative to the experiment file; ${NAME} stands for an environment variable."""
+    experiment: RunKind
+    hold_out: StrictBool = False
+    temperature: Label | None = None
+    load: Label | None = None
+    signals: Signals | None = None
+    """Signals that differ from the experiment's."""
+
+
+class TrueSet(Model):
+    """The parameters behind simulated data; presliding ones that are not given are nan."""
+
+    alpha_0: Annotated[float, quantity("alpha_0"), Field(gt=0)]
+    alpha_1: Annotated[float, quantity("alpha_1"), Field(ge=0)]
+    alpha_2: Annotated[float, quantity("alpha_2"), Field(ge=0)]
+    v_s: Annotated[float, quantity("v_s"), Field(gt=0)]
+    sigma_0: Annotated[float, quantity("sigma_0"), Field(gt=0)] | None = None
+    sigma_1: Annotated[float, quantity("sigma_1"), Field(ge=0)] | None = None
+
+
+class PlanOptions(Model):
+    """Limits of what `bristle plan` proposes, and how it is played; what is not given comes from the measured runs, and is said."""
+
+    position: tuple[Annotated[float, quantity("position")], Annotated[float, quantity("position")]] | None = None
+    """Lowest and highest position, rad."""
+    velocity: Speed | None = None
+    """Fastest speed, rad/s."""
+    minimum_velocity: Speed | None = None
+    """Slowest constant speed at which the drive does not stick and slip, rad/s."""
+    acceleration: Annotated[float, quantity("acceleration"), Field(gt=0)] | None = None
+    """Largest, rad/s**2."""
+    torque: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
+    """Largest of the drive, N*m."""
+    time: Seconds | None = None
+    """All of it, s; None: as long as it takes."""
+    hold: Seconds | None = None
+    """Time over which each constant velocity is averaged, s."""
+    frequency: Hertz | None = None
+    """Highest of the tracking motion, Hz; None: 10 Hz, or less where that is too fast to be seen or written."""
+    rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0
+    """At which the references are written, Hz."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "PlanOptions":
+        if self.position is not None and not self.position[0] < self.position[1]:
+            raise InputError(
+                f"plan.position: got {self.position[0]:g} to {self.position[1]:g}; expected the smaller value first"
+            )
+        if self.velocity is not None and self.minimum_velocity is not None and self.minimum_velocity >= self.velocity:
+            raise InputError(
+                f"plan.minimum_velocity: got {self.minimum_velocity:g}; expected less than plan.velocity, {self.velocity:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _sampled(self) -> "PlanOptions":
+        if self.rate < 20:
+            raise InputError(
+                f"plan.rate: got {self.rate:g} Hz; expected at least 20 Hz, four samples of the shortest turn"
+            )
+        if self.frequency is not None and self.frequency < 0.2:
+            raise InputError(
+                f"plan.frequency: got {self.frequency:g} Hz; expected at least 0.2 Hz, three periods of a motion"
+            )
+        if self.frequency is not None and "rate" in self.model_fields_set and self.rate < 10 * self.frequency:
+            raise InputError(
+                f"plan.rate: got {self.rate:g} Hz; expected at least {10 * self.frequency:g} Hz, ten samples of a period of plan.frequency"
+            )
+        return self

@@ -1,0 +1,165 @@
+"""The signals of an experiment file: which column, in which unit, handled how."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo, field_validator, model_validator
+
+from bristle.data import units
+from bristle.data.experiment.yaml_file import Model, short
+from bristle.errors import InputError
+from bristle.model.parameters import Kind, unit
+
+DRIVE = ("torque", "voltage", "current")
+"""The three ways to log what the drive does; a run has exactly one of them."""
+Column = StrictInt | StrictStr
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Context:
+    """What the units of an experiment file depend on."""
+
+    kind: Kind = "revolute"
+    resolution: float | None = None
+    """Size of one encoder count, rad or m."""
+
+
+def quantity(name: str) -> BeforeValidator:
+    """Read a quantity such as `2.1 ohm` into SI. `name` is a parameter's or signal's, or an SI unit.
+
+    Outside an experiment file (no validation context) a number stands for its SI value.
+    """
+
+    def read(value: object, info: ValidationInfo) -> object:
+        """The value in SI; a number outside an experiment file as it is."""
+        if not isinstance(info.context, Context) and not isinstance(value, str):
+            return value
+        return units.to_si(value, si(name, info.context))
+
+    return BeforeValidator(read)
+
+
+def si(name: str, context: object) -> str:
+    """SI unit of a parameter or signal of the joint at hand; an SI unit stands for itself."""
+    try:
+        return unit(name, context.kind if isinstance(context, Context) else "revolute")
+    except KeyError:
+        return name
+
+
+Hertz = Annotated[float, quantity("Hz"), Field(gt=0)]
+Seconds = Annotated[float, quantity("s"), Field(gt=0)]
+Speed = Annotated[float, quantity("velocity"), Field(gt=0)]
+
+
+class Signal(Model):
+    """One column: value in SI = logged value times unit times scale."""
+
+    column: Column
+    """Name, or number counted from 0; in MAT and NPZ files a variable or a dotted path."""
+    index: Annotated[StrictInt, Field(ge=0)] | None = None
+    """Column of a matrix, counted from 0 (MAT and NPZ files)."""
+    unit: StrictStr
+    scale: float | str = 1.0
+    delay: Annotated[float, quantity("s")] = 0.0
+    """How much later than the other signals it was logged, s; negative where it was logged early."""
+
+    @field_validator("column")
+    @classmethod
+    def _counted_from_zero(cls, column: int | str) -> int | str:
+        if isinstance(column, int) and column < 0:
+            raise InputError(f"got {column}; expected a name or a number counted from 0")
+        return column
+
+    def factor(self, name: str, context: Context) -> float:
+        """What logged values are multiplied by to be in SI. Raises InputError where the unit does not fit."""
+        return units.factor(self.unit, si(name, context), scale=self.scale, resolution=context.resolution)
+
+
+class Position(Signal):
+    """A position, which may wrap."""
+
+    wraps: bool | str | None = None
+    """True: at each full turn; or at a period such as `360 deg`; None: not declared, so a jump of a full turn is refused."""
+
+    def period(self, context: Context) -> float | None:
+        """Where the position wraps, rad or m; None where it does not. Raises InputError where a prismatic joint has no explicit period."""
+        if isinstance(self.wraps, str):
+            period = units.to_si(self.wraps, si("position", context))
+            if not period > 0:
+                raise InputError(f"wraps: got {short(self.wraps)}; expected a positive period such as '360 deg'")
+            return period
+        if self.wraps and context.kind == "prismatic":
+            raise InputError(
+                "wraps: true means a full turn, which a prismatic joint does not have; give the period, such as wraps: '10 mm'"
+            )
+        return units.to_si("360 deg", "rad") if self.wraps else None
+
+
+class Time(Model):
+    """Time stamps from a column, or a rate where there are none."""
+
+    column: Column | None = None
+    index: Annotated[StrictInt, Field(ge=0)] | None = None
+    unit: StrictStr | None = None
+    rate: Hertz | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "Time":
+        if (self.column is None) == (self.rate is None) or (self.column is not None and self.unit is None):
+            raise InputError(
+                "expected either a column with its unit, as in {column: t, unit: s}, or a rate, as in {rate: 1 kHz}"
+            )
+        if self.unit is not None:
+            units.factor(self.unit, "s")
+        return self
+
+
+class Signals(Model):
+    """What was logged. Of torque, voltage and current a run has exactly one."""
+
+    time: Time | None = None
+    position: Position | None = None
+    velocity: Signal | None = None
+    torque: Signal | None = None
+    voltage: Signal | None = None
+    current: Signal | None = None
+
+    @field_validator("position", "velocity", *DRIVE)
+    @classmethod
+    def _units_fit(cls, signal: Signal | None, info: ValidationInfo) -> Signal | None:
+        if signal is not None and isinstance(info.context, Context):
+            signal.factor(str(info.field_name), info.context)
+            if isinstance(signal, Position):
+                signal.period(info.context)
+        return signal
+
+    @model_validator(mode="after")
+    def _one_drive(self) -> "Signals":
+        given = [name for name in DRIVE if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise InputError(f"got {' and '.join(given)}; expected exactly one of torque, voltage, current")
+        return self
+
+    def over(self, base: "Signals") -> "Signals":
+        """These signals, and those of `base` that they do not replace; any of torque, voltage and current replaces the others."""
+        own = {name: signal for name, signal in self if signal is not None}
+        cleared = dict.fromkeys(DRIVE) if set(DRIVE) & set(own) else {}
+        return base.model_copy(update=cleared | own)
+
+    def drive(self) -> str | None:
+        """Which of torque, voltage and current is logged."""
+        return next((name for name in DRIVE if getattr(self, name) is not None), None)
+
+
+class Cleaning(Model):
+    """What is done with rows that cannot be used; each is counted and reported."""
+
+    non_finite: Literal["drop", "refuse"] = "drop"
+    """Rows with inf, nan or nothing in a signal."""
+    duplicates: Literal["drop", "refuse"] = "drop"
+    """Rows with the time stamp of the row before."""
+    backward: Literal["drop", "refuse"] = "refuse"
+    """Rows with a time stamp before one that was seen."""
+    gap: Annotated[float, Field(gt=1)] = 5.0
+    """An interval longer than this many median intervals is a gap; nothing is filtered across it."""

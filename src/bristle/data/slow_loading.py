@@ -1,0 +1,275 @@
+"""Slow loading below breakaway: a presliding run cut where its torque turns, with the counts that each piece crosses and where it slides.
+
+At rest without torque the bristle is not bent, whatever went before: so each piece begins where its torque passes zero, and all of them load
+the same spring.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import find_peaks
+
+from bristle.arrays import Array
+from bristle.data.differentiation import derivative, smoothed, stretches
+from bristle.data.encoder import smallest_step
+from bristle.data.record import Record, freeze
+from bristle.errors import InputError
+
+_PROMINENT = 0.1
+"""Of the range of torque: a turn smaller than this is none."""
+_ONSET = 10.0
+"""Sliding begins where the joint moves this many times as fast as in the first half of its loading."""
+_FLOOR = 5.0
+"""... and this many times the deviation that counts alone give its speed."""
+_HELD = 0.9
+"""Of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not."""
+_SHORTEST = 8
+"""Samples in a piece."""
+_SLIDES = (0.05, 0.8)
+"""A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load."""
+_CLOSED = 0.1
+"""Of the range of torque: how far apart the ends of a closed cycle may be."""
+
+_EDGES = 4
+"""Count edges kept, at the most, for each reading."""
+_COUNTS = 2.0**40
+"""Counts that no encoder has over any travel."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loading:
+    """One piece of a presliding run: torque grows from zero in one direction, up to where it turns or the joint breaks away.
+
+    Displacement and torque are counted positive along the direction of loading; arrays are read-only.
+    """
+
+    file: str
+    direction: str
+    """`+` or `-`."""
+    start: int
+    """First sample, in the record."""
+    time: Array
+    """s from the start of the piece, (n,)."""
+    displacement: Array
+    """Of the encoder since the start of the piece, rad, (n,)."""
+    torque: Array
+    """N*m, through the low pass, (n,)."""
+    quantum: float
+    """One count, rad; 0 where no counts are seen."""
+    edge_displacement: Array
+    """Displacement at the count edges that were crossed, each half a count before the reading that follows it, rad, (m,)."""
+    edge_torque: Array
+    """Torque there, N*m, (m,)."""
+    breakaway: float | None
+    """Torque at which it began to slide, N*m; None where it did not."""
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        freeze(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """One closed cycle of torque over displacement."""
+
+    file: str
+    start: int
+    stop: int
+    position: Array
+    """rad, (n,)."""
+    torque: Array
+    """N*m, as logged, (n,)."""
+    loss: float
+    """Work lost in the cycle, J."""
+    secant: float
+    """Torque between its extremes over the displacement between them, N*m/rad."""
+    slope: float
+    """Regression of torque on displacement, N*m/rad."""
+    inverse_slope: float
+    """One over the regression of displacement on torque, N*m/rad."""
+    counts: int
+    """Counts that the cycle spans; 0 where no counts are seen."""
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        freeze(self)
+
+
+def find_loadings(
+    record: Record, cutoff: float, resolution: float | None, breakaway: float | None
+) -> tuple[Loading, ...]:
+    """The pieces of a presliding run that load from zero torque.
+
+    Args:
+        record: with position and torque.
+        cutoff: of the zero-phase low pass that torque goes through, Hz; at or above the Nyquist frequency it stays as it is.
+        resolution: one count, rad; None: the smallest step seen.
+        breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the noise floor.
+
+    Raises InputError where the joint slides from the start, in one sentence.
+    """
+    position, torque = _signals(record)
+    quantum = _quantum(record, position, resolution)
+    slow = _low_passed(record, torque, cutoff)
+    speed = derivative(record, _low_passed(record, position, cutoff))
+    found = []
+    for piece, sign in _pieces(record, slow):
+        if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
+            continue  # faster than the low pass can follow: a step, and no slow loading
+        torque_along, position_along = sign * slow[piece], sign * position[piece]
+        limit = 0.5 * quantum * cutoff
+        slide = _slides_at(torque_along, position_along - position_along[0], sign * speed[piece], limit, breakaway)
+        _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
+        inside = slice(0, slide)
+        edges, at = _edges(position_along[inside], quantum)
+        found.append(
+            Loading(
+                file=record.file,
+                direction="+" if sign > 0 else "-",
+                start=piece.start,
+                time=record.time[piece][inside] - record.time[piece.start],
+                displacement=position_along[inside] - position_along[0],
+                torque=torque_along[inside],
+                quantum=quantum,
+                edge_displacement=edges - position_along[0],
+                edge_torque=np.interp(at, np.arange(torque_along.size), torque_along),
+                breakaway=None if slide is None else float(torque_along[slide]),
+            )
+        )
+    return tuple(found)
+
+
+def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple[tuple[Loop, ...], tuple[float, ...]]:
+    """The closed cycles of a presliding run, and of those that do not close how far apart their ends are, as a share of their range.
+
+    A cycle goes from one largest torque to the next, or else from one smallest to the next. It drifts where the two directions' friction differs.
+    """
+    position, torque = _signals(record)
+    quantum = _quantum(record, position, resolution)
+    slow = _low_passed(record, torque, cutoff)
+    found, drifts = [], []
+    for stretch in stretches(record):
+        tops, bottoms = _turns(slow[stretch])
+        ends = (tops if tops.size > 1 else bottoms) + stretch.start
+        for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            y, T = position[start : stop + 1], torque[start : stop + 1]
+            if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > _CLOSED * np.ptp(slow):
+                continue
+            if abs(y[-1] - y[0]) > max(1.5 * quantum, _CLOSED * np.ptp(y)):
+                drifts.append(float((y[-1] - y[0]) / np.ptp(y)))
+            else:
+                found.append(_loop(record.file, start, stop, y, T, quantum))
+    return tuple(found), tuple(drifts)
+
+
+def _signals(record: Record) -> tuple[Array, Array]:
+    if record.position is None or record.torque is None:
+        raise InputError(f"{record.file}: presliding needs position and torque; name both under signals")
+    return record.position, record.torque
+
+
+def _quantum(record: Record, position: Array, resolution: float | None) -> float:
+    """One count, rad: as declared, or the smallest step seen. Raises InputError where the joint would have moved more counts than any encoder has."""
+    if resolution and not np.ptp(position) / resolution < _COUNTS:
+        raise InputError(
+            f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
+            "check its unit"
+        )
+    return resolution or smallest_step(position)
+
+
+def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
+    """A signal, (n,), through the low pass; the signal itself where the cut-off is not below the Nyquist frequency."""
+    return smoothed(record, values, cutoff) if cutoff < 0.5 / record.step else values
+
+
+def _turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where the torque is largest and smallest between turns."""
+    prominence = _PROMINENT * float(np.ptp(torque))
+    if prominence == 0:
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    return find_peaks(torque, prominence=prominence)[0], find_peaks(-torque, prominence=prominence)[0]
+
+
+def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
+    """Samples and sign of each piece between turns, from where its torque has passed zero for the last time."""
+    found = []
+    for stretch in stretches(record):
+        turns = np.sort(np.concatenate(_turns(torque[stretch]))) + stretch.start
+        bounds = [stretch.start, *turns.tolist(), stretch.stop - 1]
+        for first, turn in pairwise(bounds):
+            part = torque[first : turn + 1]
+            sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
+            most = float((sign * part).max())
+            last = first + int(np.flatnonzero(sign * part >= most - (1 - _HELD) * abs(most))[-1])
+            part = part[: last + 1 - first]
+            before = np.flatnonzero(sign * part <= 0)
+            start = first + (int(before[-1]) + 1 if before.size else 0)
+            unloaded = before.size > 0 or abs(part[0]) <= _CLOSED * np.ptp(torque)
+            if unloaded and last + 1 - start >= _SHORTEST and sign * torque[last] > _PROMINENT * np.ptp(torque):
+                found.append((slice(start, last + 1), sign))
+    return found
+
+
+def _slides_at(torque: Array, displacement: Array, speed: Array, floor: float, breakaway: float | None) -> int | None:
+    """The sample at which the joint breaks away; None where it does not."""
+    if breakaway is not None:
+        beyond = np.flatnonzero(displacement >= breakaway)
+        return int(beyond[0]) if beyond.size else None
+    loading = speed[torque <= torque[-1] / 2]
+    usual = float(np.median(loading)) if loading.size else 0.0
+    slow = np.flatnonzero(speed <= max(_ONSET * usual, _FLOOR * floor))
+    onset = int(slow[-1]) + 1 if slow.size else 0
+    return onset if onset < speed.size else None
+
+
+def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:
+    travel, largest = float(np.ptp(position)), float(torque.max())
+    share, level = _SLIDES
+    early = position - position[0] <= share * travel
+    if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
+        if float((position - position.mean()) @ (torque - torque.mean())) < 0:
+            raise InputError(
+                f"{file}: the joint moves against its torque; a drive's torque is positive along positive velocity: give it scale: -1 under signals"
+            )
+        raise InputError(
+            f"{file}: the joint slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
+            "a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
+        )
+
+
+def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
+    """Count edges that the position crosses upward, and when: the middle between the first reading above and the last one below, in samples.
+
+    Where there are more edges than readings, every so many of them alone: those between tell nothing more.
+    """
+    if quantum == 0 or position.size == 0:
+        return np.zeros(0), np.zeros(0)
+    count = np.round((position - position[0]) / quantum)
+    reached, left = np.maximum.accumulate(count), np.minimum.accumulate(count[::-1])[::-1]
+    every = max(np.ceil(left[-1] / (_EDGES * position.size)), 1.0)
+    levels = every * np.arange(1.0, left[-1] // every + 1)
+    after = np.searchsorted(reached, levels, side="left")
+    before = np.searchsorted(left, levels, side="left") - 1
+    return position[0] + (levels - 0.5) * quantum, (after + before) / 2
+
+
+def _loop(file: str, start: int, stop: int, position: Array, torque: Array, quantum: float) -> Loop:
+    y, T = position - position.mean(), torque - torque.mean()
+    top, bottom = int(torque.argmax()), int(torque.argmin())
+    across = float(position[top] - position[bottom])
+    return Loop(
+        file=file,
+        start=start,
+        stop=stop,
+        position=position,
+        torque=torque,
+        loss=abs(float(np.trapezoid(torque, position))),
+        secant=float(torque[top] - torque[bottom]) / across if across else float("inf"),
+        slope=float(y @ T / (y @ y)),
+        inverse_slope=float(T @ T / (y @ T)),
+        counts=round(float(np.ptp(position)) / quantum) if quantum else 0,
+    )

@@ -1,0 +1,1 @@
+"""Least squares that knows no friction: linear and nonlinear fits, covariance, bootstrap, comparison of intervals."""

@@ -1,0 +1,124 @@
+"""Correlated noise: autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it."""
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.special import fdtrc
+
+from bristle.arrays import Array
+
+_WINDOW = 5.0
+"""Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
+_HARMONICS = 64
+"""Most ripples looked for."""
+_SIGNIFICANT = 0.01
+
+
+def autocorrelation(x: Array) -> Array:
+    """Autocorrelation of x about its mean at lags 0 to n - 1, shape (n,), by FFT, biased (divided by n, not n - lag).
+
+    One at lag 0. Zero at all others where x is constant or holds one sample; empty where x is.
+    """
+    n = x.size
+    if n == 0:
+        return np.zeros(0)
+    centred = x - x.mean()
+    largest = np.abs(centred).max()
+    if largest <= 1e-12 * np.abs(x).max():
+        return np.asarray(np.arange(n) == 0, dtype=np.float64)
+    length = next_fast_len(2 * n, real=True)
+    covariance = irfft(np.abs(rfft(centred / largest, length)) ** 2, length)[:n]
+    return np.asarray(covariance / covariance[0], dtype=np.float64)
+
+
+def lag_one(x: Array) -> float:
+    """Correlation of each sample with the next, in [-1, 1]; zero where x is constant or shorter than two samples."""
+    return float(autocorrelation(x)[1]) if x.size > 1 else 0.0
+
+
+def inflation(x: Array) -> float:
+    """The factor tau in var(mean) = tau var(x) / n: the integrated autocorrelation time 1 + 2 sum of the autocorrelation, in samples.
+
+    The sum ends at the first lag of five tau (Sokal, 1997) and is corrected for the mean being taken from the same data (Wolff, 2004,
+    eq. 49). At least 1, at most n; 1 for fewer than four samples or a constant. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
+    """
+    n, rho = x.size, autocorrelation(x)
+    if n < 4 or not rho[1:].any():
+        return 1.0
+    partial = 2 * np.cumsum(rho) - 1
+    far = np.flatnonzero(np.arange(n) >= _WINDOW * partial)
+    cut = min(int(far[0]) if far.size else n - 1, n // 2)
+    return float(np.clip(partial[cut] * (1 + (2 * cut + 1) / n), 1.0, n))
+
+
+def standard_error(x: Array) -> float | None:
+    """Standard error of the mean of x, corrected for autocorrelation; None where x holds fewer than two independent samples."""
+    tau = inflation(x)
+    return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
+
+
+def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[str, ...]:
+    """A sentence for each trend of the residuals over time or velocity, a ripple over position, a difference between directions: beyond noise.
+
+    F tests against a constant, of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni
+    corrected for their number; residuals that are correlated in the order given count for fewer. Significant is p < 0.01 after correction.
+
+    Args:
+        residuals: N*m, shape (n,).
+        velocity: rad/s, shape (n,), or empty.
+        time: s, shape (n,), or empty.
+        position: rad, shape (n,), or empty.
+    """
+    n = residuals.size
+    trends = {"time": time, "velocity": velocity, "position": position}
+    known = {name: x for name, x in trends.items() if x.size == n and n >= 8 and np.ptp(x) > 0}
+    bases = {f"trend over {name}": _parabola(x) for name, x in known.items()}
+    count = min(n // 4, _HARMONICS) if "position" in known else 0
+    if count:
+        period, bases["ripple over position"] = _strongest_harmonic(residuals, known["position"], count)
+    both = "velocity" in known and velocity.min() < 0 < velocity.max()
+    looks, found = len(known) + count + both, []
+    if both:  # a symmetric curve that is not: what it leaves is even in velocity
+        p, share = _f_test(residuals, np.stack([np.ones(n), np.abs(velocity)]), about_mean=False)
+        if p * looks < _SIGNIFICANT:
+            found.append(
+                f"Friction differs between the directions (p = {p * looks:.1g}, corrected for {looks} looks): that holds {share:.0%} of the "
+                "residuals' variance; fit them apart (directions: separate)."
+            )
+    for what, basis in bases.items():
+        p, share = _f_test(residuals, basis)
+        if p * looks < _SIGNIFICANT:
+            where = f"{what}, of period {period:.3g}," if what.startswith("ripple") else what
+            found.append(
+                f"Residuals have a {where} (p = {p * looks:.1g}, corrected for {looks} looks) that holds {share:.0%} of their variance."
+            )
+    return tuple(found)
+
+
+def _parabola(x: Array) -> Array:
+    s = 2 * (x - x.min()) / np.ptp(x) - 1
+    return np.stack([s, s * s])
+
+
+def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, Array]:
+    """Of the first `count` harmonics of the range of positions, the one that explains most of y: its period and cosine and sine."""
+    reach = float(np.ptp(position))
+    phase = 2 * np.pi * np.arange(1, count + 1)[:, None] * (position - position.min()) / reach
+    bases = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    directions = np.linalg.qr(np.swapaxes(bases - bases.mean(axis=2, keepdims=True), 1, 2))[0]
+    best = int(np.argmax((((y - y.mean()) @ directions) ** 2).sum(axis=1)))
+    return reach / (best + 1), bases[best]
+
+
+def _f_test(y: Array, basis: Array, *, about_mean: bool = True) -> tuple[float, float]:
+    """Probability of the F test of basis, shape (k, n), against a constant (or zero), counting independent samples; and its share of the variance."""
+    centred = y - y.mean() if about_mean else y
+    total = float(centred @ centred)
+    directions = np.linalg.qr((basis - basis.mean(axis=1, keepdims=True) if about_mean else basis).T)[0].T
+    explained = (directions @ centred) @ directions
+    rest = centred - explained
+    share = float(explained @ explained) / total if total > 0 else 0.0
+    k, independent = basis.shape[0], y.size / inflation(rest)
+    freedom = independent - k - about_mean
+    if freedom < 1 or share <= 0:
+        return 1.0, share
+    return float(fdtrc(k, freedom, share / k / max(1 - share, 1e-300) * freedom)), share

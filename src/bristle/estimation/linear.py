@@ -1,0 +1,73 @@
+"""Linear least squares as the static fit needs it: free, bounded, and factored, each straight from LAPACK."""
+
+from functools import cache
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.optimize import nnls
+
+from bristle.arrays import Array
+
+_RANK = 1e-14
+"""Below this reciprocal condition number columns count as dependent."""
+_INDEPENDENT = 1e-10
+"""A column this much of which, relative, is left by those before it counts as independent."""
+
+
+def least_squares(design: Array, torque: Array) -> Array:
+    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR: the shortest one where columns depend on one another."""
+    m = design.shape[1]
+    solution: Array = lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m]
+    return solution
+
+
+def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
+    """The solution (m,) with each element at or above its lower bound (m,), 0 or -inf: non-negative least squares off the columns without a bound."""
+    free = np.isinf(lower)
+    if free.all():  # nnls crashes without columns
+        return least_squares(design, torque)
+    q, r_inverse = orthonormal(design[:, free])
+    off = design[:, ~free] - q @ (q.T @ design[:, ~free])
+    scale = np.linalg.norm(design[:, ~free], axis=0)
+    scale[scale == 0] = 1.0
+    solution = np.empty(lower.size)
+    solution[~free] = nnls(off / scale, torque - q @ (q.T @ torque))[0] / scale
+    solution[free] = r_inverse @ (q.T @ (torque - design[:, ~free] @ solution[~free]))
+    return solution
+
+
+def orthonormal(columns: Array) -> tuple[Array, Array]:
+    """An orthonormal basis Q (n, m) of independent columns (n, m), and the inverse of R (m, m)."""
+    if columns.shape[1] == 0:  # LAPACK complains
+        return columns, np.zeros((0, 0))
+    factored, tau, _, _ = lapack.dgeqrf(columns)
+    return lapack.dorgqr(factored, tau)[0], _inverse(factored)
+
+
+def _inverse(factored: Array) -> Array:
+    """The inverse of R, (m, m), from what dgeqrf leaves; solving with R instead would wake BLAS's threads, even for two unknowns."""
+    m = factored.shape[1]
+    inverse: Array = lapack.dtrtri(factored[:m] * _upper(m))[0]
+    return inverse
+
+
+@cache
+def _upper(m: int) -> Array:
+    """Ones on and above the diagonal, (m, m)."""
+    return np.triu(np.ones((m, m)))
+
+
+def inverse_gram(jacobian: Array) -> Array:
+    """(J'J)**-1, (m, m), by QR; a scaled pseudo-inverse where columns depend on one another."""
+    n, m = jacobian.shape
+    if n >= m > 0:
+        factored = lapack.dgeqrf(jacobian)[0]
+        r = factored[:m] * _upper(m)
+        if (r.diagonal() ** 2 > _INDEPENDENT**2 * (r * r).sum(axis=0)).all():
+            inverse = _inverse(factored)
+            gram: Array = inverse @ inverse.T
+            return gram
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0] = 1.0
+    inverse = np.linalg.pinv(jacobian / scale)
+    return (inverse @ inverse.T) / np.outer(scale, scale)

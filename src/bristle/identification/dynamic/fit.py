@@ -1,0 +1,337 @@
+"""The fit of moving data judged: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import lag_one
+from bristle.estimation.covariance import condition, student
+from bristle.identification.dynamic.missing_terms import lacking
+from bristle.identification.dynamic.multistart import (
+    Judged,
+    equations_left,
+    judge,
+    with_deflections,
+    without_deflections,
+)
+from bristle.identification.dynamic.problem import Tracking, is_start, parameters, residuals
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, bounds, fit, scales
+from bristle.identification.results import Estimate, HoldOut, TrackingFit
+from bristle.model.parameters import Kind, Lugre, is_passive, unit
+
+SEED = 0
+STARTS = 6
+"""One from the other stages, the others at random about it."""
+_SUM = "If v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen."
+_EDGE = 0.01
+"""In log(v_s): this near to the end of its range is at it."""
+_TRIES = 30
+"""Steps that the start of a held-out window is given."""
+_UNEVEN = 1.5
+"""Runs whose residuals differ by less than this factor count alike."""
+_UNSEEN = 1e-2
+"""A direction whose singular value is this share of the largest is not seen."""
+_WIDE = 0.5
+"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
+_NOT_SEEN = "Not identifiable from this motion"
+
+
+class Tracked(NamedTuple):
+    """A fit with the problem that it solved in the end, where what the motion does not show is fixed, every free value, and the minimum."""
+
+    fit: TrackingFit
+    problem: Tracking
+    values: Mapping[str, float]
+    judged: Judged
+
+
+def fit_tracking(
+    problem: Tracking,
+    start: Mapping[str, float],
+    kind: Kind,
+    held: Sequence[tuple[str, Tracking]] = (),
+    starts: int = STARTS,
+    seed: int = SEED,
+    others: Sequence[Mapping[str, float]] = (),
+) -> Tracked:
+    """All parameters of moving data with intervals and doubts.
+
+    Args:
+        problem: the training runs.
+        start: LuGre parameters and extra regressors by name, from the other stages or guessed.
+        kind: of the joint, for units.
+        held: hold-out runs by name, posed as the problem is.
+        starts: how many, >= 1; the first is `start`.
+        seed: of the others.
+        others: further starts, whole, as another fit ended.
+
+    Raises InputError where a start shows no dependence on any parameter.
+    """
+    problem, judged, bent = _settled(problem, start, starts, seed, others)
+    held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
+    estimates = _judged_estimates(problem, judged, kind, bent)
+    unseen = {name: e for name, e in estimates.items() if e.value is None}
+    order = (*problem.friction_names, *problem.extra_names)
+    free = tuple(n for n in judged.names if n in estimates)
+    rows = equations_left(problem, judged)
+    doubts = (
+        *lacking(problem, judged, kind),
+        *_doubts(judged, rows, unseen),
+        *_physics(problem, judged.values, unseen),
+        *_named(unseen),
+    )
+    found = TrackingFit(
+        parameters={n: estimates[n] for n in order if n in estimates},
+        rms=float(np.sqrt(np.mean(rows**2))),
+        relative_error=float(100 * np.linalg.norm(rows) / problem.extent),
+        n=rows.size,
+        outcome=_outcome(estimates, converged=judged.minimum.converged),
+        starts=judged.starts,
+        reached=judged.reached,
+        condition=condition(judged.minimum.jacobian[:, _seen(judged)]),
+        doubts=doubts,
+        hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
+        names=free,
+        covariance=judged.covariance[: len(free), : len(free)],
+        fixed={**problem.fixed, **{name: judged.values[name] for name in unseen if name in judged.values}},
+        time=problem.time,
+        velocity=problem.velocity,
+        measured=problem.measured,
+        quantity=problem.quantity,
+        residuals=rows,
+        starts_of_runs=_starts(problem),
+        windows=len(problem.motions) if problem.quantity == "position" else 0,
+    )
+    return Tracked(found, problem, judged.values, judged)
+
+
+def _settled(
+    problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]]
+) -> tuple[Tracking, Judged, dict[str, float]]:
+    """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
+    judged = judge(problem, start, starts, seed, others)
+    problem, changed = _weighted(problem, judged)
+    if changed:
+        judged = judge(problem, without_deflections(judged.values), starts, seed)
+    bent = _bent(problem, judged.values)
+    if bent:
+        problem = replace(problem, fixed={**problem.fixed, **bent})
+        rest = {n: v for n, v in without_deflections(judged.values).items() if n not in bent}
+        judged = judge(problem, rest, starts, seed)
+    return problem, judged, bent
+
+
+def _judged_estimates(problem: Tracking, judged: Judged, kind: Kind, bent: Mapping[str, float]) -> dict[str, Estimate]:
+    """Each parameter but the deflections at the start; what the motion does not show has no value."""
+    estimates = _estimates(problem, judged, kind)
+    estimates |= {name: _refused(name, kind) for name in bent}
+    for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
+        if name in estimates:
+            estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, _SUM))
+    return estimates | {name: _without(estimates[name]) for name in _weak(estimates)}
+
+
+def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> str:
+    if not converged:
+        return "The fit did not converge; its numbers are not to be trusted."
+    bound = [n for n, e in estimates.items() if any(d.startswith("At its physical bound") for d in e.doubts)]
+    return (
+        f"The fit converged, with {', '.join(bound)} at a bound." if bound else "The fit converged inside every bound."
+    )
+
+
+def _weighted(problem: Tracking, judged: Judged) -> tuple[Tracking, bool]:
+    """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
+    rows = equations_left(problem, judged)
+    _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
+    by_run = np.repeat(run, [m.size for m in problem.motions])
+    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
+    if scatter.max() <= _UNEVEN * scatter.min():
+        return problem, False
+    weights = float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())
+    motions = tuple(replace(m, weight=float(weights[k])) for m, k in zip(problem.motions, run, strict=True))
+    return replace(problem, motions=motions), True
+
+
+def _weak(estimates: Mapping[str, Estimate]) -> list[str]:
+    """What the motion does not show: what is too unsure by itself, v_s without its alpha_1, and sigma_1 without its sigma_0."""
+    weak = {name for name, e in estimates.items() if _is_weak(e)}
+    for first, second in (("alpha_1", "v_s"), ("sigma_0", "sigma_1")):
+        weak |= {name.replace(first, second) for name in weak if name.startswith(first)}
+    return [name for name in estimates if name in weak]
+
+
+def _is_weak(e: Estimate) -> bool:
+    return any(doubt.startswith(_NOT_SEEN) for doubt in e.doubts)
+
+
+def _without(e: Estimate) -> Estimate:
+    """What is left of an estimate that the motion does not show: its interval, and the reason."""
+    said = e.doubts if _is_weak(e) else (f"{_NOT_SEEN}: what it goes with is not.",)
+    return replace(e, value=None, standard_error=None, doubts=said)
+
+
+def _bent(problem: Tracking, values: Mapping[str, float]) -> dict[str, float]:
+    """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
+    _, upper = bounds(problem)
+    told = {name for prior in problem.priors for name in prior.names}
+    found: dict[str, float] = {}
+    for name, most in zip(problem.names, upper.tolist(), strict=True):
+        alpha_1 = name.replace("v_s", "alpha_1")
+        if (
+            name.startswith("v_s")
+            and alpha_1 in values
+            and not told & {name, alpha_1}
+            and np.log(values[name]) > most - _EDGE
+        ):
+            found |= {alpha_1: 0.0, name: values[name]}
+    return found
+
+
+def _refused(name: str, kind: Kind) -> Estimate:
+    why = f"{_NOT_SEEN}: with v_s near the fastest speed the term would be a bend over the whole range and not a drop at low speed."
+    return Estimate(value=None, unit=unit(name.rstrip("+-"), kind), interval=(0.0, float("inf")), doubts=(why,))
+
+
+def _named(unseen: Mapping[str, Estimate]) -> list[str]:
+    said = [f"{_NOT_SEEN}: {', '.join(unseen)}."] if unseen else []
+    refused = any("a bend over the whole range" in doubt for e in unseen.values() for doubt in e.doubts)
+    return [*said, f"Of alpha_0 and alpha_1: {_SUM[0].lower()}{_SUM[1:]}"] if refused else said
+
+
+def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
+    """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
+
+    Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start: that of each window,
+    and nothing else, is then fitted to it.
+    """
+    known = without_deflections(values)
+    whole = with_deflections(problem, known)
+    if problem.quantity == "position":
+        own = replace(problem, fixed={**problem.fixed, **known}, priors=())
+        whole |= fit(own, {name: whole[name] for name in own.names}, _TRIES)[0]
+    rows, _ = residuals(problem, whole)
+    return float(100 * np.linalg.norm(rows) / problem.extent)
+
+
+def _starts(problem: Tracking) -> tuple[int, ...]:
+    """First equation of each stretch, which may go on over several motions."""
+    first = np.cumsum([0, *(m.size for m in problem.motions)])[:-1]
+    return tuple(int(k) for k, m in zip(first, problem.motions, strict=True) if not m.goes_on)
+
+
+def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estimate]:
+    """Each parameter but the deflections at the start, in SI units."""
+    scale = scales(problem, judged.values)
+    out = {}
+    reach = student(judged.freedom)
+    for name, x, error, size in zip(
+        judged.names, judged.minimum.x, judged.scaled_errors.tolist(), scale.tolist(), strict=True
+    ):
+        if is_start(name):
+            continue
+        bare, value = name.rstrip("+-"), judged.values[name]
+        doubts: list[str] = []
+        if bare in LOGARITHMIC:
+            with np.errstate(over="ignore"):
+                low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
+            se = value * error
+            relative = error
+        else:
+            se = size * error
+            low, high = value - reach * se, value + reach * se
+            relative = se / abs(value) if value else np.inf
+            if bare.startswith(("alpha", "sigma", "inertia")):
+                low = max(low, 0.0)
+            if value == 0.0 and bare.startswith(("alpha", "sigma")):
+                doubts.append("At its physical bound of zero: the interval is one-sided.")
+        if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
+            doubts.append(f"{_NOT_SEEN}: its standard error is {_percent(relative)} its value.")
+        out[name] = Estimate(
+            value=value,
+            unit=unit(bare, kind),
+            standard_error=se if np.isfinite(se) else None,
+            interval=(low, high),
+            doubts=tuple(doubts),
+        )
+    return out
+
+
+def _percent(share: float) -> str:
+    return f"{share:.0%} of" if share < 10 else "over ten times"
+
+
+def _doubts(judged: Judged, rows: Array, unseen: Mapping[str, Estimate]) -> tuple[str, ...]:
+    found = []
+    if judged.minimum.steps == 0:
+        found.append("The fit did not move from its start; it may lie on a bound or in a flat place.")
+    if not judged.minimum.converged:
+        found.append("The fit ran out of steps before it settled.")
+    if judged.stretch > sqrt(2):
+        found.append(
+            f"Residuals are correlated (lag one {lag_one(rows):.2f}): standard errors are widened by {judged.stretch:.1f} for it."
+        )
+    if judged.reached < judged.starts / 2:
+        found.append(f"Only {judged.reached} of {judged.starts} starts reached the lowest cost.")
+    return (*found, *_unseen(judged, unseen))
+
+
+def _seen(judged: Judged) -> list[int]:
+    """Columns of the parameters, starts of the motions apart, of which anything is seen."""
+    return [k for k, n in enumerate(judged.names) if not is_start(n) and judged.scaled_errors[k] < np.inf]
+
+
+def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
+    """The directions in parameter space that the data hardly see, in words."""
+    keep = _seen(judged)
+    jacobian = judged.minimum.jacobian[:, keep]
+    jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
+    _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
+    said = []
+    for value, direction in zip(values, directions, strict=True):
+        if value < _UNSEEN * values[0]:
+            members = [
+                (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
+            ]
+            if any(name in unseen or not name.startswith(("alpha", "v_s", "sigma")) for name, _ in members):
+                said.append(in_words(members))
+    said += [
+        f"Nothing is seen of {n}: the torque does not depend on it in this motion."
+        for k, n in enumerate(judged.names)
+        if judged.scaled_errors[k] == np.inf and not is_start(n)
+    ]
+    return said
+
+
+def in_words(members: Sequence[tuple[str, float]]) -> str:
+    """What data say of a direction of parameters that they hardly see; its members are names with their shares of it. One sentence."""
+    if len(members) == 1:
+        return f"The data hardly see {members[0][0]}."
+    up = [n for n, w in members if w * members[0][1] > 0]
+    down = [n for n, w in members if w * members[0][1] < 0]
+    if not down:
+        return f"The data see {' and '.join(up)} only against one another: raising them together changes nothing."
+    return f"The data see {' and '.join([*up, *down])} only as a sum: raising {' and '.join(up)} and lowering {' and '.join(down)} changes nothing."
+
+
+def _physics(problem: Tracking, values: Mapping[str, float], unseen: Mapping[str, Estimate]) -> list[str]:
+    """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
+    said = []
+    p = parameters(problem, values)
+    sets = {"": p} if isinstance(p, Lugre) else dict(zip(problem.tags, p, strict=True))
+    J = {**problem.fixed, **values}.get("inertia")
+    for d, own in sets.items():
+        where = f" in direction {d}" if d else ""
+        if not is_passive(own) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
+            said.append(
+                f"Not passive{where}: alpha_2 = {own.alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {own.sigma_1 * own.alpha_1 / own.alpha_0:.3g}."
+            )
+        if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
+            ratio = (own.sigma_1 + own.alpha_2) / (2 * sqrt(J * own.sigma_0))
+            if not 0.02 < ratio < 5:
+                said.append(f"The damping ratio in presliding{where} would be {ratio:.2g}; 0.1 to 1 is usual.")
+    return said

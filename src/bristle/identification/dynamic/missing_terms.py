@@ -1,0 +1,79 @@
+"""What the residuals of moving runs would like to have been otherwise: a torque logged earlier or later, another inertia than the one given."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.linear import inverse_gram
+from bristle.identification.dynamic.multistart import Judged
+from bristle.identification.dynamic.problem import Tracking, modelled
+from bristle.model.parameters import Kind, unit
+
+_SURE = 4.0
+"""Standard errors from zero, beyond which it is said."""
+_SHARE = 0.05
+"""Of the cost, that must go with it: less is not worth a sentence."""
+
+
+def lacking(problem: Tracking, judged: Judged, kind: Kind) -> list[str]:
+    """Doubts, one sentence each, about a shift in time between torque and motion, and about an inertia that was given and not fitted.
+
+    One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first order.
+    """
+    if problem.quantity != "torque":
+        return []
+    said, motions = [], problem.motions
+    torque = modelled(problem, judged.values)
+    wanted = {"delay": [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]}
+    if "inertia" not in problem.names:
+        wanted["inertia"] = [np.gradient(m.velocity, m.time) for m in motions]
+    found = {name: more for name, more in _wanted(problem, judged, wanted).items() if more.counts}
+    if more := found.get("delay"):
+        samples = abs(more.value) / float(np.median(np.concatenate([m.step for m in motions])))
+        when = "earlier" if more.value > 0 else "later"
+        said.append(
+            f"The torque fits better when taken {abs(more.value):.2g} s ({samples:.2g} samples) {when} than now, which would explain "
+            f"{more.share:.0%} of what is left: check the time stamps, or add {more.value:.2g} s to the delay of its signal and look again "
+            "(a voltage held until the next sample is half a sample early, its delay negative)."
+        )
+    if more := found.get("inertia"):
+        apart = f"{more.value:+.3g} +/- {more.error:.2g} {unit('inertia', kind)}"
+        said.append(
+            f"The inertia that was given is doubted: with {apart} on top of it the moving runs fit better; leave inertia out to have it fitted."
+        )
+    return said
+
+
+class _More(NamedTuple):
+    """How much of a column the residuals ask for, its standard error, and the share of the cost that would go with it."""
+
+    value: float
+    error: float
+    share: float
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is worth a sentence."""
+        return abs(self.value) > _SURE * self.error and self.share > _SHARE
+
+
+def _wanted(problem: Tracking, judged: Judged, wanted: Mapping[str, Sequence[Array]]) -> dict[str, _More]:
+    """Each column, given per motion as (N,), beside all the others and the Jacobian's."""
+    jacobian, rest = judged.minimum.jacobian, judged.minimum.residuals
+    known = jacobian[:, judged.scaled_errors < np.inf]
+    columns = np.zeros((rest.size, len(wanted)))
+    for k, own in enumerate(wanted.values()):
+        rows = [m.weight * m.smoothed(c) for m, c in zip(problem.motions, own, strict=True)]
+        columns[: sum(r.size for r in rows), k] = np.concatenate(rows)
+    beside = columns - known @ (inverse_gram(known) @ (known.T @ columns))
+    weights = beside @ inverse_gram(beside)
+    out = {}
+    for name, weight in zip(wanted, weights.T, strict=True):
+        score = weight * rest
+        value, square = float(score.sum()), float(weight @ weight)
+        error = float(np.sqrt(score @ score * inflation(score)))
+        out[name] = _More(value, error, value**2 / square / judged.minimum.cost if square else 0.0)
+    return out

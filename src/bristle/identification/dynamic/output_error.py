@@ -1,0 +1,202 @@
+"""All parameters on moving data, the other way round: the motor is simulated, voltage (or torque) in, position out; no velocity is needed.
+
+    J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity,   dz/dt by (4),   dy/dt = v
+
+A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each begins at a position, a
+velocity and a deflection of its own, which are unknowns beside the parameters (multiple shooting). The plant's step is that of the closed loop;
+CasADi differentiates it, and the sensitivities are stepped beside the state.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from scipy import sparse
+
+from bristle.arrays import Array
+from bristle.control.plant import THREADS, Current, State, plant_step
+from bristle.data.differentiation import stretches
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.identification.dynamic.problem import Motion, Tracking, by_name
+from bristle.model import motor
+from bristle.model.parameters import Lugre, Motor, pair_of
+
+_FREE = 16
+"""Parameters by which the state is differentiated: a pair of sets, and the loads."""
+_NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
+_LOADS = ("inertia", "offset", "gravity_sin", "gravity_cos")
+_SHORTEST = 16
+"""Samples in a window."""
+_RING = 1.0
+"""A step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)."""
+_MOST = 4
+"""Steps of the plant between two samples, at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window(Motion):
+    """A piece of a moving run that is simulated from a start of its own; what is measured is the position, rad."""
+
+    drive: Array
+    """Voltage, V, or torque, N*m, linear between samples, (N,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """The equations of windows: the plant from its start on, parameters apart."""
+
+    motor: Motor[float]
+    """k_t and R where the drive is a voltage."""
+    current: Current
+    """`motor.current` under a voltage, `motor.current_for` under a torque."""
+
+    def __call__(
+        self, problem: Tracking, known: Mapping[str, float], _: Sequence[dict[str, Array]]
+    ) -> list[tuple[Array, dict[str, Array]]]:
+        """Of each window measured less simulated position, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
+        windows = [m for m in problem.motions if isinstance(m, Window)]
+        every = _every(windows, known)
+        p = np.array(self._parameters(problem, known))
+        alike: dict[int, list[int]] = {}
+        for k, window in enumerate(windows):
+            alike.setdefault(window.time.size, []).append(k)
+        found: dict[int, tuple[Array, dict[str, Array]]] = {}
+        for size, own in alike.items():  # windows of one length go in one call
+            x0 = np.array([[known[f"{name}[{k}]"] for name in problem.begins] for k in own]).T
+            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(own), axis=1)])
+            inputs = np.concatenate([_inputs(windows[k], every) for k in own], axis=1)
+            ends = _chain((size - 1) * every, every, self.current, len(own))(start, inputs, p)
+            for k, first, rows in zip(own, start.T, np.split(np.asarray(ends), len(own), axis=1), strict=True):
+                whole = np.concatenate([first[::3, None], rows], axis=1)
+                found[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
+        return [found[k] for k in range(len(windows))]
+
+    def _by_name(self, problem: Tracking, k: int, by: Array) -> dict[str, Array]:
+        sets = by[3:15] if len(problem.tags) == 2 else by[3:9] + by[9:15]
+        slopes = by_name(problem, sets) | dict(zip(_LOADS, by[15:], strict=True))
+        return slopes | {f"{name}[{k}]": row for name, row in zip(problem.begins, by[:3], strict=True)}
+
+    def _parameters(self, problem: Tracking, known: Mapping[str, float]) -> list[float]:
+        """What `_step` takes: a pair of sets, the loads, k_t and R."""
+        tags = problem.tags if len(problem.tags) == 2 else problem.tags * 2
+        friction = [known[problem.key(name, tag)] for tag in tags for name in Lugre._fields]
+        return [*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R]
+
+
+def simulation(
+    records: Sequence[Record], posed: Tracking, constants: Motor[float] | None, horizon: float, decimation: int
+) -> Tracking:
+    """The problem that moving records pose to the simulated motor.
+
+    Args:
+        records: with position, and voltage or torque.
+        posed: the same records as `tracking` poses them, not decimated, the inertia among the regressors.
+        constants: of the motor; needed where the records have a voltage.
+        horizon: length of a window, s.
+        decimation: samples of a window over which measured and simulated position are averaged to one equation.
+
+    Raises InputError where a record has no position, or nothing tells the inertia.
+    """
+    if "inertia" not in posed.extra_names:
+        raise InputError(
+            "fit.predict: position simulates the motor, which needs an inertia; give it as inertia, or among fit.regressors"
+        )
+    by_voltage = constants is not None and all(r.voltage is not None for r in records)
+    plant = Simulated(constants, motor.current) if constants and by_voltage else Simulated(_NO_MOTOR, motor.current_for)
+    parts = [(r, part) for r in records for part in stretches(r)]
+    pairs = zip(parts, posed.motions, strict=True)
+    windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
+    return replace(posed, motions=tuple(windows), quantity="position", begins=("y0", "v0", "z0"), equations=plant)
+
+
+def _windows(
+    record: Record, part: slice, whole: Motion, horizon: float, decimation: int, *, by_voltage: bool
+) -> list[Window]:
+    """The windows of a stretch: each of the same length, the last of what is left."""
+    drive = record.voltage if by_voltage else record.torque
+    if record.position is None or drive is None:
+        raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
+    size = max(round(horizon / record.step), _SHORTEST)
+    bounds = [k for k in range(0, whole.time.size, size) if whole.time.size - k >= _SHORTEST]
+    found = []
+    for first in bounds:
+        own = slice(first, min(first + size, whole.time.size))
+        found.append(
+            Window(
+                file=record.file,
+                goes_on=first > 0,
+                time=whole.time[own],
+                velocity=whole.velocity[own],
+                torque=whole.torque[own],
+                extra=whole.extra[own],
+                smooth=_means(own.stop - own.start, decimation),
+                measured=record.position[part][own],
+                drive=drive[part][own],
+            )
+        )
+    return found
+
+
+def _means(samples: int, decimation: int) -> sparse.csr_array | None:
+    """Means over blocks of samples as a matrix, (blocks, samples); the last block takes what is left."""
+    if decimation == 1:
+        return None
+    block = np.minimum(np.arange(samples) // decimation, max(samples // decimation - 1, 0))
+    weight = 1 / np.bincount(block)[block]
+    return sparse.csr_array((weight, (block, np.arange(samples))))
+
+
+def _every(windows: Sequence[Window], known: Mapping[str, float]) -> int:
+    """Steps of the plant between two samples."""
+    J = known["inertia"]
+    stiffest = max(value for name, value in known.items() if name.startswith("sigma_0"))
+    longest = max(float(window.step.max()) for window in windows)
+    wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
+    every: int = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST))))
+    return every  # seldom another one from step to step of the fit
+
+
+def _inputs(window: Window, every: int) -> Array:
+    """Drive and length of every step of the plant, (2, steps)."""
+    middle = (np.arange(every) + 0.5) / every
+    drive = window.drive[:-1, None] + np.diff(window.drive)[:, None] * middle
+    return np.vstack([drive.ravel(), np.repeat(window.step / every, every)])
+
+
+@lru_cache(maxsize=4)
+def _step(current: Current) -> ca.Function:
+    """((y, v, z), (drive, h), (pair, inertia, offset, gravity, k_t, R)) -> (y, v, z) after h."""
+    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
+    sets, (J, offset, by_sin, by_cos, k_t, R) = ca.vertsplit(p[:12]), ca.vertsplit(p[12:])
+    drive, h = ca.vertsplit(u)
+    state = State(*ca.vertsplit(x))
+    middle = state.position + h / 2 * state.velocity
+    load = -(offset + by_sin * ca.sin(middle) + by_cos * ca.cos(middle))
+    new = plant_step(state, drive, load, h, pair_of(sets), Motor(k_t, R, 0.0, J), current)
+    return ca.Function("plant", [x, u, p], [ca.vertcat(*new)], {"cse": True})
+
+
+@lru_cache(maxsize=16)
+def _chain(steps: int, every: int, current: Current, windows: int) -> ca.Function:
+    """Many steps of the state and, beside it, of its derivatives by its start and by the parameters: of all these, y at every sample but the first.
+
+    (the start: y, v, z and their derivatives, column by column; the steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on
+    for each window.
+    """
+    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
+    by = ca.SX.sym("by", 3, 3 + _FREE)
+    new = _step(current)(x, u, p)
+    source = ca.horzcat(ca.SX(3, 3), ca.jacobian(new, p)[:, :_FREE])
+    moved = ca.densify(ca.jacobian(new, x) @ by + source)
+    both = ca.Function("both", [ca.vertcat(x, ca.vec(by)), u, p], [ca.vertcat(new, ca.vec(moved))], {"cse": True})
+    start, inputs, constants = (
+        ca.MX.sym("start", both.size1_in(0)),
+        ca.MX.sym("inputs", 2, steps),
+        ca.MX.sym("p", _FREE + 2),
+    )
+    ends = both.mapaccum(steps)(start, inputs, ca.repmat(constants, 1, steps))
+    one = ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])
+    return one if windows == 1 else one.map(windows, "thread", THREADS)

@@ -1,0 +1,283 @@
+"""All parameters from moving runs beside the other stages: starts and priors from them, and whether they agree."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from bristle.data.encoder import resolution
+from bristle.data.experiment.load import Experiment
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.identification.dynamic.crosscheck import check_tracking
+from bristle.identification.dynamic.encoder_bias import without_count_bias
+from bristle.identification.dynamic.fit import SEED, STARTS, Tracked, fit_tracking
+from bristle.identification.dynamic.multistart import judge, without_deflections
+from bristle.identification.dynamic.output_error import simulation
+from bristle.identification.dynamic.problem import Prior, Tracking, tracking, with_priors
+from bristle.identification.dynamic.profile import Profiled
+from bristle.identification.dynamic.uncertainty import explored, with_three_ways
+from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
+from bristle.identification.static.moving_data import directions, inertia, regressors
+from bristle.model import functions
+from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
+from bristle.progress import Progress
+
+_APART = 2.6
+"""Combined standard errors by which two stages differ in one of a hundred cases."""
+_SURER = 1.5
+"""Times: one stage knows a parameter better than another if its error is smaller by this."""
+_SURE = 3
+"""Starts where other runs tell the static parameters: then the first one is near."""
+_WORSE = 1.5
+"""Times the relative error of the moving runs alone, beyond which the joint fit is doubted."""
+_BENDS = 0.01
+"""A start for the bristle's deflection where no stage gives one, as a share of the travel."""
+_DAMPING_RATIO = 0.1
+"""A start for sigma_1 where no stage gives one, as (15) assumes."""
+
+
+Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
+
+
+def track(
+    experiment: Experiment,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    static: Mapping[str, StaticFit],
+    load: Load | None,
+    *,
+    static_is_apart: bool,
+    second_route: bool = False,
+    uncertainty: bool = False,
+    progress: Progress | None = None,
+) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...], Presliding | None]:
+    """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
+
+    Args:
+        experiment: with its options.
+        records: training runs.
+        held: hold-out runs.
+        static: the static fits.
+        load: makes the presliding stage from fits that tell g0; None where there are no such runs.
+        static_is_apart: whether the static fits rest on other data than these runs.
+        second_route: whether to solve the problem by CasADi and IPOPT as well, which takes long.
+        uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
+        progress: called with what is done, how much of it, and of how much.
+
+    Raises InputError where a run lacks a signal, or shows none of the parameters.
+    """
+    moving, options = directions(experiment, records), experiment.fit
+    kind, by_torque = experiment.joint.kind, options.predict == "torque"
+    pose = partial(_driven if by_torque else _simulated, experiment, moving)
+    count = resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
+
+    def fitted(posed: Tracking, starts: int, *others: Mapping[str, float]) -> tuple[Tracked, Mapping[str, Profiled]]:
+        """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
+        found = fit_tracking(posed, start, kind, tests, starts=starts, others=others)
+        if not uncertainty:
+            return found, {}
+        return explored(found, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress)
+
+    def finished(found: Tracked, profiles: Mapping[str, Profiled]) -> TrackingFit:
+        """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
+        fit = without_count_bias(found, records, pose, options.position_cutoff, count) if count else found.fit
+        return with_three_ways(found, fit, profiles) if uncertainty else fit
+
+    # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
+    slow = load(static) if load and static_is_apart else None
+    whole = _driven(experiment, moving, records, {})
+    fixed = _fixed(experiment, whole)
+    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
+    problem = whole = replace(whole, fixed=fixed)
+    if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
+        problem = pose(records, fixed)
+        start = without_deflections(judge(whole, start, _SURE, SEED).values)
+    tests = [(r.file, pose([r], fixed)) for r in held]
+    found, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
+    if second_route and by_torque:
+        check = check_tracking(found)
+        said = () if check.agrees else (check.verdict,)
+        found = found._replace(fit=replace(found.fit, check=check, doubts=(*found.fit.doubts, *said)))
+    alone = finished(found, profiles)
+    if load and not static_is_apart:
+        slow = load(alone)
+    priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
+    if not priors:
+        return alone, None, (), slow
+    told, ended = with_priors(problem, priors, alone.rms), {**found.problem.fixed, **found.values}
+    joint = finished(*fitted(told, 1, ended))
+    agree = _consistency(priors, alone, joint)
+    return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree, slow
+
+
+def _simulated(
+    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[str, float]
+) -> Tracking:
+    """The same as `_driven` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
+    known, _ = inertia(experiment)
+    options, asked = experiment.fit, regressors(experiment)
+    if known is not None:
+        asked, fixed = (*asked, "inertia"), {**fixed, "inertia": known}
+    posed = tracking(records, moving, asked, 1, None, fixed, options.shared)
+    return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
+
+
+def _driven(
+    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[str, float]
+) -> Tracking:
+    """The problem that some records pose, with the experiment's options, in the directions `moving`."""
+    known, _ = inertia(experiment)
+    options = experiment.fit
+    return tracking(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+
+
+def _static_of(static: Mapping[str, StaticFit], tag: str) -> StaticFit | None:
+    return static.get(tag or "both") or static.get("both")
+
+
+def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding | None) -> dict[str, float]:
+    """A first guess of every parameter, from the stages where they have one."""
+    torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
+    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions)
+    shared = {n: e for fit in static.values() for n, e in fit.parameters.items() if n in problem.extra_names}
+    extra = {name: _value(shared.get(name), 0.0) for name in problem.extra_names}
+    out: dict[str, float] = {}
+    for tag in problem.tags:
+        fit = _static_of(static, tag)
+        known = fit.parameters if fit is not None else {}
+        alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
+        sigma_0 = _value(_stiffness(slow, tag), alpha_0 / (_BENDS * travel))
+        inertia_guess = max(extra.get("inertia", 0.0), 1e-3 * torque / speed)
+        (sigma_1, *_) = evaluate(functions.presliding_damping(), sigma_0, inertia_guess, _DAMPING_RATIO)
+        first = Lugre(
+            alpha_0=alpha_0,
+            alpha_1=_value(known.get("alpha_1"), 0.3 * alpha_0),
+            alpha_2=max(_value(known.get("alpha_2"), 0.1 * torque / speed), 1e-3 * torque / speed),
+            v_s=_value(known.get("v_s"), 0.1 * speed),
+            sigma_0=sigma_0,
+            sigma_1=float(sigma_1),
+        )
+        for name, value in first._asdict().items():  # what both directions share starts at their mean
+            key = problem.key(name, tag)
+            out[key] = (out[key] + value) / 2 if key in out else value
+    if extra.get("inertia", 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
+        extra["inertia"] = 1e-3 * torque / speed
+    return out | extra
+
+
+def _stiffness(slow: Presliding | None, tag: str) -> Estimate | None:
+    """sigma_0 from presliding of one direction, or of both by their inverse variances; None where there is none with an error."""
+    own = [fit.sigma_0 for d, fit in slow.fits.items() if tag in ("", d)] if slow else []
+    known = [(e.value, e.standard_error) for e in own if e.value and e.standard_error]
+    if not known:
+        return None
+    weight = np.array([1 / error**2 for _, error in known])
+    value = float(weight @ [x for x, _ in known] / weight.sum())
+    return replace(own[0], value=value, standard_error=float(weight.sum() ** -0.5))
+
+
+def _value(e: Estimate | None, otherwise: float) -> float:
+    return otherwise if e is None or not e.value else e.value
+
+
+def _fixed(experiment: Experiment, problem: Tracking) -> dict[str, float]:
+    """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
+    known = (*problem.friction_names, *problem.extra_names)
+    fixed: dict[str, float] = {}
+    for name, value in experiment.fit.fixed.items():
+        meant = [n for n in known if n == name or n.rstrip("+-") == name]
+        if not meant:
+            raise InputError(
+                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(known)}"
+            )
+        fixed |= dict.fromkeys(meant, value)
+    return fixed
+
+
+def _priors(
+    problem: Tracking, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
+) -> list[Prior]:
+    """What static, presliding and the experiment file say, as normal distributions."""
+    found = []
+    for tag in problem.tags:
+        fit = _static_of(static, tag)
+        if fit is not None:
+            own = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
+            # few degrees of freedom: a Student distribution scatters by more than its standard error
+            covariance = fit.covariance[np.ix_(own, own)] * (fit.dof / (fit.dof - 2) if fit.dof > 2 else 4.0)
+            if own and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
+                value = np.array([fit.parameters[fit.names[k]].value for k in own], dtype=float)
+                root = np.linalg.inv(np.linalg.cholesky(covariance))
+                found.append(Prior("static", tuple(problem.key(fit.names[k], tag) for k in own), value, root))
+        bristle = _stiffness(slow, tag)
+        if bristle is not None:
+            found.append(
+                _single("presliding", problem.key("sigma_0", tag), bristle.value or 0.0, bristle.standard_error or 1.0)
+            )
+    _, known = inertia(experiment)
+    if known is not None and "inertia" in problem.extra_names:
+        found.append(_single("experiment file", "inertia", known.value, known.standard_error or 0.0))
+    free = set(problem.names)
+    return [prior for prior in found if free.issuperset(prior.names)]
+
+
+def _single(stage: str, name: str, value: float, error: float) -> Prior:
+    return Prior(stage, (name,), np.array([value]), np.array([[1 / error]]))
+
+
+def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
+    """Each parameter of each stage beside the moving data alone and the joint fit."""
+    found = []
+    for prior in priors:
+        errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
+        for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
+            own, both = alone.parameters[name], joint.parameters[name]
+            if own.value is None or own.standard_error is None:
+                verdict, difference = "The moving data do not show it.", None
+            else:
+                difference = (own.value - value) / float(np.hypot(error, own.standard_error))
+                verdict = _verdict(
+                    prior.stage, difference, error / abs(value or 1.0), own.standard_error / abs(own.value or 1.0)
+                )
+            found.append(
+                Consistency(
+                    parameter=name,
+                    stage=prior.stage,
+                    stage_value=value,
+                    stage_error=error,
+                    tracking_value=own.value,
+                    tracking_error=own.standard_error,
+                    joint_value=both.value,
+                    joint_error=both.standard_error,
+                    difference=difference,
+                    verdict=verdict,
+                )
+            )
+    return tuple(found)
+
+
+def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[str]:
+    """What the stages' disagreement lets doubt about the joint fit."""
+    said = []
+    apart = [c.parameter for c in agree if c.difference is not None and abs(c.difference) > _APART]
+    if apart:
+        said.append(f"The moving runs and the other stages differ by more than chance in {', '.join(apart)}.")
+    if joint.relative_error > _WORSE * alone.relative_error:
+        said.append(
+            f"The joint fit explains the moving runs much worse than they can be explained, {joint.relative_error:.3g} % against "
+            f"{alone.relative_error:.3g} %: the stages do not fit together."
+        )
+    return said
+
+
+def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> str:
+    if abs(difference) <= _APART:
+        return "They agree."
+    if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
+        return "They differ by more than chance, and neither is much surer: see the doubts of both."
+    wider = "the moving data" if own_share > stage_share else f"the {stage} stage"
+    return f"They differ by more than chance; distrust {wider} first, which knows it less well."

@@ -1,0 +1,286 @@
+"""All parameters on moving data: the measured velocity drives LuGre, the measured torque is what it must explain.
+
+    T = T_f(v; alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1) + J dv/dt + offset + gravity
+
+Each stretch without a gap has a bristle deflection z0 of its own to begin with. Both sides pass the decimation filter.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from scipy import sparse
+
+from bristle.arrays import Array
+from bristle.data.differentiation import stretches
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.estimation.separable import Block
+from bristle.identification.static.problem import decimator, extra_columns
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout, rollout_into
+
+Quantity = Literal["torque", "position"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """A stretch of a moving run without a gap, of N samples and n equations."""
+
+    file: str
+    time: Array
+    """s from the start of its run, (N,)."""
+    velocity: Array
+    """rad/s, (N,)."""
+    torque: Array
+    """Measured, less what is known (a fixed inertia's), N*m, (N,)."""
+    extra: Array
+    """Columns of the extra regressors, (N, k)."""
+    smooth: sparse.csr_array | None
+    """The decimation filter, (n, N); None: none."""
+    goes_on: bool = False
+    """Whether it begins where the motion before it ends."""
+    weight: float = 1.0
+    """What its residuals are multiplied by in the fit."""
+    measured: Array
+    """What is to be explained: the measured torque itself, N*m, (N,)."""
+    rough: float = 1.0
+    """As in `rollout`."""
+
+    @property
+    def size(self) -> int:
+        """Equations, n."""
+        return int(self.time.size if self.smooth is None else self.smooth.shape[0])
+
+    @property
+    def step(self) -> Array:
+        """Time between samples, s, (N - 1,)."""
+        return np.diff(self.time)
+
+    def smoothed(self, values: Array) -> Array:
+        """Values at the samples, (N,) or (N, k), as the equations see them, (n,) or (n, k)."""
+        return values if self.smooth is None else np.asarray(self.smooth @ values)
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What another stage says of some parameters: a normal distribution."""
+
+    stage: str
+    """`static`, `presliding` or `experiment file`."""
+    names: tuple[str, ...]
+    value: Array
+    """(p,)."""
+    root: Array
+    """The inverse of the Cholesky factor of their covariance, (p, p): `root @ (x - value)` scatters by one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracking:
+    """The nonlinear least-squares problem of moving data."""
+
+    motions: tuple[Motion, ...]
+    directions: tuple[str, ...]
+    """("both",) or ("+", "-")."""
+    extra_names: tuple[str, ...]
+    fixed: Mapping[str, float]
+    """Parameters that are not estimated, by name."""
+    shared: tuple[str, ...] = ()
+    """LuGre parameters that both directions have in common."""
+    priors: tuple[Prior, ...] = ()
+    sigma: float = 1.0
+    """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
+    quantity: Quantity = "torque"
+    """What the equations are about; where it is the position, residuals are in rad."""
+    begins: tuple[str, ...] = ("z0",)
+    """What each motion begins with, unknown."""
+    equations: "Equations" = field(default_factory=lambda: driven)
+    """The model."""
+
+    @property
+    def friction_names(self) -> tuple[str, ...]:
+        """The LuGre parameters, a direction's sign appended where there are two."""
+        every = [self.key(name, tag) for tag in self.tags for name in Lugre._fields]
+        return tuple(dict.fromkeys(every))
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """What a direction's sets are told apart by; one empty word where there is one set."""
+        return ("",) if self.directions == ("both",) else self.directions
+
+    def key(self, name: str, tag: str) -> str:
+        """How a LuGre parameter of one direction is named: bare where both directions share it."""
+        return name if name in self.shared else name + tag
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The free parameters: LuGre, extra regressors, then z0 of each stretch."""
+        every = (*self.friction_names, *self.extra_names)
+        starts = (f"{name}[{k}]" for k in range(len(self.motions)) for name in self.begins)
+        return (*(n for n in every if n not in self.fixed), *starts)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Each motion's equations, and which unknowns it begins with."""
+        count = len(self.begins)
+        stops, first = np.cumsum([m.size for m in self.motions]).tolist(), len(self.names) - count * len(self.motions)
+        return tuple(
+            Block(slice(stop - m.size, stop), list(range(first + count * k, first + count * (k + 1))))
+            for k, (stop, m) in enumerate(zip(stops, self.motions, strict=True))
+        )
+
+    @property
+    def measured(self) -> Array:
+        """What is to be explained, as the equations see it, (n,)."""
+        return np.concatenate([m.smoothed(m.measured) for m in self.motions])
+
+    @property
+    def extent(self) -> float:
+        """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
+        rows = [m.smoothed(m.measured) for m in self.motions]
+        return float(
+            np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
+        )
+
+    @property
+    def velocity(self) -> Array:
+        """The same of the velocity, (n,)."""
+        return np.concatenate([m.smoothed(m.velocity) for m in self.motions])
+
+    @property
+    def time(self) -> Array:
+        """The same of the time, (n,)."""
+        return np.concatenate([m.smoothed(m.time) for m in self.motions])
+
+
+Equations = Callable[
+    [Tracking, Mapping[str, float], Sequence[dict[str, Array]]], Iterable[tuple[Array, dict[str, Array]]]
+]
+"""(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's derivatives by name, (N,) each.
+
+The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is returned.
+"""
+
+
+def tracking(
+    records: Sequence[Record],
+    directions: tuple[str, ...],
+    regressors: Sequence[str],
+    decimation: int,
+    inertia: float | None,
+    fixed: Mapping[str, float] | None = None,
+    shared: tuple[str, ...] = (),
+) -> Tracking:
+    """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `Tracking`.
+
+    Raises InputError where a record lacks what a regressor needs, is at rest, or has a stretch too short for the filter.
+    """
+    motions: list[Motion] = []
+    names: tuple[str, ...] = ()
+    for record in records:
+        extra = extra_columns(regressors, record)
+        names = tuple(extra)
+        columns = np.column_stack(list(extra.values())) if extra else np.zeros((record.time.size, 0))
+        if record.velocity is None or record.torque is None or (inertia is not None and record.acceleration is None):
+            raise InputError(
+                f"{record.file}: a tracking run needs position (or velocity) and torque; name them under signals"
+            )
+        if not record.velocity.any():
+            raise InputError(
+                f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
+            )
+        known = 0.0 if inertia is None or record.acceleration is None else inertia * record.acceleration
+        for part in stretches(record):
+            smooth, _ = decimator([np.array([part.stop - part.start])], decimation, record.file)
+            motions.append(
+                Motion(
+                    file=record.file,
+                    time=record.time[part] - record.time[0],
+                    velocity=record.velocity[part],
+                    torque=(record.torque - known)[part],
+                    extra=columns[part],
+                    smooth=None if decimation == 1 else smooth,
+                    measured=record.torque[part],
+                )
+            )
+    return Tracking(
+        motions=tuple(motions), directions=directions, extra_names=names, fixed=dict(fixed or {}), shared=shared
+    )
+
+
+def parameters(problem: Tracking, values: Mapping[str, float]) -> Lugre[float] | Pair[float]:
+    """The LuGre set, or pair of sets, among some values by name."""
+    known = {**problem.fixed, **values}
+    sets = [Lugre(*(known[problem.key(name, tag)] for name in Lugre._fields)) for tag in problem.tags]
+    return sets[0] if len(sets) == 1 else Pair(*sets)
+
+
+def residuals(problem: Tracking, values: Mapping[str, float], chain: Array | None = None) -> tuple[Array, Array]:
+    """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
+
+    `values` holds every name of `problem.names`; `chain` (p,) multiplies each derivative.
+    """
+    known = {**problem.fixed, **values}
+    names = problem.names
+    row_of = {name: j for j, name in enumerate(names)}
+    factor = (-np.ones(len(names)) if chain is None else -chain).tolist()
+    blocks = [rows for rows, _ in problem.blocks]
+    left = np.empty(blocks[-1].stop)
+    slopes = np.zeros((len(names), left.size))  # a row per parameter: long inner loops
+    memory = [
+        {name: slopes[j, rows] for name, j in row_of.items()} if m.smooth is None else {}
+        for m, rows in zip(problem.motions, blocks, strict=True)
+    ]
+    found = problem.equations(problem, known, memory)
+    for m, here, (rest, own) in zip(problem.motions, blocks, found, strict=True):
+        left[here] = m.smoothed(rest)
+        for name in own.keys() & row_of.keys():
+            np.multiply(m.smoothed(own[name]), factor[row_of[name]], out=slopes[row_of[name], here])
+    return left, slopes.T
+
+
+def driven(
+    problem: Tracking, known: Mapping[str, float], memory: Sequence[dict[str, Array]]
+) -> Iterator[tuple[Array, dict[str, Array]]]:
+    """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown's name."""
+    p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
+    keys = [problem.key(name, tag) for tag, name in product(problem.tags, Lugre._fields)]
+    for k, m in enumerate(problem.motions):
+        own_memory = (memory[k].pop(key, None) for key in (*keys, f"z0[{k}]"))  # a shared parameter has it once
+        rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
+        rolled = rollout_into(rows, m.velocity, m.step, p, known[f"z0[{k}]"], m.rough)
+        own = by_name(problem, rows[:-1])
+        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rows[-1]}
+        yield m.torque - rolled.torque - m.extra @ extra, own
+
+
+def by_name(problem: Tracking, rows: Iterable[Array]) -> dict[str, Array]:
+    """The derivatives by each LuGre parameter, 6 or 12 of (N,), by name; those of a shared one are added up."""
+    own: dict[str, Array] = {}
+    for (tag, name), row in zip(product(problem.tags, Lugre._fields), rows, strict=True):
+        key = problem.key(name, tag)
+        own[key] = own[key] + row if key in own else row
+    return own
+
+
+def modelled(problem: Tracking, values: Mapping[str, float]) -> list[Array]:
+    """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
+    known = {**problem.fixed, **values}
+    extra = np.array([known[name] for name in problem.extra_names])
+    p = parameters(problem, values)
+    return [
+        rollout(m.velocity, m.step, p, values[f"z0[{k}]"], m.rough).torque + m.extra @ extra + (m.measured - m.torque)
+        for k, m in enumerate(problem.motions)
+    ]
+
+
+def is_start(name: str) -> bool:
+    """Whether an unknown is what a motion begins with, such as z0[3]."""
+    return name.endswith("]")
+
+
+def with_priors(problem: Tracking, priors: Sequence[Prior], sigma: float) -> Tracking:
+    """The problem with what other stages say; `sigma` is what its residuals scatter by, N*m."""
+    return replace(problem, priors=tuple(priors), sigma=sigma)

@@ -1,0 +1,164 @@
+"""The 95 % intervals of a fit of moving data three ways: covariance, profile, bootstrap of blocks; and where they part.
+
+What encoder counts add is taken off after the fit (`counts`): the estimate is moved, and its error widened by a factor. The profile's ends and the
+bootstrap's draws, which know nothing of it, are moved and spread about the estimate in the same way; an end that is open stays so.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation import interval_comparison
+from bristle.estimation.block_bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
+from bristle.estimation.separable import projected
+from bristle.identification.dynamic.fit import SEED, Tracked
+from bristle.identification.dynamic.problem import is_start
+from bristle.identification.dynamic.profile import Profiled, profile_moving, widest
+from bristle.identification.dynamic.unknowns import bounds, natural, scales, to_scaled
+from bristle.identification.results import Estimate, TrackingFit, Uncertainty
+from bristle.progress import Progress
+
+_RESTARTS = 3
+_AGAIN = "A profile found a lower cost than the fit had: the fit was done again from there."
+_STILL = "Profiles still find lower costs after {} new fits: distrust this one."
+_AT_BOUND = (
+    "At its physical bound of zero: the intervals are one-sided, and there is no bootstrap, which knows no bounds."
+)
+_NOT_FITTED = "It was not fitted: there is nothing to profile or to draw."
+
+Again = Callable[[Mapping[str, float]], Tracked]
+"""The fit done again, also from a start with every unknown in it."""
+
+
+def explored(found: Tracked, again: Again, progress: Progress | None = None) -> tuple[Tracked, Mapping[str, Profiled]]:
+    """The profile of each parameter, and the fit: done again, and saying so, where a profile found a better optimum."""
+    said: tuple[str, ...] = ()
+    for _ in range(_RESTARTS):
+        profiles, better = profile_moving(found, progress)
+        if better is None:
+            break
+        found, said = again({**found.problem.fixed, **better}), (_AGAIN,)
+    else:
+        profiles, better = profile_moving(found, progress, heed=False)
+        said = (*said, _STILL.format(_RESTARTS))
+    return found._replace(fit=replace(found.fit, doubts=(*found.fit.doubts, *said))), profiles
+
+
+def with_three_ways(
+    found: Tracked, fit: TrackingFit, profiles: Mapping[str, Profiled], seed: int = SEED
+) -> TrackingFit:
+    """The fit with each parameter's intervals three ways.
+
+    Args:
+        found: as it was profiled.
+        fit: the same, the bias of encoder counts taken off.
+        profiles: by name.
+        seed: of the bootstrap.
+    """
+    columns, drawn = _drawn(found, seed)
+    three = {}
+    for name, e in fit.parameters.items():
+        if name in profiles:
+            steps = _steps(found, name, drawn, columns.index(name)) if name in columns else None
+            three[name] = _three(found, name, e, profiles[name], steps, drawn.blocks)
+        else:
+            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, doubts=(*e.doubts, _NOT_FITTED))
+    parted = {name: replace(e, doubts=(*e.doubts, *_new(e, three[name]))) for name, e in fit.parameters.items()}
+    return replace(fit, parameters=parted, uncertainty=three)
+
+
+def _new(e: Estimate, three: Uncertainty) -> tuple[str, ...]:
+    """What the three intervals let doubt of an estimate, and has not been said."""
+    return () if e.value is None else tuple(doubt for doubt in three.doubts if doubt not in e.doubts)
+
+
+def _three(
+    found: Tracked, name: str, e: Estimate, profile: Profiled, steps: tuple[Array, Array] | None, blocks: int
+) -> Uncertainty:
+    """One parameter's intervals, and where they part; `steps` are the ends of the bootstrap's interval, and its draws."""
+    moved = _moved(found, name, e)
+    ends = moved(np.array(profile.interval))
+    low, high = ends.tolist()
+    drawn = None if steps is None or blocks < FEW else moved(steps[0])
+    at_bound = found.values[name] == 0
+    few = f"{blocks} blocks of independent residuals"
+    doubts = profile.doubts
+    if at_bound:
+        doubts = (*doubts, _AT_BOUND)
+    elif blocks < FEW:
+        doubts = (*doubts, too_few(few))
+    bootstrap = None if drawn is None else (float(drawn[0]), float(drawn[1]))
+    if e.value is not None:
+        doubts = (
+            *doubts,
+            *interval_comparison.doubts(
+                e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
+            ),
+        )
+    curve = np.stack([moved(profile.curve[0]), profile.curve[1]])
+    seen = profile.curve.size > 0
+    return Uncertainty(
+        covariance=e.interval if seen else None,
+        profile=(low, high),
+        bootstrap=bootstrap,
+        curve=curve,
+        draws=np.zeros(0) if steps is None else moved(steps[1][:SHOWN]),
+        doubts=doubts,
+    )
+
+
+def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
+    """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
+    value, limits = found.values[name], widest(name)
+    new, wider = value if e.value is None else e.value, 1.0
+    error = found.fit.parameters[name].standard_error
+    if e.standard_error and error:
+        wider = e.standard_error / error
+
+    def moved(x: Array) -> Array:
+        """Values moved, none beyond what the parameter may be, (k,) -> (k,)."""
+        inside = np.where(np.isfinite(x), x, value)
+        return np.where(np.isin(x, limits), x, np.clip(new + (inside - value) * wider, *limits))
+
+    return moved
+
+
+def _drawn(found: Tracked, seed: int) -> tuple[list[str], Resampled]:
+    """Steps of the free parameters, those at a bound apart, under resampled blocks; a motion that is simulated from its own start is a block."""
+    problem, judged = found.problem, found.judged
+    x, (lower, upper) = _scaled(found), bounds(problem)
+    free = [
+        j
+        for j, name in enumerate(problem.names)
+        if not is_start(name) and np.isfinite(judged.scaled_errors[j]) and lower[j] < x[j] < upper[j]
+    ]
+    blocks, left = problem.blocks, judged.minimum.residuals
+    J, n = projected(judged.minimum.jacobian, np.array(free), blocks), blocks[-1].rows.stop
+    windows = problem.quantity == "position"
+    drawn = block_bootstrap(
+        J[:n],
+        left[:n],
+        [block.rows.start for block in blocks] if windows else found.fit.starts_of_runs,
+        priors=J[n:],
+        sigma=problem.sigma,
+        length=n if windows else None,
+        seed=seed,
+    )
+    return [problem.names[j] for j in free], drawn
+
+
+def _scaled(found: Tracked) -> Array:
+    return to_scaled(found.problem, found.values, scales(found.problem, found.values))
+
+
+def _steps(found: Tracked, name: str, drawn: Resampled, column: int) -> tuple[Array, Array]:
+    """The ends of a parameter's interval by bootstrap-t, (2,), and its draws, (b,), in its unit; what leaves its range is open."""
+    j = found.problem.names.index(name)
+    x, (lower, upper) = float(_scaled(found)[j]), bounds(found.problem)
+    size = float(scales(found.problem, found.values)[j])
+    ends = x + np.array(drawn.interval(column, float(found.judged.scaled_errors[j])))
+    open_ends = [ends[0] <= lower[j], ends[1] >= upper[j]]
+    draws = natural(name, np.clip(x + drawn.steps[:, column], lower[j], upper[j]), size)
+    return np.where(open_ends, widest(name), natural(name, np.clip(ends, lower[j], upper[j]), size)), draws

@@ -1,0 +1,160 @@
+"""Fisher information: what measured torque tells of the parameters, at planned velocities or along a planned motion.
+
+    F = J' J / noise**2,    J = dT / dp exactly,    covariance >= F**-1 (Cramer and Rao)
+
+Noise is white: one standard deviation for all samples, or one each. Information of independent measurements adds up.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.record import freeze
+from bristle.identification.dynamic.fit import in_words
+from bristle.model import functions
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout_jacobian
+from bristle.model.vectorize import evaluate
+
+STATIC: tuple[str, ...] = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+"""The parameters that constant velocities show, in the order of their information."""
+_SINGULAR = 1e-13
+"""An eigenvalue of the information of parameters in units of their own errors, below this share of the largest, is none."""
+_MEMBER = 1e-5
+"""A parameter with this share of a direction that is not seen is not seen."""
+_HARDLY = 1e-3
+"""A direction is hardly seen where its eigenvalue is this share of the largest ..."""
+_NOTHING = 1e-100
+"""A derivative this small is none."""
+_PART = 0.3
+"""... and these are its members: with this share of its largest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Information:
+    """What a measurement tells of some parameters."""
+
+    names: tuple[str, ...]
+    point: Array
+    """The parameters' values, where the model was linearised, (p,)."""
+    matrix: Array
+    """F, (p, p), in one over the parameters' units."""
+    standard_errors: Array = field(init=False)
+    """The least that any unbiased fit can have, (p,); infinite where the parameter is not seen."""
+    correlation: Array = field(init=False)
+    """Of the estimates, (p, p), 1 on the diagonal; zero where one of the two is not seen."""
+    unseen: tuple[str, ...] = field(init=False)
+    """Directions of the parameters, each in its own size, that are hardly seen; a sentence each, the worst first."""
+
+    def __post_init__(self) -> None:
+        """Judge the matrix; copy and freeze every array."""
+        errors, correlation = covariance(self.matrix)
+        object.__setattr__(self, "standard_errors", errors)
+        object.__setattr__(self, "correlation", correlation)
+        object.__setattr__(self, "unseen", directions(self.matrix, self.names))
+        freeze(self)
+
+
+def names_of(p: Lugre[float] | Pair[float], bare: Sequence[str] = Lugre._fields) -> tuple[str, ...]:
+    """The names of one set's parameters, or of a pair's: those of the positive set with a +, then those of the negative one with a -."""
+    return tuple(bare) if isinstance(p, Lugre) else tuple(name + sign for sign in "+-" for name in bare)
+
+
+def static_jacobian(velocity: Array, p: Lugre[float] | Pair[float]) -> Array:
+    """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,): (n, 4), ordered as `STATIC`, or (n, 8) for a pair, the positive set first."""
+    if isinstance(p, Lugre):
+        return np.column_stack(evaluate(functions.steady_jacobian(), velocity, *p[: len(STATIC)]))
+    rows = [static_jacobian(velocity, one) for one in p]
+    ways = np.asarray(velocity)[:, None] > 0, np.asarray(velocity)[:, None] < 0
+    return np.hstack([row * way for row, way in zip(rows, ways, strict=True)])
+
+
+def static_information(velocity: Array, p: Lugre[float] | Pair[float], noise: float | Array) -> Array:
+    """Information of torques in steady sliding at planned velocities.
+
+    Args:
+        velocity: rad/s, (n,); none of them zero.
+        p: one set for both directions, or a pair; sigma_0 and sigma_1 do not matter.
+        noise: standard deviation of a torque, N*m, > 0, one or (n,).
+
+    Returns:
+        F, (4, 4) in the order of `STATIC`, or (8, 8) for a pair, the positive set first.
+    """
+    return gram(static_jacobian(velocity, p), noise)
+
+
+def motion_jacobian(
+    velocity: Array, step: float | Array, p: Lugre[float] | Pair[float], extra: Mapping[str, Array] | None = None
+) -> Array:
+    """The derivative dT_f / dp along a motion, through the bristle: (n, 6 + k) or (n, 12 + k), the k columns of `extra` last.
+
+    Args:
+        velocity: rad/s at the samples, (n,).
+        step: time between samples, s: one number or (n - 1,).
+        p: one set, or a pair; the bristle begins in its steady deflection.
+        extra: what the torque holds beside friction, by name: the derivative by each, (n,), such as the acceleration for `inertia`.
+    """
+    friction = cleared(rollout_jacobian(velocity, step, p).by_parameters)
+    return np.column_stack([friction, *(extra or {}).values()])
+
+
+def motion_information(
+    velocity: Array,
+    step: float | Array,
+    p: Lugre[float] | Pair[float],
+    noise: float | Array,
+    extra: Mapping[str, Array] | None = None,
+) -> Array:
+    """Information of the torque along a motion: F, (6 + k, 6 + k) in the order of `Lugre`, or (12 + k, 12 + k) for a pair.
+
+    `noise` is the standard deviation of a sample's torque, N*m, > 0, one or (n,); all else as in `motion_jacobian`.
+    """
+    return gram(motion_jacobian(velocity, step, p, extra), noise)
+
+
+def cleared(derivatives: Array) -> Array:
+    """Derivatives without what `rollout_jacobian` adds to a source so that it does not become a denormal number: what is nothing is zero."""
+    return np.where(np.abs(derivatives) < _NOTHING, 0.0, derivatives)
+
+
+def gram(jacobian: Array, noise: float | Array) -> Array:
+    """F = J' J / noise**2 of a Jacobian (n, p) and the standard deviation of what is measured, one or (n,)."""
+    weighted = jacobian / np.reshape(noise, (-1, 1))
+    return np.asarray(weighted.T @ weighted)
+
+
+def covariance(matrix: Array) -> tuple[Array, Array]:
+    """Standard errors (p,), infinite where nothing is seen, and the correlation (p, p) of estimates with information F, (p, p)."""
+    size = np.sqrt(np.diag(matrix))
+    seen = size > 0
+    values, vectors = np.linalg.eigh(_scaled(matrix, size))
+    good = values > _SINGULAR * values.max(initial=0.0)
+    lost = (np.abs(vectors[:, ~good]) > _MEMBER).any(axis=1)  # a zero row is a direction of its own
+    inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
+    spread = np.sqrt(np.diag(inverse))
+    errors = np.where(lost, np.inf, spread / np.where(seen, size, 1.0))
+    correlation = inverse / np.where(lost, np.inf, spread)[:, None] / np.where(lost, np.inf, spread)
+    np.fill_diagonal(correlation, 1.0)
+    return errors, correlation
+
+
+def directions(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """Directions that are hardly seen, in words, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
+    size = np.sqrt(np.diag(matrix))
+    said = [f"Nothing is seen of {name}." for name, s in zip(names, size, strict=True) if s == 0]
+    kept = np.flatnonzero(size > 0)
+    values, vectors = np.linalg.eigh(_scaled(matrix, size)[np.ix_(kept, kept)])
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value < _HARDLY * values[-1]:
+            share = np.abs(vector) / np.abs(vector).max()
+            order = [k for k in np.argsort(-share, kind="stable") if share[k] > _PART]
+            said.append(in_words([(names[kept[k]], float(vector[k])) for k in order]))
+    return tuple(said)
+
+
+def _scaled(matrix: Array, size: Array) -> Array:
+    """F with each parameter in units of the error that it had were all others known: 1 on the diagonal, 0 where nothing is seen."""
+    unit = np.where(size > 0, size, 1.0)
+    return matrix / unit[:, None] / unit

@@ -1,0 +1,161 @@
+"""Which friction model to use, of those fitted to the same equations.
+
+With k parameters, the noise variance among them, and the sum of squared residuals RSS of n equations, of which n' = n / inflation are independent:
+
+    AICc = n' log(RSS / n) + 2 k + 2 k (k + 1) / (n' - k - 1),    BIC = n' log(RSS / n) + k log(n')
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import log
+from typing import Literal
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.identification.results import ModelComparison, ModelRow, Outcome, StaticFit, TrackingFit
+
+COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
+"""Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s; sigma_0 and sigma_1."""
+SYMMETRIC, APART, ONE = "symmetric", "per direction", "one direction"
+_EXACT = 1e-24
+"""Of the measured power: residuals below are rounding."""
+_SAME = 2.0
+"""A difference in BIC below this is worth a bare mention."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A model fitted."""
+
+    model: str
+    directions: str
+    parameters: int
+    residuals: Array
+    """(n,)."""
+    hold_out: float | None
+    """Percent."""
+    settled: bool = True
+    """Whether its fit came to its end."""
+
+
+def power_of(x: Array) -> float:
+    """The sum of squares of x, (n,)."""
+    return float(x @ x)
+
+
+def compared(
+    data: Literal["points", "moving runs"],
+    found: Sequence[Candidate],
+    held_by: str,
+    stretch: float,
+    power: float,
+    static: Mapping[str, StaticFit],
+    alone: TrackingFit | None,
+    left_out: tuple[str, ...],
+) -> ModelComparison | None:
+    """The candidates as rows, with the one to use; None where there is none.
+
+    Args:
+        data: what the equations are about.
+        found: the candidates, on the same n equations.
+        held_by: what their `hold_out` is about.
+        stretch: n over the number of independent equations.
+        power: sum of squares of what they explain, (N*m)**2.
+        static: static fits of these data.
+        alone: the fit of all parameters to these data.
+        left_out: what is not compared, and why.
+    """
+    if not found:
+        return None
+    n = found[0].residuals.size
+    scores = [_scores(c, n / stretch, power) for c in found]
+    lowest_aicc = min((aicc for aicc, _ in scores if aicc is not None), default=0.0)
+    lowest_bic = min(bic for _, bic in scores)
+    kept, seen = _keeps_stribeck(static, alone), alone is not None and _sees_bristle(alone)
+    allowed = [k for k, c in enumerate(found) if (seen if c.model == LUGRE else (c.model == STRIBECK) == kept)]
+    best = min(allowed, key=lambda k: scores[k][1], default=None)
+    rows = tuple(
+        ModelRow(
+            model=c.model,
+            directions=c.directions,
+            parameters=c.parameters,
+            rms=float(np.sqrt(power_of(c.residuals) / n)),
+            relative_error=100 * float(np.sqrt(power_of(c.residuals) / power)) if power else None,
+            aicc=None if aicc is None else aicc - lowest_aicc,
+            bic=bic - lowest_bic,
+            hold_out=c.hold_out,
+            candidate=k in allowed,
+            recommended=k == best,
+        )
+        for k, (c, (aicc, bic)) in enumerate(zip(found, scores, strict=True))
+    )
+    return ModelComparison(
+        data=data,
+        n=n,
+        effective=n / stretch,
+        hold_out_by=held_by,
+        rows=rows,
+        sentence=_sentence(rows, static, kept=kept),
+        left_out=left_out,
+    )
+
+
+def _scores(c: Candidate, effective: float, power: float) -> tuple[float | None, float]:
+    """AICc, None where there are too few independent equations, and BIC; both up to a constant that all models share."""
+    k = c.parameters + 1
+    fit_term = effective * log(max(power_of(c.residuals), _EXACT * power, 1e-300) / c.residuals.size)
+    spare = effective - k - 1
+    return fit_term + 2 * k + 2 * k * (k + 1) / spare if spare > 0 else None, fit_term + k * log(effective)
+
+
+def _keeps_stribeck(static: Mapping[str, StaticFit], alone: TrackingFit | None) -> bool:
+    """Whether the fit of these data keeps a Stribeck term in any direction: the static one, or else that of moving runs."""
+    found = [f.parameters.get("alpha_1") for f in static.values()]
+    if not static and alone is not None:
+        found = [e for name, e in alone.parameters.items() if name.startswith("alpha_1")]
+    return any(e is not None and e.value is not None for e in found)
+
+
+def _sees_bristle(alone: TrackingFit) -> bool:
+    return any(e.value is not None for name, e in alone.parameters.items() if name.startswith("sigma_0"))
+
+
+def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> str:
+    """Which to use and why."""
+    allowed = sorted((r for r in rows if r.candidate), key=lambda r: r.bic)
+    if not allowed:
+        return "None of the models with the terms that the fit supports can be fitted to so few points."
+    best, *rest = allowed
+    why = (
+        "it has the lowest BIC"
+        if len(rows) == len(allowed)
+        else "of the models with the terms that the fit supports it has the lowest BIC"
+    )
+    if rest:
+        gap = rest[0].bic - best.bic
+        near = "hardly worse: " if gap < _SAME else ""
+        why += f" ({near}{_called(rest[0])} has {gap:.1f} more)"
+    other = min((r for r in allowed if r.aicc is not None), key=lambda r: r.aicc or 0.0, default=best)
+    if other is not best:
+        why += f"; AICc would rather have {_called(other)}"
+    return f"Use {_called(best)}: {why}{_refused(rows, static, kept=kept)}."
+
+
+def _called(row: ModelRow) -> str:
+    return row.model if row.directions == ONE else f"{row.model}, {row.directions}"
+
+
+def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> str:
+    """What the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip."""
+    said = []
+    shown = [r for r in rows if r.model == STRIBECK]
+    if not kept and shown:
+        gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
+        but = f", though it would lower the BIC by {gain:.1f} (the fit's doubts say why)" if gain > 0 else ""
+        said.append(f"the Stribeck term is not identifiable from these data, as the fit found{but}")
+    if kept and any(f.outcome == Outcome.STICK_SLIP for f in static.values()):
+        said.append("but its Stribeck term rests on points that stick and slip")
+    if any(r.model == LUGRE and not r.candidate for r in rows):
+        said.append("the motion does not show LuGre's bristle")
+    return "".join(f"; {x}" for x in said)

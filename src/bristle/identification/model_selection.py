@@ -1,0 +1,282 @@
+"""Friction models fitted to the same equations: Coulomb, viscous, Stribeck and LuGre, symmetric and per direction."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.covariance import condition
+from bristle.identification.dynamic.fit import relative_error
+from bristle.identification.dynamic.multistart import with_deflections
+from bristle.identification.dynamic.problem import Tracking, is_start, tracking
+from bristle.identification.dynamic.unknowns import fit
+from bristle.identification.model_criteria import (
+    APART,
+    COULOMB,
+    LUGRE,
+    ONE,
+    STRIBECK,
+    SYMMETRIC,
+    VISCOUS,
+    Candidate,
+    compared,
+    power_of,
+)
+from bristle.identification.results import ModelComparison, StaticFit, TrackingFit
+from bristle.identification.static import problem as regression
+from bristle.identification.static.grid import default_range, solve
+from bristle.identification.static.moving_data import DIRECTIONS, inertia, regressors
+from bristle.identification.static.problem import Regression
+
+HELD, LEFT_OUT = "held-out runs", "each point predicted from all others"
+_STEPS = 8
+"""Of the LuGre fit that no stage has done yet: it begins where the other one ended."""
+_DEPENDENT = 1e8
+"""Condition number beyond which columns are told apart by rounding alone."""
+Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
+"""(directions, regressors) -> the equations to fit, and those to predict."""
+
+
+def of_points(
+    experiment: Experiment, velocity: Array, pose: Pose, static: Mapping[str, StaticFit]
+) -> ModelComparison | None:
+    """The models on points at constant velocity, where LuGre is its Stribeck curve (9); None where no model can be fitted.
+
+    Without held-out points each point is predicted from all others, to first order: its residual over 1 - its leverage.
+
+    Args:
+        experiment: with its options.
+        velocity: of the points, rad/s, (n,).
+        pose: poses the problem.
+        static: what the fit found.
+    """
+    found, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
+    held = bool(pose(("both",), ())[1])
+    said = (*left, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart.")
+    return compared("points", found, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, said)
+
+
+def of_moving(
+    experiment: Experiment,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    static: Mapping[str, StaticFit],
+    alone: TrackingFit,
+) -> ModelComparison | None:
+    """The models on moving runs: every equation of all of them, with the same decimation and regressors; None where the position is predicted.
+
+    Symmetric models have the experiment's offset; two Coulomb terms take its part in those per direction. LuGre in the directions of the
+    experiment's fit is that fit, `alone`; in the others it is fitted here, from where that fit ended.
+
+    Args:
+        experiment: with its options.
+        records: training runs.
+        held: hold-out runs.
+        static: static fits of the moving runs themselves; empty where other runs gave them.
+        alone: all parameters of the moving runs.
+
+    Raises InputError as the fits of moving runs do.
+    """
+    if alone.quantity != "torque":
+        return None
+    fixed, _ = inertia(experiment)
+    variants = _variants(np.concatenate([_velocity(r) for r in records]))
+
+    def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
+        """The regression of the training runs, and of each held-out one."""
+        made = [
+            regression.from_records(chosen, directions, asked, experiment.fit.decimation, fixed)[0]
+            for chosen in (records, *([r] for r in held))
+        ]
+        return made[0], made[1:]
+
+    found, left = _static_candidates(experiment, variants, pose, press=False)
+    found += _lugre(experiment, records, held, alone, variants)
+    left = (
+        *left,
+        *(
+            f"{LUGRE}, {c.directions}: the fit had not settled; its numbers can still improve."
+            for c in found
+            if not c.settled
+        ),
+    )
+    stretch = inflation(min((c.residuals for c in found), key=power_of, default=np.zeros(0)))
+    return compared("moving runs", found, HELD if held else "", stretch, _measured(pose), static, alone, left)
+
+
+def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, moving: bool) -> tuple[str, ...]:
+    """What the models have beside friction: as the experiment asks; an offset only where one set of friction serves both directions."""
+    if moving:
+        symmetric = experiment.fit.regressors is None and len(directions) == 1
+        asked = regressors(experiment)
+        asked = (*asked, "offset") if symmetric and "offset" not in asked else asked
+    else:
+        asked = experiment.fit.regressors or ()
+    return tuple(r for r in asked if r != "offset" or directions == ("both",))
+
+
+def _variants(velocity: Array) -> dict[str, tuple[str, ...]]:
+    """Directions of the regression by what they are called."""
+    present = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
+    return {SYMMETRIC: ("both",), APART: present} if len(present) == 2 else {ONE: present}
+
+
+def _velocity(record: Record) -> Array:
+    return np.zeros(0) if record.velocity is None else record.velocity
+
+
+def _measured(pose: Pose) -> float:
+    """The power of what is to be explained, (N*m)**2."""
+    problem = pose(("both",), ())[0]
+    return power_of(problem.torque if problem.known is None else problem.torque + problem.known)
+
+
+def _static_candidates(
+    experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, press: bool
+) -> tuple[list[Candidate], tuple[str, ...]]:
+    """The static models that there are equations enough for; and which there are not."""
+    found, few = list[Candidate](), list[str]()
+    for called, directions in variants.items():
+        whole, held = pose(directions, asked_regressors(experiment, directions, moving=not press))
+        for model in (COULOMB, VISCOUS, STRIBECK):
+            problem = _reduced(whole, model)
+            if problem.torque.size <= len(problem.names) or condition(problem.linear) > _DEPENDENT:
+                few.append(f"{model}, {called}")
+                continue
+            tests = [_reduced(test, model) for test in held]
+            found.append(_solved(experiment, problem, tests, model, called, press=press))
+    return found, (f"Too few points, or too much alike, for {'; '.join(few)}.",) if few else ()
+
+
+def _reduced(problem: Regression, model: str) -> Regression:
+    """The problem without what a model does not have."""
+    if model == STRIBECK:
+        return problem
+    keep = [k for k, name in enumerate(problem.linear_names) if model == VISCOUS or not name.startswith("alpha_2")]
+    names = tuple(problem.linear_names[k] for k in keep)
+    return replace(problem, peaks=(), linear=problem.linear[:, keep], linear_names=names)
+
+
+def _solved(
+    experiment: Experiment, problem: Regression, tests: Sequence[Regression], model: str, called: str, *, press: bool
+) -> Candidate:
+    v_s_range = experiment.fit.v_s_range or default_range(problem.velocity)
+    solution = solve(problem, v_s_range, experiment.fit.grid)
+    errors = [test.relative_error(solution.theta) for test in tests]
+    if press and not tests:
+        errors = [_left_out_error(problem, solution.residuals, solution.jacobian)]
+    return Candidate(
+        model=model,
+        directions=called,
+        parameters=len(problem.names),
+        residuals=solution.residuals,
+        hold_out=_mean(errors),
+    )
+
+
+def _mean(errors: Sequence[float]) -> float | None:
+    known = [x for x in errors if np.isfinite(x)]
+    return float(np.mean(known)) if known else None
+
+
+def _left_out_error(problem: Regression, residuals: Array, jacobian: Array) -> float:
+    """100 * norm(r / (1 - h)) / norm(T), percent, h the leverages; nan where a point determines a parameter alone."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    basis, values, _ = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    seen = basis[:, values > 1e-9 * values[0]]
+    rest = 1 - np.einsum("nk,nk->n", seen, seen)
+    norm = float(np.linalg.norm(problem.torque))
+    return 100 * float(np.linalg.norm(residuals / rest)) / norm if norm and rest.min() > 1e-9 else float("nan")
+
+
+def _lugre(
+    experiment: Experiment,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    alone: TrackingFit,
+    variants: Mapping[str, tuple[str, ...]],
+) -> list[Candidate]:
+    """LuGre as it was fitted, and in the directions in which it was not."""
+    done = APART if any(name[-1] in "+-" for name in alone.parameters) else SYMMETRIC
+    if done not in variants:
+        done = ONE
+    errors = [h.relative_error for h in alone.hold_out]
+    count = len(alone.names) + len(alone.starts_of_runs)
+    found = {
+        done: Candidate(
+            model=LUGRE, directions=done, parameters=count, residuals=alone.residuals, hold_out=_mean(errors)
+        )
+    }
+    for called, directions in variants.items():
+        if called != done and not experiment.fit.shared:
+            with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
+                found[called] = _refitted(experiment, records, held, alone, called, directions)
+    return [found[called] for called in variants if called in found]
+
+
+def _refitted(
+    experiment: Experiment,
+    records: Sequence[Record],
+    held: Sequence[Record],
+    alone: TrackingFit,
+    called: str,
+    directions: tuple[str, ...],
+) -> Candidate:
+    """LuGre in other directions than those of the fit, from where that fit ended, by a few steps."""
+    asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
+
+    def posed(chosen: Sequence[Record]) -> Tracking:
+        """The problem of some records, with what the experiment fixes."""
+        whole = tracking(chosen, directions, asked, experiment.fit.decimation, fixed)
+        return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
+
+    problem = posed(records)
+    start = {name: value for name, value in _carried(problem, alone.known).items() if name not in problem.fixed}
+    values, minimum = fit(problem, with_deflections(problem, start), _STEPS)
+    known = {name: value for name, value in values.items() if not is_start(name)}
+    return Candidate(
+        model=LUGRE,
+        directions=called,
+        parameters=len(problem.names),
+        residuals=minimum.residuals,
+        hold_out=_mean([relative_error(posed([r]), known) for r in held]),
+        settled=minimum.converged,
+    )
+
+
+def _carried(problem: Tracking, known: Mapping[str, float]) -> dict[str, float]:
+    """Values of one problem by the names of another: one set for both directions, or the geometric mean of two; 0 for what is not known.
+
+    An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
+    """
+
+    def value(name: str) -> float:
+        """Its own, or of both directions, or between those of each."""
+        both = [known[name + d] for d in "+-" if name + d in known]
+        own = known.get(name, known.get(name.rstrip("+-")))
+        return own if own is not None else (float(np.prod(both)) ** (1 / len(both)) if both else 0.0)
+
+    found = {name: value(name) for name in (*problem.friction_names, *problem.extra_names)}
+    if "offset" in problem.extra_names and "alpha_0+" in known and "offset" not in known:
+        found["offset"] = (known["alpha_0+"] - known["alpha_0-"]) / 2
+    for d, sign in DIRECTIONS.items():
+        if f"alpha_0{d}" in found and f"alpha_0{d}" not in known:
+            found[f"alpha_0{d}"] = max(found[f"alpha_0{d}"] + sign * known.get("offset", 0.0), 1e-3 * known["alpha_0"])
+    return found
+
+
+def _held(carried: Mapping[str, float], alone: TrackingFit) -> dict[str, float]:
+    """What was fixed in the fit, by its counterparts in other directions, with the values carried over."""
+    fixed = {}
+    for name, value in carried.items():
+        bare = name.rstrip("+-")
+        there = {name, bare, f"{bare}+", f"{bare}-"} & alone.known.keys()
+        if there and not there & set(alone.names):
+            fixed[name] = value
+    return fixed

@@ -1,0 +1,1 @@
+"""sigma_0 and sigma_1 from slow loading, (14) and (15)."""

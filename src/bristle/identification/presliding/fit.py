@@ -1,0 +1,213 @@
+"""sigma_0 and sigma_1 from slow loading below breakaway, 3.2: the estimators of sigma_0 side by side, breakaway, loops, and (15)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bristle.data.experiment.schema import FitOptions
+from bristle.data.record import Record
+from bristle.data.slow_loading import Loading, Loop, find_loadings, find_loops
+from bristle.errors import InputError
+from bristle.estimation.covariance import student
+from bristle.estimation.interval_comparison import PARTED
+from bristle.identification.presliding.stiffness import REACH, Level, count_edges, printed_bias, stiffness
+from bristle.identification.presliding.uncertainty import stiffness_uncertainty
+from bristle.identification.results import Estimate, Presliding, PreslidingFit
+from bristle.model import functions
+from bristle.model.parameters import Kind, unit
+from bristle.model.vectorize import evaluate
+
+DAMPING_RATIO = 0.1
+"""What (15) assumes: 0.2 sqrt(J sigma_0) is 2 * 0.1 sqrt(J sigma_0)."""
+_FEW = 8
+"""Count edges in a loading below which they are called few."""
+_YIELDS = 3.0
+"""An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
+_OUTLIER = 0.2
+"""A breakaway torque this far from the median, relative, is named."""
+_SINGLE = 0.1
+"""Standard error of a breakaway torque seen once, relative: a guess, said where it is used."""
+
+
+def identify_presliding(
+    records: Sequence[Record],
+    levels: Mapping[str, Level],
+    inertia: Level | None,
+    options: FitOptions,
+    resolution: float | None,
+    kind: Kind,
+) -> Presliding:
+    """Everything that presliding runs show of a joint.
+
+    Args:
+        records: with position and torque.
+        levels: g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in.
+        inertia: for (15); None where unknown.
+        options: the experiment's `fit`.
+        resolution: one encoder count, rad; None: from the data.
+        kind: of the joint.
+
+    Raises InputError where a run holds no loading from zero torque, or slides from its start.
+    """
+    found: list[Loading] = []
+    for record in records:
+        own = find_loadings(record, options.presliding_cutoff, resolution, options.breakaway_displacement)
+        if not own:
+            raise InputError(
+                f"{record.file}: the torque never grows slowly from zero; a presliding run is a slow ramp or cycle of torque from rest"
+            )
+        found += own
+    slid = [loading for loading in found if loading.breakaway is not None]
+    fits, breakaway, doubts = {}, {}, list[str]()
+    for direction in ("+", "-"):
+        own_slid = [x for x in slid if x.direction == direction]
+        if own_slid:
+            breakaway[direction], said = _breakaway(own_slid, direction, kind)
+            doubts += said
+    for direction in sorted({loading.direction for loading in found}):
+        level = levels.get(direction) or _from_breakaway(breakaway, direction)
+        if level is None:
+            doubts.append(
+                f"No sigma_0 in direction {direction}: it needs the torque at which the joint slides; add ramp runs, or load up to breakaway once."
+            )
+            continue
+        fits[direction] = fit_presliding([x for x in found if x.direction == direction], level, inertia, kind)
+    cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
+    loops = tuple(loop for closed, _ in cycles for loop in closed)
+    doubts += _loop_doubts(loops, [drift for _, drifts in cycles for drift in drifts])
+    return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, doubts=tuple(doubts))
+
+
+def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | None, kind: Kind) -> PreslidingFit:
+    """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
+
+    Args:
+        loadings: of one direction, at least one.
+        level: g0 of this direction.
+        inertia: for (15); None: sigma_1 is absent, with the reason.
+        kind: of the joint.
+    """
+    quantum = max(loading.quantum for loading in loadings)
+    counts = count_edges(loadings, level)
+    estimates = stiffness(loadings, level, kind)
+    hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
+    doubts = list(estimates["samples"].doubts) if hidden else []
+    if 0 < counts < _FEW * len(loadings):
+        doubts.append(
+            f"Few encoder counts: {counts} edges in {len(loadings)} loadings; a finer encoder, or torque nearer to breakaway, would help."
+        )
+    first = estimates["corrected"]
+    if first.interval and (estimates["edges"].value or np.inf) < first.interval[0] / _YIELDS:
+        doubts.append(
+            "The joint moves much further than its first counts let expect: it slides, or this is no slow loading below breakaway."
+        )
+    best = "edges" if quantum > 0 else "samples"
+    sigma_0 = estimates[best]
+    u = np.array([max((sigma_0.value or 0.0) * quantum / level.value, 1e-9)])
+    on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
+    three = stiffness_uncertainty(loadings, level, best, sigma_0)
+    doubts += [doubt for doubt in three.doubts if doubt.startswith(PARTED)]
+    reached = max(float(loading.torque.max()) for loading in loadings)
+    if reached > level.value:
+        doubts.append(
+            f"The torque reaches {reached:.3g} without sliding, above g0 = {level.value:.3g} ({level.source}): g0 may be too low. "
+            f"Samples above {REACH:g} g0 are left out."
+        )
+    return PreslidingFit(
+        direction=loadings[0].direction,
+        printed=estimates["printed"],
+        corrected=estimates["corrected"],
+        edges=estimates["edges"],
+        samples=estimates["samples"],
+        sigma_1=_sigma_1(sigma_0, inertia, kind),
+        recommended=best,
+        level=level.value,
+        level_standard_error=level.standard_error,
+        level_source=level.source,
+        quantum=quantum,
+        counts=counts,
+        bias_on_edge=on_edge,
+        bias_mean=mean,
+        bias_spread=spread,
+        loadings=tuple(loadings),
+        doubts=tuple(doubts),
+        uncertainty={"sigma_0": three},
+    )
+
+
+def with_damping(found: Presliding, inertia: Level, kind: Kind) -> Presliding:
+    """The same with sigma_1 by (15) for an inertia that became known since."""
+    fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in found.fits.items()}
+    return replace(found, fits=fits)
+
+
+def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Estimate, list[str]]:
+    """The median breakaway torque of some loadings, and its outliers by name."""
+    torque = np.array([loading.breakaway for loading in slid], dtype=float)
+    middle, n = float(np.median(torque)), torque.size
+    if n == 1:
+        return Estimate(value=middle, unit=unit("torque", kind), doubts=("One run only: no error can be given.",)), []
+    error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
+    reach = student(n - 1) * error
+    doubts = [
+        f"{loading.file} is an outlier: it breaks away at {value:.4g}; the median of {n} runs in direction {direction} is {middle:.4g}."
+        for loading, value in zip(slid, torque.tolist(), strict=True)
+        if n > 2 and abs(value - middle) > _OUTLIER * middle
+    ]
+    return Estimate(
+        value=middle,
+        unit=unit("torque", kind),
+        standard_error=error,
+        interval=(max(middle - reach, 0.0), middle + reach),
+    ), doubts
+
+
+def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> Level | None:
+    """g0 from the breakaway of this direction, or else of the other one."""
+    for d in (direction, "-" if direction == "+" else "+"):
+        if d in breakaway:
+            value, error = breakaway[d].value or 0.0, breakaway[d].standard_error
+            guess = "" if error else f"; its error of {_SINGLE:.0%} is a guess"
+            return Level(value, error or _SINGLE * value, f"breakaway in direction {d}{guess}")
+    return None
+
+
+def _loop_doubts(loops: Sequence[Loop], drifts: Sequence[float]) -> list[str]:
+    said = []
+    few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
+    if few:
+        span = f"{min(few)}" if min(few) == max(few) else f"{min(few)} to {max(few)}"
+        said.append(f"The hysteresis loops span only {span} encoder counts: their slopes and losses are coarse.")
+    if drifts:
+        most = max(drifts, key=abs)
+        said.append(
+            f"{len(drifts)} of {len(drifts) + len(loops)} hysteresis cycles do not close, by up to {most:+.0%} of their range, and are no loop: "
+            "the two directions' friction differs at these peaks, or the first cycle began from rest."
+        )
+    return said
+
+
+def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: Kind) -> Estimate:
+    """(15): a prior from an assumed damping ratio, no estimate."""
+    if inertia is None or not sigma_0.value or sigma_0.value < 0:
+        why = (
+            "there is no sigma_0"
+            if inertia
+            else "no inertia is known: give inertia in the experiment file, or moving runs"
+        )
+        return Estimate(
+            value=None, unit=unit("sigma_1", kind), doubts=(f"Absent: (15) needs J and sigma_0, and {why}.",)
+        )
+    value, by_sigma_0, by_J = (
+        float(x) for x in evaluate(functions.presliding_damping(), sigma_0.value, inertia.value, DAMPING_RATIO)
+    )
+    return Estimate(
+        value=value,
+        unit=unit("sigma_1", kind),
+        standard_error=float(np.hypot(by_sigma_0 * (sigma_0.standard_error or 0.0), by_J * inertia.standard_error)),
+        doubts=(
+            f"A prior, not an estimate: (15) assumes a damping ratio of {DAMPING_RATIO:g} (J: {inertia.source}); "
+            "its error holds none of that assumption's.",
+        ),
+    )

@@ -1,0 +1,256 @@
+"""The stiffness sigma_0 from slow loading, by four estimators: (14) as printed, its closed-form inverse, edge to edge, and all samples.
+
+While the joint loads slowly from zero torque, T = g0 (1 - exp(-sigma_0 y / g0)), so U = -g0 log(1 - T / g0) is sigma_0 times the displacement y.
+Where inside a count the joint rests is not known: only differences of y are. One encoder count is q.
+
+    printed      T1 / x1 at the first displacement x1 that is measured (14)
+    corrected    U1 / x1: exact where rest lies on a count edge
+    edges        the slope of U over y at the count edges, each loading with an intercept of its own
+    samples      one over the slope of y over U, all samples, time as the instrument: neither counts nor torque noise follow the time
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.slow_loading import Loading
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.covariance import LEVEL, student
+from bristle.identification.results import Estimate
+from bristle.model import functions
+from bristle.model.parameters import Kind, unit
+from bristle.model.vectorize import evaluate
+
+REACH = 0.8
+"""Of g0: above, a little noise in T is much in log(1 - T / g0)."""
+_LIMIT = 0.97
+"""Of g0: noise may reach above REACH, but not to where U has no value."""
+_PHASES = 64
+"""Where inside a count the joint may rest, for the spread that counts alone cause."""
+
+
+class Level(NamedTuple):
+    """A quantity from elsewhere: g0 = alpha_0 + alpha_1, the torque at which slow loading slides (N*m), or the inertia (kg*m**2)."""
+
+    value: float
+    standard_error: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A loading as the estimators take it."""
+
+    time: Array
+    y: Array
+    U: Array
+    edge_y: Array
+    edge_U: Array
+    weight: Array
+    """Of the edges: one over the variance of U at constant noise in T."""
+
+
+def stiffness(loadings: Sequence[Loading], level: Level, kind: Kind) -> dict[str, Estimate]:
+    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`; a lower bound where counts hide the motion.
+
+    Args:
+        loadings: of one direction, at least one.
+        level: g0 of this direction.
+        kind: of the joint.
+    """
+    quantum = max(loading.quantum for loading in loadings)
+    pieces = [of_loading(loading, level.value) for loading in loadings]
+    still = max(float(np.ptp(piece.y)) for piece in pieces) == 0
+    if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
+        return dict.fromkeys(("printed", "corrected", "edges", "samples"), _lower_bound(pieces, quantum, kind))
+    return _estimates(loadings, level, quantum, kind)
+
+
+def count_edges(loadings: Sequence[Loading], level: Level) -> int:
+    """Count edges that the loadings crossed below REACH of g0."""
+    return sum(of_loading(loading, level.value).edge_y.size for loading in loadings)
+
+
+def printed_bias(u: Array) -> tuple[Array, Array, Array]:
+    """Relative bias of (14) for u = sigma_0 q / g0: -0.5 is half of the truth.
+
+    Returns it where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over a uniformly distributed rest
+    position in the count; each of the shape of u, u > 0.
+    """
+    on_edge = -np.expm1(-u) / u
+    below = u < 1e-4  # where the differences below would be rounding
+    safe = np.where(below, 1.0, u)
+    at = -np.expm1(-safe) / safe
+    mean = np.where(below, 0.5 - u / 6, (1 - at) / safe)
+    square = np.where(below, 1 / 3 - u / 4, (1 - 2 * at - np.expm1(-2 * safe) / (2 * safe)) / safe**2)
+    return on_edge - 1, mean - 1, np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def _unbent(torque: Array, g0: float) -> Array:
+    """U = sigma_0 y of slow loading to this torque, N*m."""
+    return evaluate(functions.loading_displacement(), torque, g0, 1.0)[0]
+
+
+def of_loading(loading: Loading, g0: float) -> Piece:
+    """A loading below REACH of g0, N*m, as the estimators take it."""
+    low = loading.torque < REACH * g0
+    stop = low.size if low.all() else int(np.argmin(low))
+    reached = float(loading.displacement[:stop].max(initial=0.0))
+    edge = loading.edge_displacement <= reached
+    T = np.minimum(loading.edge_torque[edge], _LIMIT * g0)
+    y, U = loading.edge_displacement[edge], _unbent(T, g0)
+    # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
+    line = np.polynomial.polynomial.polyfit(y, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
+    return Piece(
+        time=loading.time[:stop],
+        y=loading.displacement[:stop],
+        U=_unbent(np.minimum(loading.torque[:stop], _LIMIT * g0), g0),
+        edge_y=y,
+        edge_U=U,
+        weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(y, line), 0.0) / g0),
+    )
+
+
+def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: Kind) -> dict[str, Estimate]:
+    """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
+    width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
+    pieces, less, more = (
+        [of_loading(loading, g0) for loading in loadings]
+        for g0 in (level.value, level.value - width, level.value + width)
+    )
+    value, error, freedom = by_samples(pieces)
+    by_level = (by_samples(more)[0] - by_samples(less)[0]) / (2 * width) * level.standard_error
+    if quantum == 0:
+        absent = Estimate(
+            value=None,
+            unit=unit("sigma_0", kind),
+            doubts=("No encoder counts are seen: (14) and the count edges need them.",),
+        )
+        samples = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
+        return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
+    bias, spread = by_phase(pieces, value, quantum)
+    error = float(np.sqrt(error**2 + by_level**2 + spread**2))
+    doubt = (
+        f"Counts bias this estimate by about {bias / value:.1%}, more than its standard error."
+        if abs(bias) > error
+        else ""
+    )
+    samples = _estimate(value, error, freedom, kind, doubt)
+    value, error, freedom = by_edges(pieces)
+    by_level = (by_edges(more)[0] - by_edges(less)[0]) / (2 * width) * level.standard_error
+    return {
+        "printed": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=False),
+        "corrected": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=True),
+        "edges": _estimate(value, float(np.hypot(error, by_level)), freedom, kind),
+        "samples": samples,
+    }
+
+
+def _estimate(value: float, error: float, freedom: float, kind: Kind, doubt: str = "") -> Estimate:
+    reach = student(freedom) * error
+    wrong = "" if value > 0 else "Not positive: the displacement does not grow with the torque."
+    return Estimate(
+        value=value,
+        unit=unit("sigma_0", kind),
+        standard_error=error,
+        interval=(max(value - reach, 0.0), value + reach),
+        doubts=tuple(filter(None, (doubt, wrong))),
+    )
+
+
+def _first_count(
+    loadings: Sequence[Loading], g0: float, quantum: float, kind: Kind, noise: float, *, corrected: bool
+) -> Estimate:
+    """(14), or its inverse, averaged over the loadings; the interval is that of a rest position anywhere in the count, and of noise in U."""
+    T = np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
+    if T.size == 0:
+        return Estimate(value=None, unit=unit("sigma_0", kind), doubts=("No displacement was measured below g0.",))
+    U = _unbent(T, g0)
+    half = LEVEL / 2 if T.size == 1 else min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
+    off = 1.96 * noise / float(np.sqrt(T.size))
+    low = max(float(np.mean(U)) - off, 0.0) / (quantum * (0.5 + half))
+    high = (float(np.mean(U)) + off) / (quantum * (0.5 - half))
+    return Estimate(
+        value=float(np.mean(U if corrected else T)) / quantum,
+        unit=unit("sigma_0", kind),
+        interval=(low, high),
+        doubts=(
+            "Takes a whole count for the way to the first edge, of which any part may be true; the interval is that of an unknown rest position.",
+        ),
+    )
+
+
+def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:
+    """Edges of each loading that has two or more, about their weighted means: y and U, each times the root of its weight."""
+    ys, Us = [], []
+    for p in pieces:
+        if p.edge_y.size > 1:
+            root, total = np.sqrt(p.weight), p.weight.sum()
+            ys.append(root * (p.edge_y - p.weight @ p.edge_y / total))
+            Us.append(root * (p.edge_U - p.weight @ p.edge_U / total))
+    return ys, Us
+
+
+def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
+    """Slope of U over y at the count edges by weighted least squares, its standard error, and its degrees of freedom."""
+    ys, Us = centred(pieces)
+    y, U = np.concatenate(ys), np.concatenate(Us)
+    slope = float(y @ U / (y @ y))
+    score, freedom = y * (U - slope * y), y.size - len(ys) - 1
+    stretch = inflation(score)
+    # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
+    variance = float(score @ score) * y.size / freedom * stretch / float(y @ y) ** 2 if freedom > 0 else slope**2
+    return slope, float(np.sqrt(variance)), max(y.size / stretch - len(ys) - 1, 1.0)
+
+
+def _noise(pieces: Sequence[Piece]) -> float:
+    """Standard deviation of U about the line through the edges, near zero torque."""
+    ys, Us = centred(pieces)
+    slope = by_edges(pieces)[0]
+    rest = np.concatenate([u - slope * x for x, u in zip(ys, Us, strict=True)])
+    return float(np.sqrt(rest @ rest / max(rest.size - len(ys) - 1, 1)))
+
+
+def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
+    """One over the slope of y over U with time as the instrument, its standard error, and its degrees of freedom."""
+    columns = [p.time for p in pieces], shifted or [p.y for p in pieces], [p.U for p in pieces]
+    t, y, U = (np.concatenate([values - values.mean() for values in column]) for column in columns)
+    along = float(t @ U)
+    compliance = float(t @ y) / along if along else 0.0
+    rest = y - compliance * U
+    score = t * rest  # what scatters, correlated and of a variance that grows with the torque
+    stretch = inflation(score)
+    freedom = max(y.size / stretch - len(pieces) - 1, 1.0)
+    error = np.sqrt(float(score @ score) * stretch * y.size / max(y.size - len(pieces) - 1, 1)) / abs(along or 1.0)
+    value = 1 / compliance if compliance else float("inf")
+    return value, float(error * value**2), freedom
+
+
+def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
+    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting the fitted displacement."""
+    found = []
+    for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
+        rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
+        shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
+        found.append(by_samples(pieces, shifted)[0])
+    return float(np.mean(found)) - sigma_0, float(np.std(found))
+
+
+def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: Kind) -> Estimate:
+    """What is left where the joint moves by no more than the encoder's noise."""
+    loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
+    crossed = max(piece.edge_y.size for piece in pieces)
+    least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
+    seen = f"{crossed} count edge{'' if crossed == 1 else 's'} in the longest loading"
+    return Estimate(
+        value=None,
+        unit=unit("sigma_0", kind),
+        interval=(least, float("inf")),
+        doubts=(
+            f"The displacement stays within the encoder's noise ({seen}): sigma_0 is at least {least:.3g} {unit('sigma_0', kind)}; "
+            "a finer encoder is needed for more.",
+        ),
+    )

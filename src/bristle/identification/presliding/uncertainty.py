@@ -1,0 +1,207 @@
+"""The 95 % interval of a presliding stiffness three ways: covariance, profile, bootstrap; g0 is known with an error of its own.
+
+Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its inverse for the estimator by all samples, whose line gives that. What
+g0 may be its own stage says; loading is not let to correct it, for its bend tells of g0 only where the model is exact. So with
+x = (g0 - level) / its error
+
+    Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2,    u is inside where Q <= F(0.95; 1, freedom) = t**2,
+
+whose ends are the extremes of u(x) -+ e(x) sqrt(t**2 - x**2) over -t <= x <= t.
+
+Bootstrap. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one by all samples a rest position
+in the count. The interval is that of bootstrap-t, with the error that the covariance has as well. A step of the data is how the estimate errs: the
+truth lies on the other side of it. A step of u(x) is where the truth lies.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.slow_loading import Loading
+from bristle.estimation import interval_comparison
+from bristle.estimation.block_bootstrap import (
+    DRAWS,
+    ENOUGH,
+    FEW,
+    SHOWN,
+    Resampled,
+    block_bootstrap,
+    block_length,
+    cells,
+    resample,
+    too_few,
+)
+from bristle.estimation.covariance import student
+from bristle.identification.presliding.stiffness import (
+    Level,
+    Piece,
+    by_edges,
+    by_phase,
+    by_samples,
+    centred,
+    of_loading,
+)
+from bristle.identification.results import Estimate, Uncertainty
+
+SEED = 0
+_NODES = 17
+"""Values of g0 at which the estimator is evaluated; linear between them, ..."""
+_FINE = 4001
+"""... at so many."""
+_LEAST = 0.2
+"""Of g0: what it may be at least."""
+_CURVE = 41
+_BEYOND = 1.3
+"""How far the curve is drawn, in half-widths of the interval."""
+
+
+class _Line(NamedTuple):
+    """An estimator over g0."""
+
+    x: Array
+    """(g0 - level) / its error, ascending, (k,)."""
+    u: Array
+    """(k,)."""
+    e: Array
+    """(k,)."""
+    reach: float
+    """t."""
+
+
+def stiffness_uncertainty(
+    loadings: Sequence[Loading], level: Level, estimator: str, estimate: Estimate, seed: int = SEED
+) -> Uncertainty:
+    """The intervals of sigma_0 of one direction.
+
+    Args:
+        loadings: of it.
+        level: its g0.
+        estimator: `edges` or `samples`.
+        estimate: by that; without a value it is a lower bound, which is all there is.
+        seed: of the bootstrap.
+    """
+    if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
+        return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, doubts=estimate.doubts)
+    inverse = estimator == "samples"
+    pieces = [of_loading(loading, level.value) for loading in loadings]
+    quantum = max(loading.quantum for loading in loadings)
+    spread = by_phase(pieces, estimate.value, quantum)[1] / estimate.value**2 if inverse and quantum else 0.0
+    line = _line(loadings, level, spread, inverse=inverse)
+    ends, curve = _profile(line)
+    profile = _pair(_natural(ends, inverse=inverse))
+    error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
+    drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
+    few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}"
+    bootstrap = _pair(_natural(_middle(line) + np.array(drawn.interval(0, error)), inverse=inverse))
+    bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
+    doubts = interval_comparison.doubts(
+        estimate.value,
+        estimate.interval,
+        profile,
+        bootstrap_or_none,
+        few=few if drawn.blocks < ENOUGH else None,
+    )
+    if bootstrap_or_none is None:
+        doubts = (*doubts, too_few(few))
+    values, shown = _natural(curve[0], inverse=inverse), _natural(draws, inverse=inverse)
+    order = np.argsort(values)
+    return Uncertainty(
+        covariance=estimate.interval,
+        profile=profile,
+        bootstrap=bootstrap_or_none,
+        curve=np.stack([values, curve[1]])[:, order[np.isfinite(values[order])]],
+        draws=np.zeros(0) if bootstrap_or_none is None else shown[np.isfinite(shown)][:SHOWN],
+        doubts=doubts,
+    )
+
+
+def _natural(u: Array, *, inverse: bool) -> Array:
+    """sigma_0 at u, none below zero: where u is the inverse that is infinitely stiff."""
+    if not inverse:
+        return np.maximum(u, 0.0)
+    sigma_0: Array = np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0)
+    return sigma_0
+
+
+def _pair(ends: Array) -> tuple[float, float]:
+    return float(ends.min()), float(ends.max())
+
+
+def _middle(line: _Line) -> float:
+    """The estimate, u at the level."""
+    return float(np.interp(0.0, line.x, line.u))
+
+
+def _line(loadings: Sequence[Loading], level: Level, spread: float, *, inverse: bool) -> _Line:
+    """The estimator at values of g0 about the level, as far as any edges lie below them; `spread` is what counts add to e."""
+
+    def at(g0: float) -> tuple[float, float, float]:
+        """u, e and degrees of freedom at one g0; no u where nothing is left to estimate from."""
+        own = [of_loading(loading, g0) for loading in loadings]
+        if not inverse and not any(one.edge_y.size > 1 for one in own):
+            return np.nan, np.nan, 1.0
+        value, error, freedom = by_samples(own) if inverse else by_edges(own)
+        return (1 / value, float(np.hypot(error / value**2, spread)), freedom) if inverse else (value, error, freedom)
+
+    reach = student(at(level.value)[2])
+    x = np.linspace(-reach, reach, _NODES if level.standard_error else 1) if level.standard_error else np.zeros(1)
+    g0 = level.value + x * level.standard_error
+    x, g0 = x[g0 >= _LEAST * level.value], g0[g0 >= _LEAST * level.value]
+    u, e, _ = np.array([at(one) for one in g0.tolist()]).T
+    return _Line(x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)
+
+
+def _profile(line: _Line) -> tuple[Array, Array]:
+    """Both ends of u's interval, (2,), and u with Q over t**2 about it, (2, k)."""
+    x = np.linspace(line.x[0], line.x[-1], _FINE)
+    u, e = np.interp(x, line.x, line.u), np.interp(x, line.x, line.e)
+    half = e * np.sqrt(np.maximum(line.reach**2 - x**2, 0.0))
+    ends = np.array([np.min(u - half), np.max(u + half)])
+    middle = _middle(line)
+    values = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
+    Q = np.min(((values[:, None] - u) / e) ** 2 + x**2, axis=1)
+    return ends, np.stack([values, Q / line.reach**2])
+
+
+def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
+    """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data; `error` is the estimate's."""
+    drawn = _by_samples(pieces, seed) if inverse else _by_edges(pieces, seed)
+    middle, e = _middle(line), float(np.interp(0.0, line.x, line.e))
+    steps = drawn.steps[:, 0]
+    own = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
+    data = float(np.sqrt(np.mean(own**2)))
+    rng = np.random.default_rng([seed, 1])
+    g0, rest = rng.standard_normal((2, steps.size))
+    other = max(error**2 - e**2, 0.0)  # by g0
+    counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
+    moved = np.interp(g0, line.x, line.u) - middle if line.x.size > 1 else np.zeros(steps.size)
+    steps = steps + np.sqrt(counts) * rest
+    studentised = (steps - moved) / np.sqrt(own**2 + counts + other)
+    return Resampled((steps - moved)[:, None], studentised[:, None], drawn.blocks), middle + steps + moved
+
+
+def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:
+    """Steps of sigma_0 where blocks of count edges are drawn, each loading's about its own mean."""
+    ys, Us = centred(pieces)
+    y, U = np.concatenate(ys), np.concatenate(Us)
+    starts = np.cumsum([0, *(one.size for one in ys[:-1])]).tolist()
+    return block_bootstrap(y[:, None], y * by_edges(pieces)[0] - U, starts, draws=DRAWS, seed=seed)
+
+
+def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
+    """Steps of 1 / sigma_0 where blocks of samples are drawn, time the instrument."""
+    t, y, U = (
+        np.concatenate([values - values.mean() for values in column])
+        for column in ([p.time for p in pieces], [p.y for p in pieces], [p.U for p in pieces])
+    )
+    score = t * (U / by_samples(pieces)[0] - y)
+    starts = np.cumsum([0, *(p.y.size for p in pieces[:-1])]).tolist()
+    edges, of_stretch = cells(y.size, starts, block_length(score[:, None]))
+    sums = [np.add.reduceat(x, edges[:-1].astype(int)) for x in (t * U, score)]
+    size = np.sqrt(np.abs(sums[0]).sum())
+    found = resample(
+        sums[0][:, None, None] / size**2, sums[1][:, None] / size, of_stretch, np.zeros((0, 1)), 1.0, DRAWS, seed
+    )
+    return found._replace(steps=found.steps / size)

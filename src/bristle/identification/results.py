@@ -1,0 +1,387 @@
+"""Results as values: an estimate, a fit, a cross-check; frozen, with every doubt listed singly."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.record import freeze
+from bristle.data.slow_loading import Loading, Loop
+from bristle.model.parameters import Kind, Lugre
+
+
+class Outcome(StrEnum):
+    """How a fit ended. The value is the sentence that a user reads."""
+
+    CONVERGED = "The best fit lies inside the range searched, away from every bound."
+    AT_BOUND = "A parameter lies at its physical bound; its interval is one-sided."
+    AT_EDGE = "The best v_s lies at the edge of the range searched; these velocities do not enclose it."
+    NO_STRIBECK = "Stribeck not identifiable from these data: Coulomb and viscous friction alone are fitted."
+    STICK_SLIP = "The Stribeck term rests on points that stick and slip; without them it is not identifiable."
+    TOO_FEW = "Too few points for the parameters asked for; none is estimated."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One parameter: value, standard error and 95 % interval in `unit`.
+
+    What does not exist is None, with a doubt that says why; an interval that is open on a side has an infinite bound.
+    """
+
+    value: float | None
+    unit: str
+    standard_error: float | None = None
+    interval: tuple[float, float] | None = None
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncertainty:
+    """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the doubts."""
+
+    covariance: tuple[float, float] | None
+    """By Student's t from the exact Jacobian, widened for correlated residuals."""
+    profile: tuple[float, float] | None
+    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical bound."""
+    bootstrap: tuple[float, float] | None
+    """From fits of resampled data."""
+    curve: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1 at the interval's ends."""
+    draws: Array = field(default_factory=lambda: np.zeros(0))
+    """The parameter in resampled data, (b,)."""
+    doubts: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
+
+    v_s: Array
+    """The grid, rad/s, ascending, shape (k,)."""
+    cost: Array
+    """J_s at the grid, (N*m)**2, shape (k,)."""
+    plain_v_s: Array
+    """The paper's plain grid, rad/s, shape (m,)."""
+    plain_cost: Array
+    """J_s at the plain grid, shape (m,)."""
+    near_v_s: Array
+    """Values of v_s around the minimum, close enough to draw a curve through, rad/s, ascending, shape (l,)."""
+    near_cost: Array
+    """J_s there, shape (l,)."""
+    best: float
+    """The continuous minimum, rad/s."""
+    best_cost: float
+    threshold: float
+    """The cost at which v_s leaves its 95 % interval: J_min (1 + F(0.95; 1, n - p) / (n - p))."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoldOut:
+    """How well a fit predicts a run that it has not seen."""
+
+    file: str
+    relative_error: float
+    """100 * norm(measured - predicted) / norm(measured), percent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticFit:
+    """The static parameters of one direction (`+`, `-`), of both together (`both`), or what the two share (`shared`)."""
+
+    direction: str
+    parameters: Mapping[str, Estimate]
+    rms: float | None
+    """Root mean square residual, N*m."""
+    relative_error: float | None
+    """100 * norm(residual) / norm(torque), percent."""
+    n: int
+    outcome: Outcome
+    doubts: tuple[str, ...] = ()
+    hold_out: tuple[HoldOut, ...] = ()
+    names: tuple[str, ...] = ()
+    """The free parameters, in the order of `covariance`."""
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    dof: int = 0
+    profile: Profile | None = None
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """Each parameter's interval three ways."""
+    plain: Mapping[str, float] = field(default_factory=dict)
+    """The parameters at the best value of the paper's plain grid."""
+    robust: Mapping[str, float] = field(default_factory=dict)
+    """The parameters of the Huber refit."""
+    without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
+    """The parameters fitted without the segments that stick and slip; empty where there are none."""
+    velocity: Array = field(default_factory=lambda: np.zeros(0))
+    """What was fitted: velocity, rad/s, shape (n,)."""
+    torque: Array = field(default_factory=lambda: np.zeros(0))
+    """Measured torque, N*m, shape (n,)."""
+    residuals: Array = field(default_factory=lambda: np.zeros(0))
+    """Measured minus fitted torque, N*m, shape (n,)."""
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
+    position: Array = field(default_factory=lambda: np.zeros(0))
+    """Where each point was measured, rad, shape (n,); empty where unknown."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+    def values(self) -> Lugre[float] | None:
+        """The fitted static set with zero presliding parameters (sigma_0 = 1, sigma_1 = 0), or None where nothing was fitted.
+
+        A Stribeck term that is not identifiable is zero.
+        """
+        p = {name: estimate.value for name, estimate in self.parameters.items()}
+        if p.get("alpha_0") is None:
+            return None
+        return Lugre(p["alpha_0"] or 0.0, p["alpha_1"] or 0.0, p["alpha_2"] or 0.0, p["v_s"] or 1.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crosscheck:
+    """The full nonlinear fit beside the grid, on the same data."""
+
+    cost_grid: float
+    cost_full: float
+    starts: int
+    reached: int
+    """How many starts ended within 1e-6 relative of the lowest cost that any of them found."""
+    parameters: Mapping[str, float]
+    difference_in_se: Mapping[str, float]
+    """(full - grid) in standard errors of the grid fit."""
+    verdict: str
+    """One sentence."""
+    agrees: bool = True
+    """Whether both found the same cost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreslidingFit:
+    """sigma_0 of one direction by four estimators side by side, and sigma_1 by (15)."""
+
+    direction: str
+    printed: Estimate
+    """(14) as it stands, T1 / x1."""
+    corrected: Estimate
+    """Its closed-form inverse, exact where rest lies on a count edge."""
+    edges: Estimate
+    """From count edge to count edge."""
+    samples: Estimate
+    """From all samples."""
+    sigma_1: Estimate
+    """(15): a prior from an assumed damping ratio."""
+    recommended: str
+    """Which of the four to use."""
+    level: float
+    """g0, the torque at which slow loading slides, N*m."""
+    level_standard_error: float
+    level_source: str
+    quantum: float
+    """One count, rad; 0 where no counts are seen."""
+    counts: int
+    """Count edges crossed in all loadings."""
+    bias_on_edge: float
+    """Relative bias of (14) with this encoder where rest lies on a count edge."""
+    bias_mean: float
+    """Its mean over rest positions anywhere in the count."""
+    bias_spread: float
+    """Its standard deviation over them."""
+    loadings: tuple[Loading, ...]
+    doubts: tuple[str, ...] = ()
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """The recommended sigma_0's interval three ways, under `sigma_0`."""
+
+    @property
+    def sigma_0(self) -> Estimate:
+        """The recommended estimate."""
+        return {"edges": self.edges, "samples": self.samples}[self.recommended]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Presliding:
+    """What slow loading showed: sigma_0 per direction, breakaway, and hysteresis."""
+
+    fits: Mapping[str, PreslidingFit]
+    breakaway: Mapping[str, Estimate]
+    """Per direction, the median torque at which the joint began to slide."""
+    breakaways: tuple[Loading, ...] = ()
+    """The loadings that broke away."""
+    loops: tuple[Loop, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackingFit:
+    """All parameters from moving data; per-direction ones carry their sign, as alpha_0+, shared ones stand bare."""
+
+    parameters: Mapping[str, Estimate]
+    rms: float
+    """Root mean square residual of the equations, N*m (rad where the position is predicted)."""
+    relative_error: float
+    """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
+    n: int
+    outcome: str
+    """One sentence."""
+    starts: int
+    reached: int
+    """How many starts ended within 1e-6 relative of the lowest cost."""
+    condition: float
+    """Of the Jacobian with columns of unit length."""
+    doubts: tuple[str, ...] = ()
+    hold_out: tuple[HoldOut, ...] = ()
+    names: tuple[str, ...] = ()
+    """The free parameters, in the order of `covariance`."""
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    """With what the others were fitted, of parameters that were given, or that the motion does not show."""
+    bias: Mapping[str, float] = field(default_factory=dict)
+    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
+    check: Crosscheck | None = None
+    """The same problem by CasADi and IPOPT."""
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    """Of each equation, s from the start of its run, (n,)."""
+    quantity: Literal["torque", "position"] = "torque"
+    """What the fit predicts."""
+    velocity: Array = field(default_factory=lambda: np.zeros(0))
+    measured: Array = field(default_factory=lambda: np.zeros(0))
+    """Torque, N*m, or position, rad, (n,)."""
+    residuals: Array = field(default_factory=lambda: np.zeros(0))
+    starts_of_runs: tuple[int, ...] = (0,)
+    """First equation of each stretch."""
+    windows: int = 0
+    """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """Each parameter's interval three ways; empty where that was not asked for."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+    @property
+    def known(self) -> dict[str, float]:
+        """Every value by name: estimated, or as it was fixed."""
+        return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
+
+    def values(self, direction: str) -> Lugre[float] | None:
+        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
+        tag, known = "" if direction == "both" else direction, self.known
+        found = [known.get(name + tag, known.get(name)) for name in Lugre._fields]
+        complete = [x for x in found if x is not None]
+        return Lugre(*complete) if len(complete) == len(found) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Consistency:
+    """One parameter from its own stage and from the moving data."""
+
+    parameter: str
+    stage: str
+    """`static`, `presliding` or `experiment file`."""
+    stage_value: float
+    stage_error: float
+    tracking_value: float | None
+    """From the moving data alone; None where they do not show it."""
+    tracking_error: float | None
+    joint_value: float | None
+    joint_error: float | None
+    difference: float | None
+    """(tracking - stage) in combined standard errors."""
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelRow:
+    """One friction model beside others on the same equations."""
+
+    model: str
+    directions: str
+    """`symmetric`, `per direction`, or `one direction` where no other was measured."""
+    parameters: int
+    """Fitted, the noise variance apart."""
+    rms: float
+    """Root mean square residual, N*m."""
+    relative_error: float | None
+    """100 * norm(residual) / norm(measured), percent."""
+    aicc: float | None
+    """Above the lowest of all; None where there are too few independent equations."""
+    bic: float
+    """Above the lowest of all."""
+    hold_out: float | None
+    """Relative error on what was not fitted, percent."""
+    candidate: bool
+    """Whether it has the terms that the fit supports, and no others."""
+    recommended: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelComparison:
+    """Friction models side by side."""
+
+    data: Literal["points", "moving runs"]
+    n: int
+    """Equations."""
+    effective: float
+    """How many of them are independent."""
+    hold_out_by: str
+    """What `hold_out` is about; empty where nothing was held out."""
+    rows: tuple[ModelRow, ...]
+    sentence: str
+    """Which to use, and why."""
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Input:
+    """One file that went in."""
+
+    file: str
+    sha256: str
+    rows: int
+    dropped: int
+    notes: tuple[str, ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """Everything that was found out about one joint."""
+
+    name: str
+    kind: Kind
+    inputs: tuple[Input, ...]
+    segments: tuple[Segment, ...]
+    static: Mapping[str, StaticFit]
+    crosscheck: Mapping[str, Crosscheck]
+    presliding: Presliding | None = None
+    """None where no presliding run was given."""
+    tracking: TrackingFit | None = None
+    """All parameters from the moving runs alone; None where there are none."""
+    joint_fit: TrackingFit | None = None
+    """The same with what the other stages say as priors."""
+    consistency: tuple[Consistency, ...] = ()
+    models: tuple[ModelComparison, ...] = ()
+    """Friction models side by side, on points and on moving runs, where there are any."""
+    doubts: tuple[str, ...] = ()
+    truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
+    """The true parameters, where the data are simulated."""
+    simulated: bool = False
+    assumptions: tuple[str, ...] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    """Thresholds, cut-offs and options in force, as the report states them."""
+
+    @property
+    def moving(self) -> TrackingFit | None:
+        """The fit of moving runs to use: the joint fit where there is one, else that of the moving runs alone, else None."""
+        return self.joint_fit or self.tracking

@@ -1,0 +1,311 @@
+"""Many static data sets that share their velocities, in a few matrix products: estimates, standard errors, and both kinds of interval.
+
+What v_s changes - the Stribeck column and its slope, each off the linear columns, and their products with the data - is tabulated on a grid of
+log(v_s) once for all sets, and interpolated by polynomials through six neighbours. Each set then has a few small sums of its own.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.estimation.covariance import profile_threshold, student
+from bristle.identification.static.grid import Projected, log_grid, solve
+from bristle.identification.static.problem import Regression, from_points
+from bristle.identification.static.profiles import profiled
+
+GRID = 96
+"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
+COARSE = 48
+"""As many are enough for the minimum alone."""
+_NEWTON = 4
+_CROSSING = 12
+"""Secant steps to where a profile crosses its threshold."""
+_CROSSED = 1e-8
+"""This near to one, the statistic's root is on the threshold."""
+_NODES = np.linspace(0.0, 1.0, 17)
+"""Where in v_s's interval the other parameters' extremes are looked for, ..."""
+_LOOKS = 3
+"""... and how often again between the neighbours of the best."""
+_NEIGHBOURS = np.arange(-2, 4)
+_TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=True))
+"""From six neighbouring values to the coefficients of their polynomial in t, which counts grid steps."""
+
+
+class Tables(NamedTuple):
+    """What depends on v_s: of the Stribeck column s and its slope d by log(v_s), off the linear columns and relative to the length of s there.
+
+    So scaled, nothing vanishes where hardly a point is left within v_s, and polynomials hold over the whole range.
+    """
+
+    log_length: Array
+    """Logarithm of that length."""
+    cross: Array
+    """s'd."""
+    steep: Array
+    """d'd."""
+    inside: Array
+    """What the linear parameters lose with s, and with d: (2, m, ...)."""
+    along: Array
+    """s'T of each set; its square is by how much the peak lowers the cost."""
+
+
+class Batch:
+    """Sets of torques at the same velocities, solved as `solve` does; one peak.
+
+    Args:
+        problem: one of the sets; its torque is not looked at, nor its weights.
+        torques: N*m, (n, sets).
+        v_s_range: as in `solve`.
+        grid: as in `solve`, >= 8.
+    """
+
+    theta: Array
+    """In the order of the problem's `names`, (p, sets)."""
+    cost: Array
+    """J_s, (sets,)."""
+
+    def __init__(self, problem: Regression, torques: Array, v_s_range: tuple[float, float], grid: int = GRID) -> None:
+        """Tabulate, and solve."""
+        self.problem, self.torques, self.v_s_range, self.grid = problem, torques, v_s_range, grid
+        self._base, self._step = v_s_range[0], np.log(v_s_range[1] / v_s_range[0]) / (grid - 1)
+        projected = Projected(problem)
+        values, q = log_grid(v_s_range, grid), projected.q
+        shapes, slopes = problem.slopes(values)
+        slopes = slopes * values
+        inside = np.stack([q.T @ shapes, q.T @ slopes])
+        off, steep = shapes - q @ inside[0], slopes - q @ inside[1]
+        products = np.hstack([q, off]).T @ torques
+        in_q, along = products[: q.shape[1]], products[q.shape[1] :]
+        length = np.maximum(np.linalg.norm(off, axis=0), 1e-300)
+        cross, square = (np.einsum("nk,nk->k", a / length, steep / length) for a in (off, steep))
+        lost = projected.r_inverse @ (inside / length)
+        self._tables = Tables(np.log(length), cross, square, lost, along / length[:, None])
+        self._without = projected.back(in_q)
+        rest = torques - q @ in_q
+        self._rest = np.einsum("ns,ns->s", rest, rest)
+        self._gram = projected.r_inverse @ projected.r_inverse.T
+        self._solve()
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""
+        return max(int(self.torques.shape[0]) - len(self.problem.names), 1)
+
+    def errors(self, *, robust: bool = False) -> Array:
+        """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets); inf where alpha_1 is zero.
+
+        Robust ones allow for a variance that differs from point to point (HC3: each residual over one less its leverage).
+        """
+        if robust:
+            return self._robust_errors()
+        at = self._at(self._x[:, None])
+        b, d = at.inside[..., 0]
+        scale, cross, steep = np.exp(at.log_length[:, 0]), at.cross[:, 0], at.steep[:, 0]
+        alone = np.maximum(steep - cross**2, 1e-12 * steep)
+        linear = np.diag(self._gram)[:, None] + np.maximum(b**2 * steep - 2 * b * d * cross + d**2, 0.0) / alone
+        peak, v_s = self.theta[-2] * scale, self.theta[-1]
+        u = np.divide(1.0, peak**2 * alone, out=np.full_like(peak, np.inf), where=peak > 0)
+        variance: Array = np.vstack([linear, steep / alone / scale**2, v_s**2 * u]) * self.cost / self.freedom
+        return np.sqrt(variance)
+
+    def _robust_errors(self) -> Array:
+        shapes, slopes = self.problem.slopes(self.theta[-1])
+        m, (n, sets) = len(self.problem.linear_names), shapes.shape
+        jacobian = np.empty((sets, n, m + 2))
+        jacobian[:, :, :m] = self.problem.linear
+        jacobian[:, :, m], jacobian[:, :, m + 1] = shapes.T, (slopes * self.theta[-2]).T
+        size = np.maximum(np.sqrt(np.einsum("snp,snp->sp", jacobian, jacobian)), 1e-300)
+        jacobian /= size[:, None]
+        weights = np.linalg.pinv(np.einsum("snp,snq->spq", jacobian, jacobian), hermitian=True) @ jacobian.swapaxes(
+            1, 2
+        )
+        left = self.torques.T - (self.theta[:m].T @ self.problem.linear.T + (self.theta[m] * shapes).T)
+        kept = 1 - np.minimum(np.einsum("snp,spn->sn", jacobian, weights), 1 - 1e-6)
+        errors: Array = np.sqrt(np.einsum("spn,sn->ps", weights**2, (left / kept) ** 2)) / size.T
+        errors[-1, self.theta[-2] <= 0] = np.inf
+        return errors
+
+    def covariance_intervals(self) -> tuple[Array, Array]:
+        """Lower and upper ends by Student's t, (p, sets) each; no friction parameter below zero."""
+        reach = student(self.freedom) * self.errors()
+        return self._floored(self.theta - reach), self.theta + reach
+
+    def profile_intervals(self) -> tuple[Array, Array]:
+        """Lower and upper ends where the profile crosses its threshold, (p, sets) each; 0 and inf where it does not within the range of v_s."""
+        best, threshold = self.cost, self._threshold()
+        ends, broken = zip(*(self._crossing(threshold, last) for last in (0.0, self.grid - 1.0)), strict=True)
+        box = np.stack(ends, axis=1)
+        open_ = [end == last for end, last in zip(ends, (0.0, self.grid - 1.0), strict=True)]
+        found, beyond = zip(*(self._extreme(box, threshold, sign) for sign in (-1.0, 1.0)), strict=True)
+        low, high = (np.vstack([linear, self._v_s(end)]) for linear, end in zip(found, ends, strict=True))
+        low[-1, open_[0]], high[-1, open_[1]] = 0.0, np.inf
+        high[-2, open_[0] | open_[1]] = np.inf
+        alone = self._alone | self._breaks(box) | broken[0] | broken[1] | beyond[0] | beyond[1] | (best <= 0)
+        for k in np.flatnonzero(alone).tolist():
+            own = self._one(k)
+            one = profiled(own, solve(own, self.v_s_range, self.grid)).intervals
+            low[:, k], high[:, k] = np.array([one[name] for name in own.names]).T
+        return self._floored(low), high
+
+    def _threshold(self) -> Array:
+        return self.cost * profile_threshold(1.0, self.torques.shape[0], len(self.problem.names))
+
+    def _one(self, k: int) -> Regression:
+        return replace(self.problem, torque=self.torques[:, k].copy(), memory={})
+
+    def _floored(self, low: Array) -> Array:
+        bounded = np.array([name.startswith(("alpha", "v_s")) for name in self.problem.names])
+        floored: Array = np.where(bounded[:, None], np.maximum(low, 0.0), low)
+        return floored
+
+    def _v_s(self, x: Array) -> Array:
+        values: Array = self._base * np.exp(self._step * x)
+        return values
+
+    def _at(self, x: Array) -> Tables:
+        """The tables at grid coordinates x, (sets, q)."""
+        first = np.clip(np.floor(x).astype(np.intp), 2, self.grid - 4)
+        weights = np.vander((x - first).ravel(), 6, increasing=True) @ _TO_POLYNOMIAL
+        weights = weights.reshape(*x.shape, 6)
+        near = first[..., None] + _NEIGHBOURS
+        own = self._tables.along[near, np.arange(x.shape[0])[:, None, None]]
+        tables = (*(table[..., near] for table in self._tables[:4]), own)
+        return Tables(*(np.einsum("...sqi,sqi->...sq", table, weights) for table in tables))
+
+    def _costs(self, at: Tables) -> Array:
+        cost: Array = self._rest[:, None] - np.maximum(at.along, 0.0) ** 2
+        return cost
+
+    def _solve(self) -> None:
+        """The minimum of each set, between grid values; those at an end of the range, or at a bound, one by one."""
+        along, last = self._tables.along, self.grid - 1
+        coarse = np.maximum(along, 0.0).argmax(axis=0)
+        near = np.clip(coarse, 2, self.grid - 4) + _NEIGHBOURS[:, None]
+        t = _steepest(_TO_POLYNOMIAL @ np.take_along_axis(along, near, axis=0))
+        inside_grid = (coarse >= 2) & (coarse <= self.grid - 4) & (t > -1.5) & (t < 2.5)
+        self._x = np.clip(near[2] + t, 0.0, last)
+        at = self._at(self._x[:, None])
+        peak = at.along[:, 0]
+        linear, alpha_1 = self._without - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
+        self.theta = np.vstack([linear, alpha_1, self._v_s(self._x)])
+        self.cost = np.maximum(self._costs(at)[:, 0], 0.0)
+        lower = np.append(self.problem.lower, 0.0)
+        self._alone = (self.theta[:-1] <= lower[:, None]).any(axis=0) | ~inside_grid
+        for k in np.flatnonzero(self._alone).tolist():
+            one = solve(self._one(k), self.v_s_range, self.grid)
+            self.theta[:, k], self.cost[k] = one.theta, one.cost
+            self._x[k] = np.clip(np.log(one.theta[-1] / self._base) / self._step, 0.0, last)
+
+    def _crossing(self, threshold: Array, last: float) -> tuple[Array, Array]:
+        """Where the profile over log(v_s) crosses the threshold between the minimum and that end of the grid, (sets,); and which sets have it twice.
+
+        The root of what the profile lies above its minimum is nearly linear: the secant method finds it, or halving where that leaves the bracket.
+        """
+        room = np.maximum(threshold - self.cost, 1e-300)
+        inner, outer, sign = self._x.copy(), np.full_like(self._x, last), np.sign(last - self._x)
+        error = self.errors()[-1] / self.theta[-1] / self._step * student(self.freedom)
+        before, at_before = self._x, np.zeros_like(self._x)
+        x = self._x + sign * np.minimum(error, abs(last - self._x) / 2)
+        for _ in range(_CROSSING):
+            root = np.sqrt(np.maximum(self._costs(self._at(x[:, None]))[:, 0] - self.cost, 0.0) / room)
+            inner, outer = np.where(root < 1, x, inner), np.where(root < 1, outer, x)
+            rise = root - at_before
+            moved = x + np.divide((1 - root) * (x - before), rise, out=np.full_like(x, np.inf), where=rise != 0)
+            new = np.where((moved - inner) * (moved - outer) <= 0, moved, (inner + outer) / 2)
+            before, at_before, x = x, root, np.where(abs(root - 1) < _CROSSED, x, new)
+        grid = np.arange(self.grid)[:, None]
+        beyond = (grid < x - 1) if last == 0 else (grid > x + 1)
+        on_grid = self._rest - np.maximum(self._tables.along, 0.0) ** 2
+        to_end = self._costs(self._at(np.full((x.size, 1), last)))[:, 0] <= threshold
+        twice = (beyond & (on_grid <= threshold)).any(axis=0) & ~to_end
+        return np.where(to_end, last, x), twice
+
+    def _extreme(self, box: Array, threshold: Array, sign: float) -> tuple[Array, NDArray[np.bool_]]:
+        """The highest (sign 1) or lowest (-1) value of each linear parameter below the threshold, (m + 1, sets), as `profiles` finds it.
+
+        And which sets break a bound there, (sets,).
+        """
+        m = len(self.problem.linear_names)
+        found, broken = np.empty((m + 1, box.shape[0])), np.zeros(box.shape[0], dtype=bool)
+        lower = np.append(self.problem.lower, 0.0)
+        for j in range(m + 1):
+            low, high = box.T
+            for _ in range(1 + _LOOKS):
+                x = low[:, None] + (high - low)[:, None] * _NODES
+                theta, spread, left = self._conditional(x, threshold)
+                reach = np.where(left >= 0, sign * theta[j] + np.sqrt(spread[j, j] * np.maximum(left, 0.0)), -np.inf)
+                k = reach.argmax(axis=1)[:, None]
+                low, high = (np.take_along_axis(x, np.clip(k + d, 0, _NODES.size - 1), 1)[:, 0] for d in (-1, 1))
+            at = tuple(
+                np.take_along_axis(a, np.broadcast_to(k, (*a.shape[:-1], 1)), -1)[..., 0] for a in (theta, spread, left)
+            )
+            own, far = at[1][j, j], np.sqrt(at[1][j, j] * np.maximum(at[2], 0.0))
+            found[j] = np.maximum(at[0][j] + sign * far, lower[j])
+            point = at[0] + at[1][:, j] * ((found[j] - at[0][j]) / own)
+            below = point < lower[:, None]
+            below[j] = found[j] > at[0][j] + far  # all of the parameter's values there lie below its bound
+            broken |= below.any(axis=0)
+        return found, broken
+
+    def _breaks(self, x: Array) -> NDArray[np.bool_]:
+        """Whether the solution at any of the grid coordinates x, (sets, q), breaks a bound but alpha_1's, so that the profile costs more there."""
+        at = self._at(x)
+        theta = self._without[..., None] - at.inside[0] * np.maximum(at.along, 0.0)
+        broken: NDArray[np.bool_] = (theta < self.problem.lower[:, None, None]).any(axis=(0, 2))
+        return broken
+
+    def _conditional(self, x: Array, threshold: Array) -> tuple[Array, Array, Array]:
+        """At grid coordinates x, (sets, q): linear parameters (m + 1, sets, q), their (A'A)**-1 (m + 1, m + 1, sets, q), and threshold less cost."""
+        at = self._at(x)
+        lost = np.concatenate([-at.inside[0], np.exp(-at.log_length)[None]])
+        theta = lost * at.along
+        theta[:-1] += self._without[..., None]
+        spread = lost[:, None] * lost[None]
+        spread[:-1, :-1] += self._gram[..., None, None]
+        return theta, spread, threshold[:, None] - self._costs(at)
+
+
+def solve_batch(
+    velocity: Array, torques: Array, v_s_range: tuple[float, float], grid: int = COARSE
+) -> tuple[Array, Array]:
+    """Many data sets that share their velocities, in a few matrix products (one direction, no extra regressors).
+
+    Args:
+        velocity: rad/s, shape (n,), one sign or symmetric.
+        torques: N*m, shape (n, sets).
+        v_s_range: as in `solve`.
+        grid: as in `solve`, >= 8.
+
+    Returns:
+        theta, shape (4, sets), in the order alpha_0, alpha_2, alpha_1, v_s; and the cost, shape (sets,). Sets whose minimum lies at the end
+        of the range, or whose free solution breaks a bound, are solved one by one, as `solve` does.
+    """
+    found = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, v_s_range, grid)
+    return found.theta, found.cost
+
+
+def _steepest(along: Array) -> Array:
+    """Where a polynomial along(t) > 0 is highest, by Newton's method from t = 0; coefficients (6, sets)."""
+    slope = _derivative(along)
+    bend = _derivative(slope)
+    t = np.zeros(along.shape[1])
+    for _ in range(_NEWTON):
+        curved = _horner(bend, t)
+        step = np.divide(-_horner(slope, t), curved, out=np.full_like(t, np.inf), where=curved < 0)
+        t = t + np.clip(step, -0.7, 0.7)
+    return t
+
+
+def _horner(coefficients: Array, t: Array) -> Array:
+    value: Array = coefficients[-1]
+    for c in coefficients[-2::-1]:
+        value = value * t + c
+    return value
+
+
+def _derivative(coefficients: Array) -> Array:
+    result: Array = coefficients[1:] * np.arange(1.0, coefficients.shape[0])[:, None]
+    return result

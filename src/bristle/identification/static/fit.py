@@ -1,0 +1,233 @@
+"""From a static problem to a `StaticFit`: the grid's answer with intervals, doubts, and what stands beside it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.estimation import covariance
+from bristle.estimation.autocorrelation import residual_doubts
+from bristle.identification.results import Crosscheck, Estimate, HoldOut, Outcome, StaticFit, Uncertainty
+from bristle.identification.static.crosscheck import crosscheck
+from bristle.identification.static.doubts import huber_doubts
+from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.huber import huber
+from bristle.identification.static.problem import Regression
+from bristle.identification.static.stribeck_test import Inferred, infer
+from bristle.identification.static.uncertainty import three_ways
+from bristle.model.parameters import Kind, unit
+
+_FRICTION = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Where:
+    """What is known of each equation beside its velocity and torque; each array is (n,), or empty where unknown."""
+
+    names: tuple[str, ...] = ()
+    """How a user finds the point again; empty for moving data."""
+    stick_slip: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    position: Array = field(default_factory=lambda: np.zeros(0))
+
+
+def fit_static(
+    problem: Regression,
+    options: FitOptions,
+    kind: Kind,
+    where: Where,
+    held: Sequence[tuple[str, Regression]] = (),
+    timings: dict[str, float] | None = None,
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+    """Fit one static problem and everything that the report shows beside the fit.
+
+    Args:
+        problem: the equations; a peak in every direction.
+        options: the experiment's `fit`.
+        kind: revolute or prismatic, for units.
+        where: what is known of each equation.
+        held: hold-out runs by name, posed as the problem is.
+        timings: where the seconds of the grid and of the full fit are written, by name.
+
+    Returns:
+        Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
+    """
+    v_s_range = options.v_s_range or default_range(problem.velocity)
+    too_few = _too_few(problem)
+    if too_few:
+        return {d: _nothing(d, problem, kind, too_few) for d in problem.directions}, {}
+    core = infer(problem, options, kind, v_s_range)
+    beside = _beside(problem, core, options, kind, v_s_range, where)
+    errors = tuple(
+        HoldOut(file=file, relative_error=replace(p, peaks=core.problem.peaks).relative_error(core.solution.theta))
+        for file, p in held
+    )
+    label = _parts(problem)[-1]
+    started = perf_counter()
+    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, _errors(core), v_s_range)
+    if timings is not None:
+        checked_at = perf_counter()
+        solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
+        timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
+    if not checked.agrees:
+        beside = replace(beside, doubts=(*beside.doubts, checked.verdict))
+    return {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}, {label: checked}
+
+
+def estimate_static(problem: Regression, options: FitOptions, kind: Kind) -> Mapping[str, Estimate]:
+    """The parameters alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
+    return infer(problem, options, kind, options.v_s_range or default_range(problem.velocity)).parameters
+
+
+def _parts(problem: Regression) -> tuple[str, ...]:
+    return problem.directions if len(problem.directions) == 1 else (*problem.directions, "shared")
+
+
+def _too_few(problem: Regression) -> str:
+    n, m = problem.linear.shape
+    if n <= m:
+        return f"{n} points for {m} linear parameters: at least {m + 1} are needed; measure more speeds."
+    scaled = problem.linear / np.maximum(np.linalg.norm(problem.linear, axis=0), 1e-300)
+    if np.linalg.cond(scaled) > 1e8:
+        return "The points cannot tell the linear parameters apart (one speed only, or a regressor that never changes); measure at more speeds."
+    return ""
+
+
+def _nothing(direction: str, problem: Regression, kind: Kind, why: str) -> StaticFit:
+    names = (*_FRICTION, *problem.linear_names[2 * len(problem.directions) :])
+    parameters = {name: Estimate(value=None, unit=unit(name, kind), doubts=(why,)) for name in names}
+    return StaticFit(
+        direction=direction,
+        parameters=parameters,
+        rms=None,
+        relative_error=None,
+        n=problem.torque.size,
+        outcome=Outcome.TOO_FEW,
+        doubts=(why,),
+        velocity=problem.velocity if problem.smooth is None else np.zeros(0),
+        torque=problem.torque if problem.smooth is None else np.zeros(0),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Beside:
+    """What stands beside a fit."""
+
+    plain: Mapping[str, float]
+    robust: Mapping[str, float]
+    without: Mapping[str, Estimate]
+    three: Mapping[str, Uncertainty]
+    doubts: tuple[str, ...]
+
+
+def _beside(
+    problem: Regression, core: Inferred, options: FitOptions, kind: Kind, v_s_range: tuple[float, float], where: Where
+) -> _Beside:
+    plain: dict[str, float] = {}
+    if len(core.problem.peaks) == 1 and problem.smooth is None:
+        plain = dict(
+            zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range, options.plain_grid)[2]), strict=True)
+        )
+    unweighted = replace(problem, peaks=core.problem.peaks)
+    refit, weight = huber(unweighted, v_s_range, options.grid)
+    robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
+    spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
+    errors = dict(zip(core.problem.names, map(float, spread), strict=True))
+    doubts = [*huber_doubts(core.parameters, robust, errors, weight, where.names), *core.doubts]
+    without: Mapping[str, Estimate] = {}
+    if where.stick_slip.any():
+        rest = problem.rows(np.logical_not(where.stick_slip))
+        doubts.append(
+            f"{int(where.stick_slip.sum())} of {where.stick_slip.size} points stick and slip; the fit without them is shown beside."
+        )
+        if _too_few(rest):
+            doubts.append(f"Without the points that stick and slip nothing can be fitted. {_too_few(rest)}")
+        else:
+            alone = infer(rest, options, kind, options.v_s_range or default_range(rest.velocity))
+            without = alone.parameters
+            doubts += [f"Without the points that stick and slip: {doubt}" for doubt in alone.doubts]
+    measured = slice(problem.torque.size - problem.priors)
+    residuals, velocity = core.problem.residuals(core.solution.theta)[measured], _equation_velocity(problem)[measured]
+    doubts += residual_doubts(residuals, velocity, where.time, where.position)
+    three = three_ways(core, v_s_range)
+    return _Beside(plain=plain, robust=robust, without=without, three=three, doubts=tuple(doubts))
+
+
+def _equation_velocity(problem: Regression) -> Array:
+    return problem.velocity if problem.smooth is None else problem.smooth @ problem.velocity
+
+
+def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors: tuple[HoldOut, ...]) -> StaticFit:
+    """The part of a fit that belongs to one direction, to both, or to what two directions share."""
+    problem, theta = core.problem, core.solution.theta
+    two = len(problem.directions) == 2
+    velocity = _equation_velocity(problem)
+    residuals = problem.residuals(theta)
+    rows = (
+        np.ones(residuals.size, dtype=bool)
+        if not two or part == "shared"
+        else (velocity > 0 if part == "+" else velocity < 0)
+    )
+    rows[rows.size - problem.priors :] = False
+    own = [name for name in problem.names if not two or (part in name if part != "shared" else name[-1] not in "+-")]
+    parameters = {name.rstrip("+-"): _with_doubts(core.parameters[name], beside.three[name]) for name in own}
+    if part != "shared" and part in core.dropped:
+        missing = {
+            n: Estimate(value=None, unit=_unit_like(core, n, two, part), doubts=(core.dropped[part],))
+            for n in ("alpha_1", "v_s")
+        }
+        parameters |= missing
+    order = [n for n in _FRICTION if n in parameters] + [n for n in parameters if n not in _FRICTION]
+    keep = [k for k, name in enumerate(core.names) if name in own]
+    torque = problem.friction(theta) if part != "shared" else problem.torque
+    measured = problem.torque if problem.known is None else problem.torque + problem.known
+    return StaticFit(
+        direction=part,
+        parameters={name: parameters[name] for name in order},
+        rms=float(np.sqrt(np.mean(residuals[rows] ** 2))),
+        relative_error=float(100 * np.linalg.norm(residuals[rows]) / np.linalg.norm(measured[rows])),
+        n=int(rows.sum()),
+        outcome=_outcome(core, part, beside),
+        doubts=beside.doubts,
+        hold_out=errors,
+        names=tuple(core.names[k].rstrip("+-") for k in keep),
+        covariance=core.covariance[np.ix_(keep, keep)],
+        dof=int(core.freedom),
+        profile=core.profiles.get(part),
+        uncertainty={name.rstrip("+-"): beside.three[name] for name in own},
+        plain={name.rstrip("+-"): x for name, x in beside.plain.items() if name in own},
+        robust={name.rstrip("+-"): x for name, x in beside.robust.items() if name in own},
+        without_stick_slip={name.rstrip("+-"): e for name, e in beside.without.items()},
+        velocity=velocity[rows],
+        torque=torque[rows],
+        residuals=residuals[rows],
+        time=where.time[rows[: where.time.size]],
+        position=where.position[rows[: where.position.size]],
+    )
+
+
+def _with_doubts(estimate: Estimate, three: Uncertainty) -> Estimate:
+    """The estimate with what its three intervals let doubt."""
+    new = (
+        doubt for doubt in three.doubts if not any(said.startswith("At its physical bound") for said in estimate.doubts)
+    )
+    return replace(estimate, doubts=(*estimate.doubts, *new))
+
+
+def _outcome(core: Inferred, part: str, beside: _Beside) -> Outcome:
+    name = "alpha_1" + (part if len(core.problem.directions) == 2 else "")
+    rests = name in core.parameters and bool(beside.without) and name not in beside.without
+    return Outcome.STICK_SLIP if rests else core.outcome
+
+
+def _unit_like(core: Inferred, name: str, two: bool, part: str) -> str:
+    torque = core.parameters["alpha_0" + (part if two else "")].unit
+    return unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
+
+
+def _errors(core: Inferred) -> Array:
+    return np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])

@@ -1,0 +1,325 @@
+"""Static parameters by a grid over v_s with linear least squares inside, (10)-(13): variable projection.
+
+For each v_s the other parameters are solved exactly, so the cost as a function of v_s is its profile. All grid values are solved in a few array
+operations: with the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by
+(s'r)**2 / s's. The minimum is then refined to the continuous one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, combinations
+from math import exp, log
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from bristle.arrays import Array
+from bristle.estimation.linear import bounded_least_squares, least_squares, orthonormal
+from bristle.identification.static.problem import Regression
+
+T = TypeVar("T")
+GRID = 32
+"""Values of v_s in the refined grid."""
+PLAIN_GRID = 500
+"""Values of v_s in the paper's plain grid."""
+_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
+"""From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
+_STEPS = 20
+_SETTLED = 1e-12
+"""A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
+_NONE = np.zeros(0, dtype=np.intp)
+_FLAT = 1e-10
+"""A Stribeck column this close to the others, relative, tells nothing."""
+
+
+class Inner(NamedTuple):
+    """The problem solved at given v_s."""
+
+    theta: Array
+    """The parameters, in the order of the problem's `names`."""
+    cost: float
+    """J_s (10)."""
+    at_bound: tuple[str, ...]
+    """Parameters held at a physical bound."""
+    residuals: Array
+    """Measured minus modelled torque, (n,)."""
+    jacobian: Array
+    """Exact derivative of the modelled torque with respect to theta, (n, len(theta))."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """A solved static problem."""
+
+    theta: Array
+    """The parameters at the continuous minimum, in the order of the problem's `names`."""
+    cost: float
+    """J_s (10) there."""
+    residuals: Array
+    """Measured minus modelled torque there, (n,)."""
+    jacobian: Array
+    """Exact derivative of the modelled torque with respect to theta there, (n, len(theta))."""
+    base_costs: tuple[float, ...]
+    """Per peak, the cost without it."""
+    grid: Array
+    """v_s, rad/s, (k,)."""
+    profiles: tuple[Array, ...]
+    """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
+    at_bound: tuple[str, ...]
+    """Parameters held at a physical bound."""
+
+
+def default_range(velocity: Array) -> tuple[float, float]:
+    """Where v_s is searched: from a third of the slowest speed to the fastest, rad/s.
+
+    Below, the Stribeck term touches no point (exp(-9)); above, it is a bend over all of them and not a peak. Moving data pass through every
+    speed down to noise: nothing slower than a thousandth of the fastest counts.
+    """
+    speed = np.abs(velocity[velocity != 0])
+    high = float(speed.max())
+    low = max(float(speed.min()), 1e-3 * high) / 3
+    return low, high
+
+
+def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
+    """Values of v_s spaced evenly in log(v_s), both ends included, (grid,)."""
+    low, high = v_s_range
+    values: Array = low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1)))
+    return values
+
+
+def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID) -> Solution:
+    """The grid over v_s, refined to its continuous minimum, with alpha_0, alpha_1, alpha_2 >= 0.
+
+    Args:
+        problem: n equations; more equations than linear parameters.
+        v_s_range: lowest and highest v_s, rad/s, 0 < low < high.
+        grid: values in it, >= 3, spaced evenly in log(v_s).
+    """
+    values = log_grid(v_s_range, grid)
+    projected = Projected(problem)
+    profiles: tuple[Array, ...] = ()
+    bases: tuple[float, ...] = ()
+    if not problem.peaks:
+        inner = solve_at(problem, [])
+    elif len(problem.peaks) == 1:
+        profiles = (projected.costs(values),)
+        bases = (projected.base_cost,)
+        inner = _refine(projected, values, profiles[0])
+    else:
+        surface, bases = projected.surface(values, values)
+        profiles = (surface.min(axis=1), surface.min(axis=0))
+        first, second = np.unravel_index(surface.argmin(), surface.shape)
+        inner = solve_at(problem, _descend(problem, [values[first], values[second]], v_s_range))
+    return Solution(**inner._asdict(), base_costs=bases, grid=values, profiles=profiles)
+
+
+def descended(
+    problem: Regression, solution: Solution, v_s: Sequence[float], v_s_range: tuple[float, float]
+) -> Solution:
+    """The solution with the minimum nearest to other v_s, one per peak, in place of its own; what was solved on the grid stays."""
+    inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
+    return replace(solution, **inner._asdict())
+
+
+def plain_grid(
+    problem: Regression, v_s_range: tuple[float, float], count: int = PLAIN_GRID
+) -> tuple[Array, Array, Array]:
+    """The paper's method as it stands, (13): the best of `count` evenly spaced values of v_s, for a problem of one direction.
+
+    Returns the grid (count,), J_s on it (count,), and theta at its best value.
+    """
+    values = np.linspace(*v_s_range, count)
+    costs = Projected(problem).costs(values)
+    return values, costs, solve_at(problem, [float(values[costs.argmin()])]).theta
+
+
+def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
+    """Linear least squares (13) at given v_s, one per peak, bounded where the free solution breaks a bound."""
+    design, slopes = problem.columns(v_s)
+    solution = least_squares(design, problem.torque)
+    held: tuple[str, ...] = ()
+    if solution.min() <= 0:  # an extra regressor may well be negative; a friction parameter may not
+        lower = np.append(problem.lower, np.zeros(len(v_s)))
+        if (solution < lower).any():
+            solution = bounded_least_squares(design, problem.torque, lower)
+        held = tuple(name for name, x, low in zip(problem.names, solution, lower, strict=False) if x <= low)
+    residuals = problem.torque - design @ solution
+    peaks = len(v_s)
+    jacobian = np.concatenate([design, slopes * solution[solution.size - peaks :]], axis=1)
+    return Inner(np.array([*solution, *v_s]), float(residuals @ residuals), held, residuals, jacobian)
+
+
+def subsets(items: Sequence[T]) -> list[tuple[T, ...]]:
+    """Every subset, the empty one first: the faces of what some bounds leave, by which of them hold."""
+    return list(chain.from_iterable(combinations(items, size) for size in range(len(items) + 1)))
+
+
+class Projected:
+    """A problem with its linear columns projected out."""
+
+    def __init__(self, problem: Regression) -> None:
+        """Factor the linear columns once."""
+        self.problem = problem
+        self.q, self.r_inverse = orthonormal(problem.linear)
+        self.torque_in_q = self.q.T @ problem.torque
+        self.rest = problem.torque - self.q @ self.torque_in_q
+        self.q_and_rest = np.concatenate([self.q.T, self.rest[None]])
+        self.rest_cost = float(self.rest @ self.rest)
+        self.lower = problem.lower
+        self.base_cost = self.rest_cost
+        if (self.back(self.torque_in_q) < self.lower).any():
+            broken = problem.torque - problem.linear @ bounded_least_squares(problem.linear, problem.torque, self.lower)
+            self.base_cost = float(broken @ broken)
+
+    def off(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
+        """Stribeck columns less their part in the linear ones (n, k), and their squared lengths (k,), inf where they vanish."""
+        shapes = self.problem.shapes(v_s, direction)
+        inside, _, length = self._split(shapes)
+        return shapes - self.q @ inside, length
+
+    def costs(self, v_s: Array) -> Array:
+        """J_s at each v_s (k,), with alpha_0, alpha_1, alpha_2 >= 0; one peak."""
+        shapes = self.problem.shapes(v_s)
+        alpha_1, along, broken = self._peak(shapes)
+        costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
+        if broken.size:
+            costs[broken] = self._bounded(shapes[:, broken])
+        return costs
+
+    def _bounded(self, shapes: Array) -> Array:
+        """J_s with each of some Stribeck columns (n, k), every bound kept: the least of what breaks none, with any friction columns dropped, (k,)."""
+        bounded = np.flatnonzero(np.isfinite(self.lower)).tolist()
+        least = np.full(shapes.shape[1], np.inf)
+        for dropped in subsets(bounded)[1:]:
+            keep = np.delete(np.arange(self.lower.size), dropped)
+            names = tuple(self.problem.linear_names[k] for k in keep)
+            face = Projected(replace(self.problem, linear=self.problem.linear[:, keep], linear_names=names))
+            alpha_1, along, broken = face._peak(shapes)
+            costs = np.maximum(face.rest_cost - alpha_1 * along, 0.0)
+            costs[broken] = np.inf
+            least = np.minimum(least, costs)
+        return least
+
+    def at(self, v_s: float) -> Inner:
+        """The problem at one v_s, from what is projected already; one peak."""
+        shape, slope = self.problem.slopes(np.array([v_s]))
+        inside = self.q.T @ shape
+        off = (shape - self.q @ inside)[:, 0]
+        length = float(off @ off)
+        if length > _FLAT * float(shape[:, 0] @ shape[:, 0]):
+            alpha_1 = float(self.rest @ off) / length
+            linear = self.back(self.torque_in_q - inside[:, 0] * alpha_1)
+            if alpha_1 > 0 and (linear > self.lower).all():
+                residuals = self.rest - off * alpha_1
+                jacobian = np.concatenate([self.problem.linear, shape, slope * alpha_1], axis=1)
+                return Inner(np.array([*linear, alpha_1, v_s]), float(residuals @ residuals), (), residuals, jacobian)
+        return solve_at(self.problem, [v_s])
+
+    def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
+        """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,), inf where nothing is."""
+        products = self.q_and_rest @ shapes
+        inside, along = products[:-1], products[-1]
+        total = np.einsum("nk,nk->k", shapes, shapes)
+        length = total - np.einsum("mk,mk->k", inside, inside)
+        length[length <= _FLAT * total] = np.inf
+        return inside, along, length
+
+    def _peak(self, shapes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+        """For one Stribeck column at a time: alpha_1 >= 0, s'r without it (k,), and which v_s break another bound."""
+        inside, along, length = self._split(shapes)
+        alpha_1 = np.maximum(along / length, 0.0)
+        below = self.back(self.torque_in_q[:, None] - inside * alpha_1) < self.lower[:, None]
+        broken: NDArray[np.intp] = np.flatnonzero(below.any(axis=0)) if below.any() else _NONE
+        return alpha_1, along, broken
+
+    def profile(self, v_s: Array, peak: int, others: Array) -> Array:
+        """J_s at each v_s (k,) of one peak, minimised over all else, the other peak's v_s over `others`."""
+        if len(self.problem.peaks) == 1:
+            return self.costs(v_s)
+        surface, _ = self.surface(v_s, others) if peak == 0 else self.surface(others, v_s)
+        lowest: Array = surface.min(axis=1 - peak)
+        return lowest
+
+    def surface(self, first_v_s: Array, second_v_s: Array) -> tuple[Array, tuple[float, float]]:
+        """J_s over v_s of two peaks, (k, l), with alpha_1 >= 0, and the least cost without each peak."""
+        (off_0, length_0), (off_1, length_1) = self.off(first_v_s, 0), self.off(second_v_s, 1)
+        along_0, along_1 = (self.rest @ off_0)[:, None], (self.rest @ off_1)[None, :]
+        length_0, length_1 = length_0[:, None], length_1[None, :]
+        across = off_0.T @ off_1
+        with np.errstate(invalid="ignore", divide="ignore"):
+            determinant = length_0 * length_1 - across**2
+            first = (along_0 * length_1 - along_1 * across) / determinant
+            second = (along_1 * length_0 - along_0 * across) / determinant
+        alone_0 = np.maximum(along_0, 0.0) ** 2 / length_0
+        alone_1 = np.maximum(along_1, 0.0) ** 2 / length_1
+        inside = np.isfinite(determinant) & (determinant > 0) & (first > 0) & (second > 0)
+        gain = np.where(inside, first * along_0 + second * along_1, np.maximum(alone_0, alone_1))
+        without = (self.rest_cost - float(alone_1.max()), self.rest_cost - float(alone_0.max()))
+        return np.maximum(self.rest_cost - gain, 0.0), without
+
+    def back(self, in_q: Array) -> Array:
+        """Linear parameters from their coefficients in Q, (m,) or (m, k)."""
+        return self.r_inverse @ in_q
+
+
+def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
+    """The problem at the continuous minimum of the profile between the neighbours of its lowest grid value.
+
+    The start is the minimum of the quartic through five grid values; from there the exact slope is followed by the secant method, to where
+    rounding ends. By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the residuals at the inner minimum and u = log(v_s);
+    with `bend` = J_s'' / 2, a step lowers the cost by slope**2 / bend.
+    """
+    best, last = int(costs.argmin()), values.size - 1
+    first, step = float(values[0]), log(values[-1] / values[0]) / last
+    low, high = step * max(best - 1, 0), step * min(best + 1, last)
+    centre = min(max(best, 2), last - 2)
+    t, bend = _lowest((_TO_QUARTIC @ costs[centre - 2 : centre + 3]).tolist(), best - centre)
+    u, bend = min(max(step * (centre + t), low), high), bend / step**2
+    at = lowest = projected.at(first * exp(u))
+    for _ in range(_STEPS):
+        fall = at.theta[-1] * float(at.jacobian[:, -1] @ at.residuals)
+        low, high = (u, high) if fall > 0 else (low, u)
+        if low >= high or 0 <= fall**2 <= bend * _SETTLED * at.cost / at.residuals.size:
+            break
+        before, u = u, min(max(u + fall / bend, low), high) if bend > 0 else (low + high) / 2
+        if u == before:
+            break
+        at = projected.at(first * exp(u))
+        lowest = min(lowest, at, key=lambda inner: inner.cost)
+        bend = (fall - at.theta[-1] * float(at.jacobian[:, -1] @ at.residuals)) / (u - before)
+    return lowest
+
+
+def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
+    """Where a quartic near t is lowest, by Newton's method, and half its second derivative there."""
+    a, b, c, d, _ = quartic
+    bend = c
+    for _ in range(4):
+        bend = (6 * a * t + 3 * b) * t + c
+        if bend <= 0:
+            break
+        t -= max(-1.0, min(1.0, (((4 * a * t + 3 * b) * t + 2 * c) * t + d) / (2 * bend)))
+    return t, bend
+
+
+def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
+    """The continuous minimum over v_s of every direction; the slope by the envelope theorem, dJ/dv_s = -2 alpha_1 s'r."""
+
+    def cost_and_slope(u: Array) -> tuple[float, Array]:
+        """J_s and its slope at u = log(v_s), (2,), both over `scale`."""
+        inner = solve_at(problem, list(np.exp(u)))
+        return inner.cost / scale, -2 * (inner.jacobian[:, -len(v_s) :].T @ inner.residuals) * np.exp(u) / scale
+
+    scale = solve_at(problem, v_s).cost or 1.0
+    found = minimize(
+        cost_and_slope,
+        np.log(v_s),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[tuple(np.log(v_s_range))] * len(v_s),
+        options={"ftol": 1e-14, "gtol": 1e-9},
+    )
+    return [float(x) for x in np.exp(found.x)]

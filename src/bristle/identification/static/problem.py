@@ -1,0 +1,317 @@
+"""The static problem as arrays: measured torque against linear columns and one Stribeck column per direction.
+
+    T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors      (9)-(12)
+
+Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak), where a peak is a direction
+that has a Stribeck term.
+Moving data pass both sides through the same linear smoothing; points at constant velocity pass as they are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, sparse
+
+from bristle.arrays import Array
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shape_slope
+from bristle.model.vectorize import evaluate
+
+_KERNEL_TAIL = 1e-8
+"""Where the smoothing kernel is cut, relative to its peak."""
+SEEN = 1.5
+"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
+Tables = tuple[Array, ...]
+"""Columns over v_s, one table per output of a function, each (n, k)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regression:
+    """One static problem: n equations from N samples (n = N where nothing is smoothed)."""
+
+    directions: tuple[str, ...]
+    """("both",), ("+",), ("-",) or ("+", "-")."""
+    peaks: tuple[str, ...]
+    """The directions that have a Stribeck term."""
+    velocity: Array
+    """rad/s, shape (N,); no element is zero in a direction's set of points."""
+    torque: Array
+    """N*m, shape (n,), smoothed and weighted like the columns."""
+    linear: Array
+    """Columns that multiply the linear parameters but alpha_1, shape (n, m)."""
+    linear_names: tuple[str, ...]
+    """alpha_0 and alpha_2 per direction, then the extra regressors."""
+    smooth: sparse.csr_array | None = None
+    """The decimation filter as a matrix, shape (n, N)."""
+    root_weight: Array | None = None
+    """Square root of each equation's weight, shape (n,)."""
+    memory: dict[tuple[object, str, bytes], Tables] = field(default_factory=dict, repr=False)
+    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same grid."""
+    priors: int = 0
+    """How many of the last equations are priors, not measurements."""
+    known: Array | None = None
+    """Torque already taken off `torque` (a fixed inertia's), shape (n,)."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of theta's elements; a direction's sign is appended where there are two."""
+        return (*self.linear_names, *self._per_direction("alpha_1"), *self._per_direction("v_s"))
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds of the linear columns: 0 for friction, -inf for the extra regressors."""
+        return np.array([0.0 if name.startswith("alpha") else -np.inf for name in self.linear_names])
+
+    def shapes(self, v_s: Array, direction: int = 0) -> Array:
+        """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
+        return self._columns(stribeck_shape(), v_s, direction)[0]
+
+    def slopes(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
+        """`shapes`, and its derivative with respect to v_s, by CasADi; each of shape (n, k)."""
+        shapes, slopes = self._columns(stribeck_shape_slope(), v_s, direction)
+        return shapes, slopes
+
+    def design(self, v_s: Sequence[float] | Array) -> Array:
+        """All linear columns at given v_s, one per peak: shape (n, m + peaks)."""
+        return np.concatenate([self.linear, *(self.shapes(np.array([s]), d) for d, s in enumerate(v_s))], axis=1)
+
+    def columns(self, v_s: Sequence[float] | Array) -> tuple[Array, Array]:
+        """`design`, and the derivative of its last columns with respect to their v_s, (n, peaks)."""
+        if not self.peaks:
+            return self.linear, np.zeros((self.torque.size, 0))
+        tables = [self.slopes(np.array([s]), d) for d, s in enumerate(v_s)]
+        shapes, slopes = zip(*tables, strict=True)
+        return np.concatenate([self.linear, *shapes], axis=1), np.concatenate(slopes, axis=1)
+
+    def jacobian(self, theta: Array) -> Array:
+        """Exact derivative of the modelled torque with respect to theta, shape (n, len(theta))."""
+        linear, v_s = self.split(theta)
+        design, slopes = self.columns(v_s)
+        return np.concatenate([design, slopes * linear[self.linear.shape[1] :]], axis=1)
+
+    def residuals(self, theta: Array) -> Array:
+        """Measured minus modelled torque (weighted, where there are weights), shape (n,)."""
+        linear, v_s = self.split(theta)
+        modelled: Array = self.design(v_s) @ linear
+        return self.torque - modelled
+
+    def relative_error(self, theta: Array) -> float:
+        """100 * norm(measured - modelled) / norm(measured), percent; nan where nothing was measured but zeros."""
+        measured = self.torque if self.known is None else self.torque + self.known
+        norm = float(np.linalg.norm(measured))
+        return 100 * float(np.linalg.norm(self.residuals(theta))) / norm if norm else float("nan")
+
+    def split(self, theta: Array) -> tuple[Array, Array]:
+        """Split theta into its linear part, (m + peaks,), and v_s, (peaks,)."""
+        count = theta.size - len(self.peaks)
+        return theta[:count], theta[count:]
+
+    def friction(self, theta: Array) -> Array:
+        """Measured torque less what the extra regressors explain, shape (n,)."""
+        known = 2 * len(self.directions)
+        m = self.linear.shape[1]
+        return self.torque - self.linear[:, known:] @ theta[known:m]
+
+    def weighted(self, weight: Array) -> "Regression":
+        """The same problem with each equation multiplied by the square root of its weight, (n,)."""
+        root = np.sqrt(weight)
+        return replace(self, torque=self.torque * root, linear=self.linear * root[:, None], root_weight=root)
+
+    def rows(self, keep: NDArray[np.bool_]) -> "Regression":
+        """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
+        return replace(
+            self,
+            velocity=self.velocity[keep] if self.smooth is None else self.velocity,
+            torque=self.torque[keep],
+            linear=self.linear[keep],
+            smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
+            known=None if self.known is None else self.known[keep],
+            memory={},
+        )
+
+    def _per_direction(self, name: str) -> tuple[str, ...]:
+        return tuple(name + ("" if len(self.directions) == 1 else d) for d in self.peaks)
+
+    def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Tables:
+        direction, smooth = self.peaks[peak], self.smooth
+        tables = (
+            self._raw(function, v_s, direction) if smooth is None else self._smoothed(function, v_s, direction, smooth)
+        )
+        return tables if self.root_weight is None else tuple(t * self.root_weight[:, None] for t in tables)
+
+    def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Tables:
+        key = (function, direction, v_s.tobytes())
+        if key not in self.memory:  # column by column: N samples times k values need not stand in memory at once
+            by_v_s = [[smooth @ t for t in self._raw(function, s[None], direction)] for s in v_s]
+            self.memory[key] = tuple(np.concatenate(columns, axis=1) for columns in zip(*by_v_s, strict=True))
+        return self.memory[key]
+
+    def _raw(self, function: ca.Function, v_s: Array, direction: str) -> Tables:
+        rows = evaluate(function, self.velocity, v_s[:, None])  # a row per v_s: long inner loops
+        if len(self.directions) == 2:
+            moves = _moves(self.velocity, direction)
+            rows = tuple(row * moves for row in rows)
+        return tuple(row.T for row in rows)
+
+
+def from_points(
+    velocity: Array, torque: Array, directions: tuple[str, ...], extra: dict[str, Array] | None = None
+) -> Regression:
+    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m. `extra` holds known columns by name."""
+    return _build(velocity, torque, directions, extra or {}, None)
+
+
+def from_records(
+    records: Sequence[Record],
+    directions: tuple[str, ...],
+    regressors: Sequence[str],
+    decimation: int,
+    inertia: float | None = None,
+) -> tuple[Regression, tuple[Array, Array], int]:
+    """The problem for moving data, as robot identification poses it.
+
+    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order Butterworth, forward and
+    backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end of a stretch without gaps are dropped.
+
+    Args:
+        records: with velocity, torque, and acceleration or position where a regressor needs them.
+        directions: as in `Regression`.
+        regressors: of inertia, offset, gravity.
+        decimation: keep one sample in this many, >= 1 (1: nothing is filtered).
+        inertia: where it is known, kg*m**2: its torque is taken off.
+
+    Returns:
+        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples dropped at ends.
+
+    Raises:
+        InputError: where a stretch is too short for the filter, with the length it needs.
+    """
+    smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
+    velocity = np.concatenate([_needed(r, "velocity") for r in records])
+    torque = np.concatenate([_needed(r, "torque") for r in records])
+    columns = [extra_columns(regressors, record) for record in records]
+    extra = {name: np.concatenate([own[name] for own in columns]) for name in columns[0]}
+    problem = _build(velocity, torque, directions, extra, smooth)
+    if inertia is not None:
+        known = smooth @ (inertia * np.concatenate([_needed(r, "acceleration") for r in records]))
+        problem = replace(problem, torque=problem.torque - known, known=known)
+    time = smooth @ np.concatenate([r.time - r.time[0] for r in records])
+    has_position = all(r.position is not None for r in records)
+    position = smooth @ np.concatenate([_needed(r, "position") for r in records]) if has_position else np.zeros(0)
+    return problem, (time, position), dropped
+
+
+def with_prior(problem: Regression, name: str, value: float, standard_error: float, sigma: float) -> Regression:
+    """The problem with one more equation: parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma."""
+    weight = sigma / standard_error
+    row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
+    smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
+    blank = sparse.csr_array((1, problem.velocity.size))
+    return replace(
+        problem,
+        torque=np.append(problem.torque, weight * value),
+        known=None if problem.known is None else np.append(problem.known, 0.0),
+        linear=np.vstack([problem.linear, row]),
+        smooth=sparse.csr_array(sparse.vstack([smooth, blank])),
+        memory={},
+        priors=problem.priors + 1,
+    )
+
+
+def _build(
+    velocity: Array,
+    torque: Array,
+    directions: tuple[str, ...],
+    extra: dict[str, Array],
+    smooth: sparse.csr_array | None,
+) -> Regression:
+    one = len(directions) == 1
+    alpha_0, alpha_2 = evaluate(linear_shapes(), velocity)
+    friction: dict[str, Array] = {}
+    for direction in directions:
+        tag, mask = ("", None) if one else (direction, _moves(velocity, direction))
+        friction["alpha_0" + tag] = alpha_0 if mask is None else mask * alpha_0
+        friction["alpha_2" + tag] = alpha_2 if mask is None else mask * alpha_2
+    columns = np.array([*friction.values(), *extra.values()]).T
+    if smooth is not None:
+        columns, torque = smooth @ columns, smooth @ torque
+    return Regression(
+        directions=directions,
+        peaks=directions,
+        velocity=velocity,
+        torque=torque,
+        linear=columns,
+        linear_names=(*friction, *extra),
+        smooth=smooth,
+    )
+
+
+def _moves(velocity: Array, direction: str) -> Array:
+    return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
+
+
+def _needed(record: Record, name: str) -> Array:
+    values: Array | None = getattr(record, name)
+    if values is None:
+        raise InputError(f"{record.file}: the fit needs {name}, which this run does not have; add it under signals")
+    return values
+
+
+def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
+    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises InputError where the record lacks what one needs."""
+    columns: dict[str, Array] = {}
+    if "inertia" in regressors:
+        columns["inertia"] = _needed(record, "acceleration")
+    if "offset" in regressors:
+        columns["offset"] = np.ones(record.time.size)
+    if "gravity" in regressors:
+        columns |= gravity(_needed(record, "position"))
+    return columns
+
+
+def gravity(position: Array) -> dict[str, Array]:
+    """The two columns of a gravity torque, gravity_sin sin(q) + gravity_cos cos(q); position in rad, (n,)."""
+    return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
+
+
+def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+    """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost.
+
+    Raises InputError where no stretch is longer than the transients.
+    """
+    lengths = np.concatenate(stretches).astype(int)
+    samples = int(lengths.sum())
+    if decimation == 1:
+        return sparse.eye_array(samples, format="csr"), 0
+    kernel = _kernel(decimation)
+    half = kernel.size // 2
+    ends = np.cumsum(lengths)
+    pairs = zip(ends - lengths, ends, strict=True)
+    centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
+    if centres.size == 0:
+        raise InputError(
+            f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
+            f"log longer, or set fit.decimation below {decimation}"
+        )
+    columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()
+    pointers = np.arange(0, columns.size + 1, kernel.size)
+    smooth = sparse.csr_array((np.tile(kernel, centres.size), columns, pointers), shape=(centres.size, samples))
+    return smooth, int(np.minimum(lengths, 2 * half).sum())
+
+
+def _kernel(decimation: int) -> Array:
+    """Impulse response of the zero-phase decimation filter, cut where it has died out; odd length, sum 1."""
+    sections = signal.butter(4, 0.8 / decimation, output="sos")
+    reach = 80 * decimation
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    response = signal.sosfiltfilt(sections, impulse, padtype=None)
+    alive = np.flatnonzero(np.abs(response) > _KERNEL_TAIL * np.abs(response).max())
+    half = int(max(reach - alive[0], alive[-1] - reach))
+    kernel: Array = response[reach - half : reach + half + 1]
+    kernel /= kernel.sum()
+    return kernel

@@ -1,0 +1,241 @@
+"""One static problem solved and judged: which Stribeck terms the data support, and an interval and its doubts on each parameter."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.estimation import covariance as uncertainty
+from bristle.estimation.autocorrelation import inflation
+from bristle.identification.results import Estimate, Outcome, Profile
+from bristle.identification.static.doubts import fit_doubts, in_direction, is_closed
+from bristle.identification.static.grid import Projected, Solution, descended, solve
+from bristle.identification.static.huber import huber
+from bristle.identification.static.problem import SEEN, Regression
+from bristle.identification.static.profiles import Profiled, others, profiled
+from bristle.model.parameters import Kind, unit
+
+SUPPORTED = 0.05
+"""The Stribeck term is kept where noise alone would look as much like one less often than this."""
+UNTOUCHED = 0.34
+"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1 is invented."""
+_AGAIN = "A profile found a lower cost than the grid had: the fit was done again from there."
+_NEAR = 40
+"""Values of v_s around the minimum at which the profile is drawn."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inferred:
+    """A solved and judged problem."""
+
+    problem: Regression
+    solution: Solution
+    parameters: Mapping[str, Estimate]
+    names: tuple[str, ...]
+    covariance: Array
+    freedom: float
+    outcome: Outcome
+    doubts: tuple[str, ...]
+    profiles: Mapping[str, Profile]
+    dropped: Mapping[str, str]
+    """Directions without a Stribeck term, with the reason."""
+    profiled: Profiled
+    student: Mapping[str, tuple[float, float]]
+    """Intervals by the covariance, by name."""
+
+
+def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float]) -> Inferred:
+    """Solve, drop the Stribeck terms that the data do not support, and put an interval and its doubts on each parameter."""
+    solution, again = None, tuple[str, ...]()
+    if problem.torque.size <= len(problem.names):
+        reason = f"{problem.torque.size} points are too few for a Stribeck term; at least {len(problem.names) + 1} are needed."
+        dropped = dict.fromkeys(problem.peaks, reason)
+    else:
+        solution = solve(problem, v_s_range, options.grid)
+        dropped = _unsupported(problem, solution, options, v_s_range)
+    problem = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
+    if options.loss == "huber":
+        problem = problem.weighted(huber(problem, v_s_range, options.grid)[1])
+    if solution is None or dropped or options.loss == "huber":
+        solution = solve(problem, v_s_range, options.grid)
+    stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
+    found = profiled(problem, solution, stretch)
+    if found.shape.better is not None:
+        solution = descended(problem, solution, found.shape.better.tolist(), v_s_range)
+        found, again = profiled(problem, solution, stretch), (_AGAIN,)
+    free = np.array([name not in solution.at_bound for name in problem.names])
+    jacobian = solution.jacobian
+    covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, stretch)
+    full, _ = uncertainty.covariance(jacobian, solution.cost, stretch)
+    profiles = _profiles(problem, solution, options, v_s_range, found.threshold)
+    parameters = _estimates(problem, solution, covariance, free, found.intervals, kind)
+    v_s = {
+        d: found.intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
+    }
+    doubts = fit_doubts(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, stretch)
+    outcome = _outcome(problem, solution, dropped, v_s_range)
+    return Inferred(
+        problem=problem,
+        solution=solution,
+        parameters=parameters,
+        names=tuple(np.array(problem.names)[free]),
+        covariance=covariance,
+        freedom=freedom,
+        outcome=outcome,
+        doubts=(*dropped.values(), *doubts, *again),
+        profiles=profiles,
+        dropped=dropped,
+        profiled=found,
+        student=_student(problem, solution, full, freedom),
+    )
+
+
+def _student(
+    problem: Regression, solution: Solution, covariance: Array, freedom: float
+) -> dict[str, tuple[float, float]]:
+    """The intervals by Student's t, by name; no friction parameter below zero."""
+    reach = uncertainty.student(freedom) * np.sqrt(np.diag(covariance))
+    floor = [0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names]
+    ends = zip(np.maximum(solution.theta - reach, floor).tolist(), (solution.theta + reach).tolist(), strict=True)
+    return dict(zip(problem.names, ends, strict=True))
+
+
+def _unsupported(
+    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
+) -> dict[str, str]:
+    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the sentence that says so."""
+    stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
+    projected = Projected(problem)
+    noise = 1e-20 * float(problem.torque @ problem.torque)
+    _, v_s = problem.split(solution.theta)
+    dropped = {}
+    for k, direction in enumerate(problem.peaks):
+        off, length = projected.off(solution.grid, k)
+        gain = max(solution.base_costs[k] - solution.cost, 0.0)
+        ratio = gain / max(solution.cost, noise) / stretch
+        p = uncertainty.stribeck_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
+        why = ""
+        if p > SUPPORTED:
+            why = f"noise alone would look as much like a peak in {100 * p:.0f} % of cases"
+        elif v_s[k] * SEEN > _fastest(problem, direction):
+            why = (
+                f"its v_s of {v_s[k]:.3g} would lie near the fastest speed, {_fastest(problem, direction):.3g}, so the term is a bend over the "
+                f"whole range and not a drop at low speed (speeds beyond {SEEN:g} v_s would tell)"
+            )
+        elif v_s[k] < UNTOUCHED * _slowest(problem, direction):
+            why = (
+                f"its v_s of {v_s[k]:.3g} would lie below a third of the slowest speed, {_slowest(problem, direction):.3g}, so the term would "
+                "rest on that one speed (slower ones would tell)"
+            )
+        if why:
+            dropped[direction] = (
+                f"Stribeck not identifiable{in_direction(direction)}: {why}; Coulomb and viscous friction alone are fitted."
+            )
+            if options.v_s_range is not None:
+                dropped[direction] += (
+                    f" fit.v_s_range lets v_s be between {v_s_range[0]:.3g} and {v_s_range[1]:.3g} only."
+                )
+    return dropped
+
+
+def _fastest(problem: Regression, direction: str) -> float:
+    return float(_speeds(problem, direction).max())
+
+
+def _slowest(problem: Regression, direction: str) -> float:
+    return float(_speeds(problem, direction).min())
+
+
+def _speeds(problem: Regression, direction: str) -> Array:
+    moving = {"+": problem.velocity > 0, "-": problem.velocity < 0}.get(direction, problem.velocity != 0)
+    speeds: Array = np.abs(problem.velocity[moving])
+    return speeds
+
+
+def _profiles(
+    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float], threshold: float
+) -> dict[str, Profile]:
+    """The profile over v_s of each peak, as it is drawn."""
+    profiles = {}
+    projected = Projected(problem)
+    for k, direction in enumerate(problem.peaks):
+        best = float(solution.theta[k - len(problem.peaks)])
+        costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
+        plain_v_s = (
+            np.linspace(*v_s_range, options.plain_grid)
+            if len(problem.peaks) == 1 and problem.smooth is None
+            else solution.grid
+        )
+        around = _around(solution.grid, solution.profiles[k], best, solution.cost, threshold)
+        profiles[direction] = Profile(
+            v_s=solution.grid,
+            cost=solution.profiles[k],
+            near_v_s=around,
+            near_cost=costs(around),
+            plain_v_s=plain_v_s,
+            plain_cost=costs(plain_v_s) if plain_v_s is not solution.grid else solution.profiles[k],
+            best=best,
+            best_cost=solution.cost,
+            threshold=threshold,
+        )
+    return profiles
+
+
+def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
+    """Values of v_s, even in log(v_s), from where the profile falls below ten times the threshold's height to where it rises above."""
+    low = np.flatnonzero(cost <= best_cost + 10 * (threshold - best_cost))
+    near = np.append(low, np.searchsorted(grid, best))
+    first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
+    values: Array = np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR)
+    return np.sort(np.append(values, best))
+
+
+def _estimates(
+    problem: Regression,
+    solution: Solution,
+    covariance: Array,
+    free: Array,
+    intervals: Mapping[str, tuple[float, float]],
+    kind: Kind,
+) -> dict[str, Estimate]:
+    """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
+    errors = np.full(len(problem.names), np.nan)
+    errors[free] = np.sqrt(np.diag(covariance))
+    out = {}
+    for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
+        plain_name = name.rstrip("+-")
+        low, high = intervals[name]
+        doubts: tuple[str, ...] = ()
+        if name in solution.at_bound:
+            doubts = ("At its physical bound of zero: the interval is one-sided.",)
+        if plain_name == "alpha_1" and not is_closed(intervals[name.replace("alpha_1", "v_s")]):
+            doubts = (*doubts, "No finite interval: v_s has none, and alpha_1 rises with it.")
+        if plain_name == "v_s" and not is_closed((low, high)):
+            doubts = (
+                *doubts,
+                "No finite interval: the data allow v_s "
+                + ("down to zero." if low == 0 else "without an upper limit."),
+            )
+        standard_error = None if name in solution.at_bound or not np.isfinite(error) else float(error)
+        out[name] = Estimate(
+            value=float(value),
+            unit=unit(plain_name, kind),
+            standard_error=standard_error,
+            interval=(float(low), float(high)),
+            doubts=doubts,
+        )
+    return out
+
+
+def _outcome(
+    problem: Regression, solution: Solution, dropped: Mapping[str, str], v_s_range: tuple[float, float]
+) -> Outcome:
+    if dropped and not problem.peaks:
+        return Outcome.NO_STRIBECK
+    _, v_s = problem.split(solution.theta)
+    if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
+        return Outcome.AT_EDGE
+    return Outcome.AT_BOUND if solution.at_bound else Outcome.CONVERGED

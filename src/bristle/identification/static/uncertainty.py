@@ -1,0 +1,115 @@
+"""The 95 % intervals of a static fit three ways: covariance, profile, bootstrap; and where they part."""
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation import interval_comparison
+from bristle.estimation.block_bootstrap import FEW, SHOWN, block_bootstrap
+from bristle.identification.results import Uncertainty
+from bristle.identification.static import bootstrap
+from bristle.identification.static.grid import Projected
+from bristle.identification.static.profiles import others
+from bristle.identification.static.stribeck_test import Inferred
+
+_FEW = 8
+"""Points beyond the parameters, below which they are few."""
+_DRAWN, _BEYOND = 61, 0.6
+"""Values of v_s at which its profile is drawn, and how far beyond its interval, in shares of its logarithmic width."""
+
+
+def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = bootstrap.SEED) -> dict[str, Uncertainty]:
+    """The intervals of every parameter of a solved and judged problem, by the problem's names.
+
+    Args:
+        found: the problem with its solution, covariance and profiles.
+        v_s_range: as it was solved with.
+        seed: of the bootstrap.
+    """
+    n, names = found.problem.torque.size, found.problem.names
+    spare = n - len(names)
+    few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
+    out = {}
+    for name, (resampled, draws) in _resampled(found, v_s_range, seed).items():
+        at_bound = name in found.solution.at_bound
+        value = float(found.solution.theta[names.index(name)])
+        covariance, profile = found.student[name], found.profiled.intervals[name]
+        doubts = interval_comparison.doubts(value, covariance, profile, resampled, at_bound=at_bound, few=few)
+        if at_bound:
+            doubts = ("At its physical bound of zero: the intervals are one-sided.",)
+        elif resampled is None:
+            doubts = (
+                *doubts,
+                f"No bootstrap: the residuals are correlated over so long that fewer than {FEW} blocks are left to draw.",
+            )
+        out[name] = Uncertainty(
+            covariance=(0.0, covariance[1]) if at_bound else covariance,
+            profile=profile,
+            bootstrap=resampled,
+            curve=_curve(found, name, value),
+            draws=draws[np.isfinite(draws)][:SHOWN],
+            doubts=doubts,
+        )
+    return out
+
+
+def _resampled(
+    found: Inferred, v_s_range: tuple[float, float], seed: int
+) -> dict[str, tuple[tuple[float, float] | None, Array]]:
+    """Interval and draws of each parameter: points fitted again, moving data and two peaks by a step of Gauss and Newton."""
+    problem, solution = found.problem, found.solution
+    if problem.smooth is None and len(problem.peaks) < 2 and not problem.priors:
+        drawn = bootstrap.resample(problem, solution, v_s_range, seed=seed)
+        both = zip(drawn.low.tolist(), drawn.high.tolist(), strict=True)
+        return {name: (own, draws) for name, own, draws in zip(problem.names, both, drawn.draws, strict=True)}
+    keep = [k for k, name in enumerate(problem.names) if name not in solution.at_bound]
+    names = [problem.names[k] for k in keep]
+    # v_s is stepped by its logarithm
+    size = np.array([solution.theta[k] if problem.names[k].startswith("v_s") else 1.0 for k in keep])
+    J, out = solution.jacobian[:, keep] * size, dict[str, tuple[tuple[float, float] | None, Array]]()
+    if problem.smooth is None:
+        drawn = bootstrap.one_step(J, solution.residuals, problem.velocity, seed=seed)
+        intervals, steps = np.column_stack([drawn.low, drawn.high]), drawn.draws
+    else:
+        measured = problem.torque.size - problem.priors
+        sigma = float(np.sqrt(solution.cost / max(problem.torque.size - len(keep), 1)))
+        series = block_bootstrap(
+            -J[:measured], solution.residuals[:measured], priors=-J[measured:], sigma=sigma, seed=seed
+        )
+        if series.blocks < FEW:
+            return dict.fromkeys(problem.names, (None, np.zeros(0)))
+        errors = np.sqrt(np.diag(found.covariance)) / size
+        intervals = np.array([series.interval(k, error) for k, error in enumerate(errors.tolist())])
+        steps = series.steps.T
+    for name, interval, own in zip(names, intervals, steps, strict=True):
+        low, high = _moved(found, name, interval).tolist()
+        out[name] = (low, high), _moved(found, name, own)
+    return {name: out.get(name, (None, np.zeros(0))) for name in problem.names}
+
+
+def _moved(found: Inferred, name: str, steps: Array) -> Array:
+    """The estimate of a parameter moved by steps, of its logarithm for v_s; no friction parameter below zero."""
+    value = float(found.solution.theta[found.problem.names.index(name)])
+    if name.startswith("v_s"):
+        with np.errstate(over="ignore"):
+            return np.asarray(value * np.exp(steps), dtype=float)
+    return np.maximum(value + steps, 0.0) if name.startswith("alpha") else value + steps
+
+
+def _curve(found: Inferred, name: str, value: float) -> Array:
+    """The profile of a parameter, as in `Uncertainty`."""
+    problem, (low, high) = found.profiled.shape.problem, found.profiled.intervals[name]
+    reach = found.student[name][1] - value
+    open_ = not np.isfinite(high)
+    high = value + 3 * reach if open_ else high
+    if not name.startswith("v_s"):
+        curve = found.profiled.shape.curve(name, value, low, high)
+        # open alpha_1 goes on as v_s does, but it is drawn within the range searched
+        return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
+    grid = found.solution.grid
+    low = low if low > 0 else max(float(grid[0]), value - 3 * reach)
+    values = np.geomspace(max(low * (low / value) ** _BEYOND, grid[0]), high * (high / value) ** _BEYOND, _DRAWN)
+    values = np.unique(np.append(values, value))
+    peak = [n for n in problem.names if n.startswith("v_s")].index(name)
+    cost = Projected(problem).profile(values, peak, others(found.solution, len(problem.peaks), peak))
+    room = max(found.profiled.threshold - found.solution.cost, 1e-300)
+    return np.stack([values, np.maximum(cost - found.solution.cost, 0.0) / room])

@@ -1,0 +1,82 @@
+"""Where the bristle state is computed along a sampled velocity: at the samples, and between them where the step needs it.
+
+The velocity is linear between samples. The step of `law.bristle_step` needs v to keep its sign, so a node stands at each zero crossing; more
+stand where v changes much against v_s at low speed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+
+Index = NDArray[np.intp]
+
+_FINE = 0.05
+"""Between neighbouring nodes at low speed, v changes by at most this many v_s ..."""
+_NEAR = 4.0
+"""... where low speed is below this many v_s; faster, exp(-(v / v_s)**2) is nothing ..."""
+_MOST = 64
+"""... and a step is cut into at most about this many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nodes:
+    """N nodes, of which n are samples."""
+
+    v: Array
+    """Velocity at the nodes, rad/s, (N,)."""
+    h: float | Array
+    """Time between nodes, s: scalar or (N - 1,)."""
+    samples: slice | Index
+    """Where the n samples are among the nodes."""
+
+    @property
+    def steps(self) -> tuple[Array, Array, float | Array]:
+        """v0, v1 and h of every step."""
+        return self.v[:-1], self.v[1:], self.h
+
+    @property
+    def heading(self) -> Array:
+        """v0 + v1 of every step: its sign is the direction of motion, (N - 1,)."""
+        heading: Array = self.v[:-1] + self.v[1:]
+        return heading
+
+
+def refined(samples: Nodes, v_s: float, rough: float = 1.0) -> Nodes:
+    """The samples, and between them the zero crossings of v and what fast changes at low speed need; where `rough`, that many times farther apart."""
+    v0, v1, _ = samples.steps
+    crossing = np.flatnonzero(v0 * v1 < 0)
+    change = np.abs(v1 - v0)
+    fine = _FINE * rough * v_s
+    wide = np.flatnonzero(change > fine)
+    slowest = np.where(v0[wide] * v1[wide] < 0, 0.0, np.minimum(np.abs(v0[wide]), np.abs(v1[wide])))
+    wide = wide[slowest < _NEAR * v_s]
+    if crossing.size + wide.size == 0:
+        return samples
+    count = np.minimum(np.ceil(change[wide] / fine), _MOST).astype(np.intp)
+    more = count - 1
+    number = 1 + np.arange(more.sum()) - np.repeat(np.cumsum(more) - more, more)
+    zero = v0[crossing] / (v0[crossing] - v1[crossing])
+    steps = np.concatenate([np.repeat(wide, more), crossing])
+    return inserted(samples, steps, np.concatenate([number / np.repeat(count, more), zero]))[0]
+
+
+def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index]:
+    """More nodes: one inside each of `steps` (k,), at that fraction of its duration (k,). Also returns where the old nodes went, (N,)."""
+    order = np.lexsort((fractions, steps))
+    steps, fractions = steps[order], fractions[order]
+    new = steps + 1 + np.arange(steps.size)
+    is_old = np.ones(nodes.v.size + steps.size, dtype=bool)
+    is_old[new] = False
+    old = np.flatnonzero(is_old)
+    v, portion = np.empty(is_old.size), np.ones(is_old.size - 1)
+    v[old], v[new] = nodes.v, nodes.v[steps] + (nodes.v[steps + 1] - nodes.v[steps]) * fractions
+    portion[new] -= fractions  # from each new node to the end of the step it is in,
+    portion[new - 1] -= portion[new]  # less what follows the next one
+    if isinstance(nodes.h, float):
+        return Nodes(v, nodes.h * portion, old[nodes.samples]), old
+    h = np.empty(portion.size)
+    h[old[:-1]], h[new] = nodes.h, nodes.h[steps]
+    return Nodes(v, h * portion, old[nodes.samples]), old

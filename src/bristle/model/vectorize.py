@@ -1,0 +1,287 @@
+"""Evaluates any scalar CasADi function over NumPy arrays, and scans linear recurrences: no compiler, no Python loop over samples."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import prod
+from operator import itemgetter
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import lapack
+
+from bristle.arrays import Array
+from bristle.model.operations import OPERATIONS, Operation
+
+_BLOCK = 16_384
+"""Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost more than they save."""
+_REUSE = 4096
+"""Elements from which looking for memory to write over is worth the while."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Instruction:
+    operation: Operation
+    value: int
+    operands: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What to do for one choice of which inputs are arrays. Registers hold scalars, blocks of inputs, outputs, or buffers."""
+
+    size: int
+    """Number of registers."""
+    scalars: tuple[_Instruction, ...]
+    """Done once per call: they depend on no array."""
+    steps: tuple[tuple[Operation, Callable[[Sequence[Any]], Any]], ...]
+    """Done once per block: the operation, and what picks its registers, the one written to last."""
+    buffers: tuple[int, ...]
+    """Registers that need a buffer."""
+    rows: dict[int, int]
+    """Register -> the output row that it is."""
+    copies: tuple[tuple[int, int], ...]
+    """(output row, register): outputs that are an input, a constant, a scalar or another output."""
+
+
+class Vectorised:
+    """A scalar `ca.Function` as a list of ufunc calls in static single assignment; made by `vectorised`."""
+
+    def __init__(self, function: ca.Function) -> None:
+        name, (n_in, self._n_out) = function.name(), (function.n_in(), function.n_out())
+        sizes = [function.size_in(i) for i in range(n_in)] + [function.size_out(i) for i in range(self._n_out)]
+        if any(size != (1, 1) for size in sizes):
+            raise ValueError(
+                f"{name}: inputs and outputs have sizes {sizes}; expected 1x1 each: split vectors into scalars"
+            )
+        self._name, self._n_in = name, n_in
+        self._read(function if function.is_a("SXFunction") else function.expand())
+        self._plans: dict[tuple[bool, ...], _Plan] = {}
+        self._spare: list[
+            Array
+        ] = []  # buffers of calls that have ended, for the next: fresh memory is slow, and threads may call at once
+
+    def _read(self, function: ca.Function) -> None:
+        """Walk the instructions; values 0..n_in-1 are the inputs, each other value is assigned once."""
+        self._constants: dict[int, float] = {}
+        self._program: list[_Instruction] = []
+        self._outputs: dict[int, int] = {}
+        work: dict[int, int] = {}
+        value = self._n_in
+        for k in range(function.n_instructions()):
+            code, read, write = (
+                function.instruction_id(k),
+                function.instruction_input(k),
+                function.instruction_output(k),
+            )
+            if code == ca.OP_INPUT:
+                work[write[0]] = read[0]
+                continue
+            if code == ca.OP_OUTPUT:
+                self._outputs[write[0]] = work[read[0]]
+                continue
+            if code == ca.OP_CONST:
+                self._constants[value] = float(function.instruction_constant(k))
+            elif code in OPERATIONS:
+                self._program.append(_Instruction(OPERATIONS[code], value, tuple(work[r] for r in read)))
+            else:
+                raise ValueError(
+                    f"{self._name}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
+                )
+            work[write[0]] = value
+            value += 1
+        for row in range(self._n_out):  # a structurally zero output has no instruction
+            if row not in self._outputs:
+                self._outputs[row], self._constants[value] = value, 0.0
+                value += 1
+        self._n_values = value
+        self._outputs = {row: self._outputs[row] for row in range(self._n_out)}
+        self._registers: list[Any] = [None] * value
+        for register, constant in self._constants.items():
+            self._registers[register] = np.array(constant)
+        last = {operand: k for k, instruction in enumerate(self._program) for operand in instruction.operands}
+        values = list(self._outputs.values())
+        computed = {instruction.value for instruction in self._program}
+        inner = computed.difference(values)
+        self._fresh = [x in computed and x not in values[:row] for row, x in enumerate(values)]
+        self._small = [
+            (i.operation, i.value, i.operands, tuple(inner.intersection(o for o in i.operands if last[o] == k)))
+            for k, i in enumerate(self._program)
+        ]
+
+    def __call__(self, *inputs: float | Array, out: Sequence[Array] | None = None) -> Sequence[Array]:
+        """Evaluate at inputs of shapes that broadcast; one array of the common shape per output.
+
+        `out`, contiguous arrays of the common shape, one per output, receives the results where it is given. Raises ValueError where the
+        number of inputs is wrong or their shapes do not broadcast.
+        """
+        if len(inputs) != self._n_in:
+            raise ValueError(f"{self._name}: got {len(inputs)} inputs; expected {self._n_in}")
+        arrays = [np.asarray(x, dtype=np.float64) for x in inputs]
+        shape = np.broadcast(*arrays).shape
+        if out is None and shape and prod(shape) <= _BLOCK:
+            return self._run_small(arrays, shape)
+        is_array = tuple(x.size != 1 for x in arrays)
+        if is_array not in self._plans:
+            self._plans[is_array] = self._plan(is_array)
+        plan = self._plans[is_array]
+        registers: list[Any] = [None] * plan.size
+        for register, constant in self._constants.items():
+            registers[register] = constant
+        flat: list[tuple[int, Array]] = []
+        for i, x in enumerate(arrays):
+            if is_array[i]:
+                flat.append((i, (x if x.shape == shape else np.broadcast_to(x, shape)).reshape(-1)))
+            else:
+                registers[i] = x.item()
+        if out is None:
+            out = tuple(np.empty(shape) for _ in range(self._n_out))
+        self._run(plan, registers, flat, [row.reshape(-1) for row in out])
+        return out
+
+    def _run_small(self, inputs: Sequence[Array], shape: tuple[int, ...]) -> Sequence[Array]:
+        """Each instruction at the shape of its own operands: what depends on one input only is not repeated over the others.
+
+        A large value of the full shape that is not needed any more is written over: fresh memory is slow.
+        """
+        registers = self._registers.copy()
+        registers[: self._n_in] = inputs
+        get, reuse = registers.__getitem__, prod(shape) >= _REUSE
+        for operation, value, operands, done in self._small:
+            free = [x for x in map(get, done) if x.shape == shape][:1] if done and reuse else ()
+            registers[value] = operation(*map(get, operands), *free)
+        return [
+            x if fresh and x.shape == shape else np.broadcast_to(x, shape).copy()
+            for x, fresh in zip(map(get, self._outputs.values()), self._fresh, strict=True)
+        ]
+
+    def _run(
+        self, plan: _Plan, registers: list[Any], inputs: Sequence[tuple[int, Array]], out: Sequence[Array]
+    ) -> None:
+        for instruction in plan.scalars:
+            registers[instruction.value] = instruction.operation(*(registers[r] for r in instruction.operands))
+        size = out[0].size
+        width = min(size, _BLOCK)
+        buffers = self._spare.pop() if self._spare else np.empty((0, 0))
+        if buffers.shape[0] < len(plan.buffers) or buffers.shape[1] < width:
+            buffers = np.empty((len(plan.buffers), width))
+        for start in range(0, size, _BLOCK):
+            stop = min(start + _BLOCK, size)
+            for register, buffer in zip(plan.buffers, buffers, strict=False):
+                registers[register] = buffer[: stop - start]
+            for register, array in inputs:
+                registers[register] = array[start:stop]
+            for register, row in plan.rows.items():
+                registers[register] = out[row][start:stop]
+            for operation, pick in plan.steps:
+                operation(*pick(registers))
+            for row, register in plan.copies:
+                out[row][start:stop] = registers[register]
+        self._spare.append(buffers)
+
+    def _plan(self, is_array: tuple[bool, ...]) -> _Plan:
+        """Sort instructions by whether they depend on an array, and give each array value a register that is free.
+
+        An array divided by a scalar is multiplied by its reciprocal, which is faster.
+        """
+        varies = {i for i, array in enumerate(is_array) if array}
+        for instruction in self._program:
+            if not varies.isdisjoint(instruction.operands):
+                varies.add(instruction.value)
+        scalars = [i for i in self._program if i.value not in varies]
+        program = [i for i in self._program if i.value in varies]
+        n_values = self._n_values
+        for k, instruction in enumerate(program):
+            if instruction.operation is np.true_divide and instruction.operands[1] not in varies:
+                scalars.append(_Instruction(np.reciprocal, n_values, instruction.operands[1:]))
+                program[k] = _Instruction(np.multiply, instruction.value, (instruction.operands[0], n_values))
+                n_values += 1
+        last = {operand: k for k, instruction in enumerate(program) for operand in instruction.operands}
+        computed = {instruction.value for instruction in program}
+        rows = {value: row for row, value in self._outputs.items() if value in computed}
+        copies = tuple((row, value) for row, value in self._outputs.items() if rows.get(value) != row)
+        registers = {value: value for value in range(n_values)}
+        free: list[int] = []
+        buffers: list[int] = []
+        steps = []
+        for k, instruction in enumerate(program):
+            operands = tuple(registers[operand] for operand in instruction.operands)
+            free += [
+                registers[o] for o in set(instruction.operands) if last[o] == k and o in computed and o not in rows
+            ]
+            if instruction.value not in rows:
+                if not free:
+                    free.append(instruction.value)
+                    buffers.append(instruction.value)
+                registers[instruction.value] = free.pop()
+            steps.append((instruction.operation, itemgetter(*operands, registers[instruction.value])))
+        return _Plan(n_values, tuple(scalars), tuple(steps), tuple(buffers), rows, copies)
+
+
+@cache
+def vectorised(function: ca.Function) -> Vectorised:
+    """The function ready to be called with arrays: `vectorised(f)(x, y)`; compiled once per function.
+
+    Raises ValueError where an input or output is not 1x1, or an operation has no NumPy counterpart.
+    """
+    return Vectorised(function)
+
+
+def evaluate(function: ca.Function, *inputs: float | Array) -> tuple[Array, ...]:
+    """Evaluate a scalar CasADi function (1x1 in, 1x1 out) over arrays whose shapes broadcast.
+
+    Returns one array per output, all of the common shape, equal to CasADi's own evaluation to rounding. Raises ValueError as `vectorised`
+    and `Vectorised.__call__` do.
+    """
+    return tuple(vectorised(function)(*inputs))
+
+
+def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
+    """Any CasADi function tied to memory that is there: each call of what is returned reads the inputs and writes the outputs, with no copy.
+
+    Arrays are C-contiguous and hold CasADi's matrices column after column. Calls raise RuntimeError where the function fails, as an integrator may.
+    """
+    buffer, evaluate_there = function.buffer()
+    for k, values in enumerate(inputs):
+        buffer.set_arg(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # its stubs know the C++ call alone
+    for k, values in enumerate(outputs):
+        buffer.set_res(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # as above
+
+    def run() -> None:
+        """Evaluate; `buffer`, which is pointed into, lives as long as this does."""
+        evaluate_there()
+        if buffer.ret():
+            raise RuntimeError(f"{function.name()}: CasADi could not evaluate it")
+
+    return run
+
+
+def chained(tick: ca.Function, samples: int) -> ca.Function:
+    """(memory, inputs, constants) -> (memory, outputs) of so many ticks one after the other, each (memory, input, constants) -> (memory, output)."""
+    memory, inputs, constants = (
+        ca.MX.sym(name, tick.size1_in(k), columns)
+        for k, (name, columns) in enumerate((("memory", 1), ("inputs", samples), ("constants", 1)))
+    )
+    ends, outputs = tick.mapaccum(samples)(memory, inputs, ca.repmat(constants, 1, samples))
+    return ca.Function("chained", [memory, inputs, constants], [ends[:, -1], outputs])
+
+
+def scan(a: Array, b: Array, z0: float | Array) -> Array:
+    """All z of z[k + 1] = a[k] z[k] + b[k], by LAPACK's solver for the bidiagonal system that they satisfy.
+
+    Args:
+        a: shape (n,), with |a| <= 1 for a stable scan.
+        b: shape (n,), or (m, n) for m recurrences that share a.
+        z0: first value, scalar or (m,).
+
+    Returns:
+        z, shape (n + 1,) or (m, n + 1), z[..., 0] = z0.
+    """
+    n = a.size
+    z = np.empty((*b.shape[:-1], n + 1))
+    z[..., 0], z[..., 1:] = z0, b
+    band = np.empty((n + 1, 2))
+    np.negative(a, out=band[:n, 1])
+    lapack.dtbtrs(band.T, z.T if z.ndim > 1 else z[:, None], uplo="L", diag="U", overwrite_b=True)
+    return z

@@ -1,0 +1,140 @@
+"""How figures look: colours told apart by colour-blind readers, markers and lines that survive grey print, no mathtext, fixed salt."""
+
+import io
+import re
+import warnings
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, NamedTuple, ParamSpec, TypeVar
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from bristle.page.wording import shortened
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_SALT = "bristle"
+"""Also tells that the style is on: nobody else has it."""
+_STYLE: Any = {  # matplotlib types each key singly
+    "text.parse_math": False,  # a $ in a joint's name is a $
+    "svg.fonttype": "none",  # text stays text: small, searchable, sharp
+    "svg.hashsalt": _SALT,
+    "font.family": ["DejaVu Sans"],
+    "font.size": 10.5,
+    "axes.titlesize": 10.5,
+    "axes.labelsize": 10.5,
+    "legend.fontsize": 9.0,
+    "legend.framealpha": 0.85,
+    "axes.grid": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+}
+LINES = ("-", "--", ":")
+WIDTH = 5.8
+"""Inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone."""
+DPI = 120
+
+
+class Look(NamedTuple):
+    """How one direction is drawn."""
+
+    colour: str
+    marker: str
+    line: str
+
+
+DIRECTION = {
+    "+": Look("#0072B2", "o", "-"),
+    "-": Look("#D55E00", "s", "--"),
+    "both": Look("#0072B2", "o", "-"),
+}
+"""Okabe and Ito's blue and vermilion."""
+
+
+def styled(draw: Callable[P, R]) -> Callable[P, R]:
+    """Run a function that draws or renders in bristle's style, whatever the caller's rcParams are; inside another such one, as it is."""
+
+    @wraps(draw)
+    def inside(*args: P.args, **kwargs: P.kwargs) -> R:
+        """What the function returns, run in the style."""
+        if mpl.rcParams["svg.hashsalt"] == _SALT:  # setting all of matplotlib's keys takes as long as a small figure
+            return draw(*args, **kwargs)
+        with mpl.rc_context(), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing from")  # a name in a script that the font lacks
+            mpl.rcdefaults()
+            mpl.rcParams.update(_STYLE)
+            return draw(*args, **kwargs)
+
+    return inside
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure, inches, with fixed margins: a layout engine would take as long as the drawing."""
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(
+        left=0.95 / width,
+        right=1 - 0.15 / width,
+        bottom=0.55 / height,
+        top=1 - 0.45 / height,
+        hspace=0.36,
+        wspace=0.36,
+    )
+    return figure
+
+
+def title(ax: Axes, name: str, simulated: bool) -> None:
+    """The joint's name, and whether its data are simulated: figures travel without their captions."""
+    ax.set_title(f"{shortened(name, 40)}{' (SIMULATED data)' if simulated else ''}", loc="left", pad=17)
+
+
+def decimal_log(ax: Axes) -> None:
+    """A logarithmic x axis with plain decimal labels at 1, 2 and 5."""
+    ax.set_xscale("log")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_locator(NullLocator())
+
+
+@styled
+def render(figure: Figure) -> tuple[bytes, bytes]:
+    """A figure as SVG and as PNG: the same bytes for the same data, with no date and no version."""
+    return render_as(figure, "svg"), render_as(figure, "png")
+
+
+@styled
+def render_as(figure: Figure, kind: str) -> bytes:
+    """A figure as bytes of one kind, `svg` or `png`."""
+    metadata = {"Date": None, "Creator": "bristle"} if kind == "svg" else {"Software": "bristle"}
+    buffer = io.BytesIO()
+    encoder: Any = {} if kind == "svg" else {"pil_kwargs": {"compress_level": 4}}  # twice as fast, hardly larger
+    figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata, **encoder)
+    data = buffer.getvalue()
+    return data.replace(b"'DejaVu Sans'", b"'DejaVu Sans', Verdana, sans-serif") if kind == "svg" else data
+
+
+_TAG = re.compile(r"<[^>]*>")
+"""Matplotlib writes no bare > into an attribute."""
+_NAMED = re.compile(r'\sid="|url\(#|href="#')
+"""Before an id, where it is given or used."""
+_SIZED = re.compile(r'^<svg (.*?)width="[^"]*" height="[^"]*"')
+
+
+def inline(svg: bytes, prefix: str, label: str) -> str:
+    """An SVG file as an element of an HTML page: no prologue, ids that no other figure has, width left to the page.
+
+    `label`, already escaped, names the figure for a reader who does not see it. Replacements are functions: a label or prefix is no template.
+    """
+    text = svg.decode("utf-8")
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = _TAG.sub(lambda tag: _NAMED.sub(lambda found: f"{found[0]}{prefix}-", tag[0]), text)
+    return _SIZED.sub(lambda found: f'<svg role="img" aria-label="{label}" {found[1]}', text, count=1)

@@ -1,0 +1,112 @@
+"""How names, units and numbers are written for a reader; one place, so that figures, tables and text agree."""
+
+import math
+import re
+from collections.abc import Callable
+from itertools import count
+
+from bristle.identification.results import Estimate
+from bristle.model.parameters import Kind, unit
+
+MISSING = "–"
+"""What stands where there is no number."""
+WORK = "J"
+"""Unit of work, whatever the kind of joint."""
+_SYMBOLS = {
+    "alpha_0": "α₀",
+    "alpha_1": "α₁",
+    "alpha_2": "α₂",
+    "v_s": "vₛ",
+    "sigma_0": "σ₀",
+    "sigma_1": "σ₁",
+    "gravity_sin": "gravity (sin)",
+    "gravity_cos": "gravity (cos)",
+}
+_DIRECTIONS = {"+": "(+)", "-": "(−)", "both": "both directions", "shared": "shared by both directions"}
+_WORDS = {"displacement": "position", "displacement from rest": "position"}
+"""Words on an axis that have the unit of a signal."""
+_FORCE = {"torque": "force", "position": "position", "velocity": "velocity"}
+
+
+def symbol(name: str) -> str:
+    """A parameter as the paper writes it: alpha_0 -> α₀, alpha_0+ -> α₀ (+); other names unchanged."""
+    bare, sign = (name[:-1], f" {_DIRECTIONS[name[-1]]}") if name[-1:] in {"+", "-"} else (name, "")
+    return _SYMBOLS.get(bare, bare) + sign
+
+
+def direction(name: str) -> str:
+    """A direction as a heading says it: + -> (+)."""
+    return _DIRECTIONS.get(name, name)
+
+
+def pretty(si: str) -> str:
+    """An SI unit string in print: kg*m**2 -> kg·m²."""
+    return si.replace("**2", "²").replace("*", "·")
+
+
+def axis(quantity: str, kind: Kind, prefix: str = "") -> str:
+    """Label of an axis with quantity and unit, as `Residual torque (N·m)`; a prismatic joint's torque is a force."""
+    word = _FORCE.get(quantity, quantity) if kind == "prismatic" else quantity
+    label = f"{prefix} {word}".strip()
+    return f"{label[0].upper()}{label[1:]} ({pretty(unit(_WORDS.get(quantity, quantity), kind))})"
+
+
+def number(x: float | None, digits: int = 4) -> str:
+    """A number in a few significant digits; None and nan as a dash, infinity as its sign."""
+    if x is None or math.isnan(x):
+        return MISSING
+    if math.isinf(x):
+        return "∞" if x > 0 else "-∞"
+    return f"{x:.{digits}g}"
+
+
+def measured(value: float | None, error: float | None) -> str:
+    """Value +/- standard error, both to the second digit of the error: 0.01942 ± 0.00016."""
+    if value is None or error is None or not math.isfinite(error) or error <= 0:
+        return number(value)
+    if not 1e-5 <= abs(value) < 1e6:
+        return f"{number(value)} ± {number(error, 2)}"
+    places = max(1 - math.floor(math.log10(error)), 0)
+    return f"{value:.{places}f} ± {error:.{places}f}"
+
+
+def span(interval: tuple[float, float] | None, digits: int = 4) -> str:
+    """An interval as [low, high]."""
+    return MISSING if interval is None else f"[{number(interval[0], digits)}, {number(interval[1], digits)}]"
+
+
+def percent(estimate: Estimate) -> float | None:
+    """Standard error in percent of the value; None where either does not exist or the value is zero."""
+    if not estimate.value or estimate.standard_error is None or not math.isfinite(estimate.standard_error):
+        return None
+    return abs(100 * estimate.standard_error / estimate.value)
+
+
+def printable(text: str) -> str:
+    """Text without control characters and lone surrogates, which neither SVG nor UTF-8 can hold."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def shortened(text: str, length: int = 60, *, end: bool = False) -> str:
+    """Text that fits a figure's title: its beginning, or its end, where files are told apart."""
+    text = printable(text)
+    if len(text) <= length:
+        return text
+    return f"…{text[1 - length :]}" if end else f"{text[: length - 1]}…"
+
+
+def slugs(names: list[str]) -> list[str]:
+    """One file name per joint name, of ASCII letters, digits and single hyphens between them, each different.
+
+    An id of the page is a slug, two hyphens and a word, so that no slug makes an id of another joint or of the page itself.
+    """
+    out: dict[str, None] = {}
+    for name in names:
+        base = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40].strip("-") or "joint"
+        out[free(base, out.__contains__)] = None
+    return list(out)
+
+
+def free(name: str, taken: Callable[[str], bool]) -> str:
+    """The name, or with the first number from 2 up that is not taken."""
+    return name if not taken(name) else next(x for k in count(2) if not taken(x := f"{name}-{k}"))

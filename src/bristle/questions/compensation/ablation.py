@@ -1,0 +1,139 @@
+"""Every compensator, by measured or reference velocity, behind encoders and delays, at more and less than all of the friction: what each is worth."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.control.closed_loop import Trajectory, simulate
+from bristle.control.compensator import Compensator
+from bristle.control.wiring import Course, Wiring
+from bristle.model.parameters import Lugre, Pair
+from bristle.simulation.joint_loop import Subject
+
+SHARES = (0.5, 0.75, 1.0, 1.25, 1.5)
+"""Of the identified friction that is compensated."""
+BITS = (20, 14, 12)
+"""The encoder has 2**bits counts in 2 pi times the amplitude of the reference."""
+DELAYS = (0, 2, 5)
+"""Control periods from the command to the drive."""
+HOLD = 2.0
+"""The joint is held at rest this long at the end, s, ..."""
+_WATCHED = 1.5
+"""... and watched for limit cycles over the last of it, s."""
+_FILTER = 5.0
+"""Time constant of the differentiated velocity, in control periods."""
+_SWINGS, _COUNTS = 4, 3.0
+"""A joint that is held cycles where it swings through its mean at least so often, over more than so many counts and ..."""
+_LEAD = 0.1
+"""A joint leads where its mean error along the motion is more negative than this share of the RMS error without compensation."""
+_LOST = 10.0
+"""A loop diverges where its error is so many amplitudes."""
+_SWAY = 0.02
+"""... a larger share than this of one bristle deflection."""
+WAYS: dict[str, Compensator] = {
+    "none": Compensator(name="none"),
+    "Coulomb, reference velocity": Compensator(name="coulomb"),
+    "Coulomb, measured velocity": Compensator(name="coulomb", velocity="measured"),
+    "Stribeck, reference velocity": Compensator(name="stribeck"),
+    "Stribeck, measured velocity": Compensator(name="stribeck", velocity="measured"),
+    "LuGre, reference velocity": Compensator(name="lugre"),
+    "LuGre, measured velocity": Compensator(name="lugre-feedback"),
+    "LuGre observer": Compensator(name="lugre-observer"),
+}
+
+
+class Tried(NamedTuple):
+    """One compensator under one set of circumstances."""
+
+    compensator: str
+    bits: int
+    delay: int
+    """Control periods."""
+    share: float
+    rms: float
+    """RMS error while the reference moves, rad."""
+    ratio: float
+    """That over the one without friction compensation, same encoder, no delay."""
+    chatter: float
+    """Total variation of the torque, N*m/s, at rest."""
+    limit_cycle: bool
+    """The held joint swings on."""
+    over_compensated: bool
+    """The joint leads its reference, by more than a tenth of the error without compensation: more than its friction is compensated."""
+    diverges: bool
+    """The loop has no bound."""
+
+
+def ablation(subject: Subject) -> tuple[Tried, ...]:
+    """All of them; the joint goes forth and back twice, then is held at rest."""
+    course, moving = _course(subject)
+    circumstances = [(bits, share) for bits in BITS for share in SHARES]
+    cases = [
+        replace(subject.case(model=_scaled(subject.model, share)), resolution=_count(subject, bits))
+        for bits, share in circumstances
+    ]
+    rows: list[Tried] = []
+    bare: dict[int, float] = {}
+    for way, compensator in WAYS.items():
+        own = replace(compensator, filter_time=_FILTER * subject.period, observer_gain=subject.observer_gain)
+        chosen = [k for k, (_, share) in enumerate(circumstances) if way != "none" or share == 1.0]
+        for delay in DELAYS:
+            wiring = Wiring(compensator=own, encoder=True, delay=delay)
+            run = simulate(wiring, [cases[k] for k in chosen], course, subject.period)
+            found = _judged(subject, run, moving, [circumstances[k][0] for k in chosen], bare)
+            for k, (rms, chatter, cycles, leads, diverges) in zip(chosen, found, strict=True):
+                bits, share = circumstances[k]
+                bare.setdefault(bits, rms)
+                share = share if way != "none" else 0.0  # nothing is compensated
+                rows.append(Tried(way, bits, delay, share, rms, rms / bare[bits], chatter, cycles, leads, diverges))
+    return tuple(rows)
+
+
+def _count(subject: Subject, bits: int) -> float:
+    """One count, rad."""
+    return float(2 * pi * subject.amplitude / 2**bits)
+
+
+def _scaled(model: Pair[float], share: float) -> Pair[float]:
+    """The model whose torque is that share of the model's at any motion: T_f is of degree one in all parameters but v_s."""
+    return Pair(*(Lugre(*(x if name == "v_s" else share * x for name, x in p._asdict().items())) for p in model))
+
+
+def _course(subject: Subject) -> tuple[Course, NDArray[np.bool_]]:
+    """Forth and back twice by the amplitude, at rest at both ends, then held; and where it moves fast enough to tell lead from lag."""
+    w, h = 2 * np.pi * subject.frequency, subject.period
+    t: Array = h * np.arange(round((2 / subject.frequency + HOLD) / h) + 1, dtype=np.float64)
+    on, half = t < 2 / subject.frequency, subject.amplitude / 2
+    y, v, acceleration = (
+        np.asarray(on * half * x, dtype=np.float64)
+        for x in (1 - np.cos(w * t), w * np.sin(w * t), w**2 * np.cos(w * t))
+    )
+    course = Course(y, v, acceleration)
+    return course, np.abs(v) > 0.2 * half * w
+
+
+def _judged(
+    subject: Subject, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int], bare: dict[int, float]
+) -> list[tuple[float, float, bool, bool, bool]]:
+    """Of each case: RMS error in motion, chatter at rest, whether it cycles there, leads its reference, and diverges; `bare` RMS errors by bits."""
+    late = run.time >= run.time[-1] - _WATCHED
+    heading = np.sign(np.gradient(run.reference))
+    with np.errstate(over="ignore", invalid="ignore"):
+        rms = np.sqrt(np.mean(run.error[:, moving] ** 2, axis=1))
+        lead = np.mean(run.error[:, moving] * heading[moving], axis=1)
+        held = run.position[:, late]
+        about = held - held.mean(axis=1, keepdims=True)
+        wide = np.ptp(held, axis=1)
+        chatter = run.chatter(float(run.time[-1]) - _WATCHED)
+    swings = np.count_nonzero(np.diff(np.signbit(about), axis=1), axis=1)
+    deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in subject.plant)
+    least = [max(_COUNTS * _count(subject, b), _SWAY * deflection) for b in bits]
+    diverges = ~(rms < _LOST * subject.amplitude)
+    cycles = (swings >= _SWINGS) & (wide > np.array(least)) & ~diverges
+    over = (lead < [-max(_count(subject, b), _LEAD * bare.get(b, np.inf)) for b in bits]) & ~diverges
+    return list(zip(*(x.tolist() for x in (rms, chatter, cycles, over, diverges)), strict=True))

@@ -1,0 +1,332 @@
+"""The compensated joint as matplotlib figures: Figs 5 to 12 of the paper, and what goes beyond them."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
+
+from bristle.arrays import Array
+from bristle.control.closed_loop import Trajectory
+from bristle.model.parameters import unit
+from bristle.page.style import new_figure, styled, title
+from bristle.page.wording import axis, number, pretty, symbol
+from bristle.questions.compensation.study import Study
+from bristle.questions.joint_report.static_figures import thinned
+from bristle.simulation.edro import TABLE_2_ADAPTED
+
+MOST = 500
+"""Points of each line drawn over time."""
+_GREY, _BLUE, _VERMILION, _GREEN, _BLACK = "#999999", "#0072B2", "#D55E00", "#009E73", "#000000"
+LAWS = {
+    "not adapted": (_GREY, (0, (1, 1))), "printed": (_VERMILION, "--"), "partial": (_BLUE, "-"),
+    "partial-theta": (_BLACK, ":"), "total": (_GREEN, "-."),
+}  # fmt: skip  # a table
+"""Colour and line of each adaptation."""
+
+
+def _line(ax: Axes, run: Trajectory, values: Array, colour: str, line: object, label: str) -> None:
+    k = thinned(run.time.size, MOST)
+    ax.plot(run.time[k], values[k], linestyle=line, color=colour, linewidth=1.3, label=label)
+
+
+def _panels(study: Study, count: int, height: float = 2.2, *, simulated: bool = True) -> tuple[Figure, Sequence[Axes]]:
+    figure = new_figure(0.5 + height * count)
+    axes: Sequence[Axes] = list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
+    title(axes[0], study.subjects[0].name, simulated)
+    return figure, axes
+
+
+@styled
+def followed_figure(study: Study) -> Figure:
+    """Figs 5 to 7: reference and position, position error, and control, without and with friction compensation."""
+    return _courses(study, {"without": study.followed["without"], "with compensation": study.followed["with"]})
+
+
+def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
+    """Two runs of one reference by their labels: position, position error and control over time."""
+    kind = study.subjects[0].kind
+    figure, axes = _panels(study, 3)
+    above, middle, below = axes
+    looks = ((_VERMILION, "--"), (_BLUE, "-"))
+    last = list(runs.values())[-1]
+    _line(above, last, last.reference, _GREY, "-", "reference")
+    for (label, run), (colour, line) in zip(runs.items(), looks, strict=True):
+        _line(above, run, run.position[0], colour, line, label)
+        _line(middle, run, run.error[0], colour, line, label)
+        _line(below, run, run.torque[0], colour, line, label)
+    for ax, label in zip(
+        axes, (axis("position", kind), axis("position", kind, "error of"), axis("torque", kind, "control")), strict=True
+    ):
+        ax.set_ylabel(label)
+    low, high = above.get_ylim()
+    above.set_ylim(low, high + 0.28 * (high - low))  # room for the legend
+    above.legend(loc="upper right", ncols=3)
+    below.set_xlabel(axis("time", kind))
+    return figure
+
+
+@styled
+def errors_figure(study: Study) -> Figure:
+    """Fig. 8: RMS error of each joint without, with, and with adaptive compensation, as bars with numbers; one panel for each frequency."""
+    kind = study.subjects[0].kind
+    rows = [row for row in study.errors if not row.inertia]
+    names = list(dict.fromkeys(row.joint for row in rows))
+    frequencies = list(dict.fromkeys(row.frequency for row in rows))
+    figure = new_figure(0.4 + 3.0 * len(frequencies))
+    axes = figure.subplots(len(frequencies), squeeze=False)[:, 0]
+    title(axes[0], names[0] if len(names) == 1 else f"{len(names)} joints", True)
+    looks = (("without", _GREY, ""), ("identified", _BLUE, "//"), ("adaptive", _GREEN, ".."))
+    labels = {"without": "without", "identified": "LuGre feed-forward", "adaptive": "the same, adaptive"}
+    for ax, f in zip(axes, frequencies, strict=True):
+        own = {row.joint: row for row in rows if row.frequency == f}
+        for j, (what, colour, hatch) in enumerate(looks):
+            heights = [1e3 * getattr(own[name], what) for name in names]
+            x = np.arange(len(names)) + 0.27 * (j - 1)
+            ax.bar(x, heights, 0.25, color=colour, hatch=hatch, edgecolor="white", label=labels[what])
+            for at, height in zip(x.tolist(), heights, strict=True):
+                ax.annotate(
+                    number(height, 3 if height >= 10 else 2),
+                    (at, height),
+                    (0, 2),
+                    textcoords="offset points",
+                    ha="center",
+                    fontsize=8,
+                )
+        ax.set_xticks(np.arange(len(names)), names)
+        ax.set_ylabel(f"RMS error (m{pretty(unit('position', kind))})")
+        ax.margins(y=0.18)
+        ax.annotate(f"{f:g} Hz", (0.01, 0.78), xycoords="axes fraction", fontsize=9)
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high * 1.25)  # room for the legend
+    axes[0].legend(loc="upper right", ncols=3)
+    return figure
+
+
+@styled
+def gains_figure(study: Study) -> Figure:
+    """Fig. 9: the adapted parameters over time by each law, with what the paper reports as lines across."""
+    shown, a = study.adapted, study.adapted.adaptation
+    figure, axes = _panels(study, len(a.parameters), 2.6)
+    own = "the true one" if study.subjects[0].simulated else "the identified"
+    for k, (ax, name) in enumerate(zip(axes, a.parameters, strict=True)):
+        begun = study.adapting.start.get(name, 1.0)
+        for law, run in shown.runs.items():
+            if law != "not adapted":
+                _line(ax, run, begun * run.theta[0, k], *LAWS[law], law)
+        if study.paper and name in TABLE_2_ADAPTED:
+            ax.axhline(TABLE_2_ADAPTED[name], color="#666666", linewidth=0.8)
+            ax.annotate(
+                f"paper: {TABLE_2_ADAPTED[name]:g}",
+                (0.99, TABLE_2_ADAPTED[name]),
+                (0, 3),
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                ha="right",
+                fontsize=8.5,
+            )
+        ax.set_ylabel(f"{symbol(name)}, share of {own}")
+    axes[-1].set_xlabel(axis("time", study.subjects[0].kind))
+    axes[-1].legend(loc="lower right", ncols=2)
+    return figure
+
+
+@styled
+def adapted_figure(study: Study) -> Figure:
+    """Figs 10 to 12: position, position error and control while the plan's law adapts, beside the same wrong model without adaptation."""
+    law, runs = study.adapted.adaptation.law, study.adapted.runs
+    return _courses(study, {"wrong model": runs["not adapted"], f"adapted ({law})": runs[law]})
+
+
+@styled
+def landings_figure(study: Study) -> Figure:
+    """Where the adapted parameters end, as heat maps with numbers: rate over frequency, and amplitude over frequency."""
+    m, kind = study.landings, study.subjects[0].kind
+    parameters = study.adapting.adaptation.parameters
+    figure = new_figure(0.8 + 2.7 * len(parameters), width=6.6)
+    axes = figure.subplots(len(parameters), 2, squeeze=False)
+    figure.subplots_adjust(hspace=0.55, wspace=0.35)
+    title(axes[0, 0], study.subjects[0].name, True)
+    columns = (
+        (m.gammas, "Learning rate", m.by_gamma),
+        (m.amplitudes, f"Amplitude ({pretty(unit('position', kind))})", m.by_amplitude),
+    )
+    for k, name in enumerate(parameters):
+        for ax, (rows, label, values) in zip(axes[k], columns, strict=True):
+            _heat(ax, values[k], m.frequencies, rows)
+            ax.set_xlabel("Frequency (Hz)")
+            ax.set_ylabel(label)
+            ax.annotate(
+                f"{symbol(name)}, adapted share",
+                (0.0, 1.0),
+                (0, 3),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=9,
+            )
+    return figure
+
+
+def _heat(ax: Axes, values: Array, across: Array, up: Array) -> None:
+    shown = np.log2(np.clip(values, 0.25, 4.0))
+    ax.imshow(shown, origin="lower", aspect="auto", cmap="RdBu_r", vmin=-2.0, vmax=2.0)
+    ax.grid(visible=False)
+    ax.set_xticks(np.arange(across.size), [number(float(x), 2) for x in across])
+    ax.set_yticks(np.arange(up.size), [number(float(x), 2) for x in up])
+    for (row, column), value in np.ndenumerate(values):
+        dark = abs(float(shown[row, column])) > 1.3
+        ax.text(
+            column,
+            row,
+            number(float(value), 2),
+            ha="center",
+            va="center",
+            fontsize=8.5,
+            color="white" if dark else "black",
+        )
+
+
+@styled
+def gradients_figure(study: Study) -> Figure:
+    """What each law's gradient is over speed, in steady sliding, relative to the total derivative's."""
+    subject = study.adapting
+    v, found = study.gradients
+    name = subject.adaptation.parameters[0]
+    figure = new_figure(3.2)
+    ax = figure.subplots()
+    title(ax, study.subjects[0].name, False)
+    for law, g in found.items():
+        colour, line = LAWS[law]
+        ax.plot(v, g, linestyle=line, color=colour, label=law)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    for side in (ax.xaxis, ax.yaxis):
+        side.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+        side.set_minor_locator(NullLocator())
+    ax.set_ylim(1e-4, 10 * max(float(g.max()) for g in found.values()))
+    v_s = subject.plant.positive.v_s
+    ax.axvline(v_s, color="#666666", linewidth=0.8)
+    ax.annotate("vₛ", (v_s, 0.03), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=9)
+    ax.set_xlabel(axis("velocity", subject.kind))
+    ax.set_ylabel(f"Relative G of {symbol(name)}")
+    ax.legend(loc="lower right")
+    return figure
+
+
+@styled
+def ablation_figure(study: Study) -> Figure:
+    """RMS error over that without compensation: each compensator by share, encoder (rows of panels) and delay (columns), marked."""
+    tried = [x for x in study.ablation if x.compensator != "none"]
+    rows = list(dict.fromkeys(x.compensator for x in tried))
+    bits_of, delays = (list(dict.fromkeys(k)) for k in ((x.bits for x in tried), (x.delay for x in tried)))
+    shares = list(dict.fromkeys(x.share for x in tried))
+    found = {(x.compensator, x.bits, x.delay, x.share): x for x in study.ablation}
+    figure = new_figure(1.0 + 2.15 * len(bits_of), width=7.4)
+    axes = figure.subplots(len(bits_of), len(delays), sharex=True, sharey=True, squeeze=False)
+    figure.subplots_adjust(left=2.05 / 7.4, hspace=0.22, wspace=0.06, bottom=0.5 / (1.0 + 2.15 * len(bits_of)))
+    title(axes[0, 0], study.subjects[0].name, True)
+    for i, bits in enumerate(bits_of):
+        for j, delay in enumerate(delays):
+            ax = axes[i, j]
+            table = [[found[row, bits, delay, share] for share in shares] for row in rows]
+            ratio = np.array([[x.ratio for x in line] for line in table])
+            ax.imshow(
+                np.log10(np.clip(np.nan_to_num(ratio, nan=3.0), 0.03, 3.0)),
+                aspect="auto",
+                cmap="cividis",
+                vmin=np.log10(0.03),
+                vmax=np.log10(3.0),
+            )
+            ax.grid(visible=False)
+            ax.set_xticks(np.arange(len(shares)), [f"{100 * s:g}" for s in shares], fontsize=8.5)
+            ax.set_yticks(np.arange(len(rows)), rows, fontsize=8.5)
+            for (row, column), value in np.ndenumerate(ratio):
+                x = table[row][column]
+                mark = (
+                    "×"
+                    if x.diverges
+                    else f"{100 * value:.0f}" + ("~" if x.limit_cycle else "") + ("+" if x.over_compensated else "")
+                )
+                ax.text(
+                    column, row, mark, ha="center", va="center", fontsize=7, color="black" if value > 0.35 else "white"
+                )
+            ax.annotate(
+                f"{bits} bits, delay {delay}",
+                (0.0, 1.0),
+                (0, 2),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=8,
+            )
+    axes[-1, len(delays) // 2].set_xlabel("Share of the identified friction that is compensated (%)")
+    return figure
+
+
+@styled
+def band_figure(study: Study) -> Figure | None:
+    """The tracking error on joints that the identified covariance allows, and on the plant; None where there is no covariance."""
+    band, kind = study.band, study.subjects[0].kind
+    if band is None:
+        return None
+    figure = new_figure(3.0)
+    ax = figure.subplots()
+    title(ax, study.subjects[0].name, True)
+    k = thinned(band.time.size, MOST)
+    ax.fill_between(
+        band.time[k],
+        1e3 * band.lower[k],
+        1e3 * band.upper[k],
+        color=_BLUE,
+        alpha=0.3,
+        linewidth=0,
+        label="95 % of the joints",
+    )
+    ax.plot(
+        band.time[k],
+        1e3 * band.actual[k],
+        "-",
+        color=_BLACK,
+        linewidth=0.9,
+        label="true joint" if study.subjects[0].simulated else "as identified",
+    )
+    ax.set_xlabel(axis("time", kind))
+    ax.set_ylabel(f"Position error (m{pretty(unit('position', kind))})")
+    ax.legend(loc="best")
+    return figure
+
+
+def replay_figure(at: int) -> Callable[[Study], Figure | None]:
+    """What draws one replay: torque measured, predicted with gains of 1 and adapted, and the shares over time; None where there is no such replay."""
+
+    @styled
+    def draw(study: Study) -> Figure | None:
+        """The replay that stands there."""
+        if at >= len(study.replays):
+            return None
+        replay, kind = study.replays[at], study.subjects[0].kind
+        figure, (above, below) = _panels(study, 2, 2.5, simulated=study.subjects[0].simulated)
+        k = thinned(replay.time.size, 2 * MOST)
+        for values, colour, line, width, label in (
+            (replay.measured, _GREY, "-", 2.4, "measured"),
+            (replay.fixed, _VERMILION, "--", 1.1, "gains of 1"),
+            (replay.adapted, _BLUE, "-", 1.1, "adapted"),
+        ):
+            above.plot(replay.time[k], values[k], linestyle=line, color=colour, linewidth=width, label=label)
+        for name, share, line in zip(
+            replay.adaptation.parameters, replay.theta, ("-", "--", ":", "-.", "-", "--"), strict=False
+        ):
+            below.plot(replay.time[k], share[k], linestyle=line, color=_BLACK, linewidth=1.2, label=symbol(name))
+        low, high = above.get_ylim()
+        above.set_ylim(low, high + 0.25 * (high - low))
+        above.set_ylabel(axis("torque", kind, "friction"))
+        above.legend(loc="upper right", ncols=3)
+        below.set_ylabel("Share")
+        middle, half = float(np.mean(replay.theta)), max(0.55 * float(np.ptp(replay.theta)), 0.02)
+        below.set_ylim(min(float(replay.theta.min()), middle - half), max(float(replay.theta.max()), middle + half))
+        below.ticklabel_format(axis="y", useOffset=False)
+        below.set_xlabel(axis("time", kind))
+        below.legend(loc="best")
+        return figure
+
+    return draw

@@ -1,0 +1,120 @@
+"""What the page shows of the compensated joint: results -> the values that its template names; and its figures by name."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bristle.model.parameters import unit
+from bristle.page.columns import Table, shown
+from bristle.page.wording import number, pretty
+from bristle.questions.compensation import figures, tables
+from bristle.questions.compensation.study import Study
+
+_MOST_REPLAYS = 6
+"""Replays drawn; the table has all."""
+
+
+def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
+    """What draws each figure, by name."""
+    drawn: dict[str, Callable[[Study], Figure | None]] = {
+        "followed": figures.followed_figure,
+        "errors": figures.errors_figure,
+        "gains": figures.gains_figure,
+        "adapted": figures.adapted_figure,
+        "landings": figures.landings_figure,
+        "gradients": figures.gradients_figure,
+        "ablation": figures.ablation_figure,
+        "band": figures.band_figure,
+    }
+    return drawn | {f"replay-{k + 1}": figures.replay_figure(k) for k in range(min(len(study.replays), _MOST_REPLAYS))}
+
+
+def section(study: Study) -> dict[str, Any]:
+    """Everything that the template of the compensated joint names."""
+    subject, kind = study.subjects[0], study.subjects[0].kind
+    q = pretty(unit("position", kind))
+    T = pretty(unit("torque", kind))
+    return {
+        "subject": subject,
+        "paper": study.paper,
+        "kind": kind,
+        "unit": q,
+        "law": study.adapted.adaptation.law,
+        "step": "" if study.adapting.adaptation.step == "gradient" else study.adapting.adaptation.step,
+        "gamma": ", ".join(number(g, 3) for g in study.adapting.adaptation.gamma),
+        "assumptions": subject.assumptions,
+        "errors": _table(
+            tables.compensation_errors(study).drop(columns=["torque_without", "torque_with", "true_share"]),
+            {
+                "joint": "of", "frequency": "f (Hz)", "true_model": "true", "identified_model": "identified",
+                "identified_share": "identified / without", "adaptive_share": "adaptive / without",
+            },
+            "without", "true_model", "identified_model", "adaptive",
+        ),
+        "table_2": shown(tables.table_2(study)),
+        "drift": _table(
+            tables.drift(study),
+            {
+                "joint": "of", "frequency": "frequency (Hz)", "rms_error": f"RMS error (m{q})", "over_known": "over known",
+                "largest_gain": "farthest gain",
+            },
+            "rms_error",
+        ),
+        "ablation": _table(
+            tables.ablation(study),
+            {
+                "encoder_bits": "encoder (bits)", "rms_error": f"RMS error (m{q})", "over_none": "over none", "chatter": f"chatter ({T}/s)",
+                "limit_cycle": "limit cycle", "over_compensated": "over-compensated",
+            },
+            "rms_error",
+        ),
+        "controllers": _table(
+            tables.controllers(study),
+            {
+                "rms_error": f"RMS error (m{q})", "peak_error": f"peak error (m{q})", "rms_torque": f"RMS control ({T})",
+                "chatter": f"chatter ({T}/s)", "energy": "energy (J)",
+            },
+            "rms_error", "peak_error",
+        ),
+        "sampling": _table(
+            tables.sampling(study), {"joint": "of", "period": "period (ms)", "distance": f"distance (m{q})"}, "period", "distance"
+        ),
+        "counts": _counts(study),
+        "band": study.band,
+        "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
+        "replays": shown(tables.replay(study)) if study.replays else None,
+        "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
+        "of_replay": [
+            (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
+        ],
+    }  # fmt: skip  # tables of words
+
+
+def text(study: Study) -> Iterator[str]:
+    """What the command line prints, a line each."""
+    for row in study.errors:
+        if not row.inertia:
+            shares = f"{row.identified / row.without:.3f} with compensation, {row.adaptive / row.without:.3f} adaptive"
+            yield f"{row.joint}, {row.frequency:g} Hz: RMS error {row.without:.4g} without compensation; of it {shares}."
+    for x in study.adapted.factors:
+        yield f"{study.subjects[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}."
+    for replay in study.replays:
+        yield f"{replay.file}, begun at {replay.begun}, {replay.adaptation.law}: {replay.verdict}"
+
+
+def _table(frame: pd.DataFrame, names: Mapping[str, str], *thousandths: str) -> Table:
+    """A table as the page shows it: under other names, some columns in thousandths."""
+    frame = frame.astype(dict.fromkeys(thousandths, float))
+    frame[list(thousandths)] *= 1e3
+    return shown(frame.rename(columns=dict(names)))
+
+
+def _counts(study: Study) -> dict[str, int]:
+    return {
+        "tried": len(study.ablation),
+        "cycling": sum(x.limit_cycle for x in study.ablation),
+        "leading": sum(x.over_compensated for x in study.ablation),
+        "diverging": sum(x.diverges for x in study.ablation),
+    }

@@ -1,0 +1,125 @@
+"""The paper's experiments 3.3 to 5 in closed loop, for any joint: Figs 5 to 12 and Table 2.
+
+RMS errors leave out what precedes `SETTLE`, s, where the loop starts.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from bristle.control.adaptation import Adaptation, Law, laws_for
+from bristle.control.closed_loop import Trajectory, simulate
+from bristle.control.compensator import Compensator
+from bristle.control.wiring import Case, Wiring
+from bristle.errors import InputError
+from bristle.simulation.joint_loop import Subject, stacked
+
+LONG, SETTLE, SHORT = 30.0, 10.0, 20.0
+"""s: a run of Fig. 8, from when on its error counts, and a run of the adaptation."""
+BARE = Compensator(name="none")
+
+
+class Errors(NamedTuple):
+    """A row of Fig. 8: RMS errors of one joint, rad, and torques, N*m."""
+
+    joint: str
+    frequency: float
+    """Hz."""
+    inertia: bool
+    """Whether inertia feed-forward is added, to all four."""
+    without: float
+    """Without friction compensation."""
+    true: float
+    """LuGre feed-forward with the plant's own parameters."""
+    identified: float
+    """With the identified ones."""
+    adaptive: float
+    """With the identified ones to begin with, adapted."""
+    torque_without: float
+    """RMS of the torque asked for."""
+    torque_with: float
+    """The same with the identified parameters."""
+
+
+def errors(subjects: Sequence[Subject]) -> tuple[Errors, ...]:
+    """Fig. 8 at both frequencies of each joint, without and with inertia feed-forward."""
+    rows = [[*_errors(subject, inertia=False), *_errors(subject, inertia=True)] for subject in subjects]
+    return tuple(row for own in rows for row in sorted(own, key=lambda row: (row.frequency, row.inertia)))
+
+
+def _errors(subject: Subject, *, inertia: bool) -> list[Errors]:
+    frequencies = (subject.slow, subject.frequency)
+    courses = [subject.sine(f, LONG) for f in frequencies]
+    own, found = subject.case(model=subject.plant), subject.case()
+
+    def run(compensator: Compensator, cases: Sequence[Case]) -> Trajectory:
+        """A compensator with both courses, for each pair of cases."""
+        whole = replace(compensator, inertia=subject.J if inertia else 0.0)
+        return simulate(Wiring(compensator=whole), cases, stacked(courses * (len(cases) // 2)), subject.period)
+
+    bare, steady = run(BARE, [found] * 2), run(subject.compensator, [own, own, found, found])
+    moved = run(replace(subject.compensator, adaptation=subject.adaptation), [found] * 2)
+    without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
+    if not max(fed) < 10 * subject.amplitude:
+        raise InputError(
+            f"{subject.name}: the loop diverges with {subject.compensator.name}; choose lugre, lower gains, or a shorter period"
+        )
+    asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))
+    return [
+        Errors(subject.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])
+        for k, f in enumerate(frequencies)
+    ]
+
+
+def followed(subject: Subject) -> dict[str, Trajectory]:
+    """Figs 5 to 7: the slow sine without friction compensation and with the identified model's."""
+    course = subject.sine(subject.slow, 2 / subject.slow)
+    wirings = {"without": Wiring(compensator=BARE), "with": Wiring(compensator=subject.compensator)}
+    return {name: simulate(w, [subject.case()], course, subject.period) for name, w in wirings.items()}
+
+
+class Factors(NamedTuple):
+    """A row of Table 2: one adapted parameter under one law, as a share of the plant's or, where they differ, the model's own."""
+
+    law: str
+    parameter: str
+    initial: float
+    early: float
+    """A fifth of the run after its start."""
+    final: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adapted:
+    """Figs 9 to 12 and Table 2: a start with wrong parameters, adapted by each law."""
+
+    runs: Mapping[str, Trajectory]
+    """By law; `not adapted` without."""
+    factors: tuple[Factors, ...]
+    adaptation: Adaptation
+
+
+def adapted(subject: Subject) -> Adapted:
+    """The adaptation from the wrong start, by every law that can adapt the plan's parameters."""
+    plan, course = subject.adaptation, subject.sine(subject.frequency, SHORT)
+    case = subject.case(model=subject.begun(subject.model))
+    laws = laws_for(plan.parameters)
+    ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=_fair(subject, law)) for law in laws}
+    runs = {
+        name: simulate(Wiring(compensator=replace(subject.compensator, adaptation=a)), [case], course, subject.period)
+        for name, a in ways.items()
+    }
+    factors = [
+        Factors(law, name, begun, float(begun * theta[theta.size // 5]), float(begun * theta[-1]))
+        for law in laws
+        for name, theta in zip(plan.parameters, runs[law].theta[0], strict=True)
+        for begun in [subject.start.get(name, 1.0)]
+    ]
+    return Adapted(runs=runs, factors=tuple(factors), adaptation=plan)
+
+
+def _fair(subject: Subject, law: Law) -> tuple[float, ...]:
+    """Rates of a law: the plan's, but times or over the parameter where only one of both laws has it once more in its gradient."""
+    plan, begun = subject.adaptation, subject.begun(subject.model).positive
+    power = (plan.law == "partial-theta") - (law == "partial-theta")
+    return tuple(float(g * getattr(begun, name) ** power) for g, name in zip(plan.gamma, plan.parameters, strict=True))

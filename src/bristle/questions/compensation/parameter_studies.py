@@ -1,0 +1,224 @@
+"""Beyond the paper's experiments: where adaptation ends over rate, amplitude and frequency, drifting friction, other controllers, sampling, doubt."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.control.adaptation import Adaptation, Law, laws_for, steady_gradient
+from bristle.control.closed_loop import simulate
+from bristle.control.continuous import Sine, simulate_continuous
+from bristle.control.pid import Sliding
+from bristle.control.wiring import Course, Wiring
+from bristle.errors import InputError
+from bristle.model.parameters import Lugre
+from bristle.questions.compensation import paper_experiments as paper
+from bristle.simulation.joint_loop import Subject, sine, stacked
+
+GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)
+"""Rates of the maps, as multiples of a twentieth of the plan's."""
+FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0)
+AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 2.0)
+"""Of the maps, as multiples of the plan's."""
+RISE = 0.5
+"""By how much alpha_0 and alpha_2 grow in a drift."""
+
+
+class Map(NamedTuple):
+    """Where the adapted parameters end, as shares of the model's: over rate and frequency, and over amplitude and frequency."""
+
+    gammas: Array
+    """Learning rates, (k,)."""
+    frequencies: Array
+    """Hz, (m,)."""
+    amplitudes: Array
+    """rad, (l,)."""
+    by_gamma: Array
+    """(parameters, k, m)."""
+    by_amplitude: Array
+    """(parameters, l, m)."""
+
+
+def landings(subject: Subject) -> Map:
+    """How the adapted values move with rate, amplitude and frequency, after the length of a run of the adaptation."""
+    plan = subject.adaptation
+    top = float(np.max(plan.gamma)) or 1.0
+    gammas = top * np.array(GAMMAS) / 20.0
+    f, A = subject.frequency * np.array(FREQUENCIES), subject.amplitude * np.array(AMPLITUDES)
+    case = subject.case(model=subject.begun(subject.model))
+    begun = np.array([subject.start.get(name, 1.0) for name in plan.parameters])
+
+    def ends(share: float, courses: Sequence[Course]) -> Array:
+        """The adapted shares after courses, at that share of the plan's rates, (parameters, courses)."""
+        a = replace(plan, gamma=tuple(share * g for g in plan.gamma))
+        wiring = Wiring(compensator=replace(subject.compensator, adaptation=a))
+        run = simulate(wiring, [case] * len(courses), stacked(courses), subject.period)
+        final: Array = begun[:, None] * run.theta[:, :, -1].T
+        return final
+
+    by_gamma = [ends(float(g) / top, [subject.sine(x, paper.SHORT) for x in f]) for g in gammas]
+    grid = ends(1.0, [subject.sine(x, paper.SHORT, a) for a in A for x in f])
+    return Map(gammas, f, A, np.stack(by_gamma, axis=1), grid.reshape(begun.size, A.size, f.size))
+
+
+def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[Law, Array]]:
+    """Speeds, rad/s, (points,), and each law's G in steady sliding at them, relative to the largest total one, or to the largest where that is zero.
+
+    The `partial-theta` one is left out: it is the partial one times the parameter.
+    """
+    v = np.geomspace(0.02, 30.0, points) * p.v_s
+    laws = [law for law in laws_for((parameter,)) if law != "partial-theta"]
+    plans = {law: Adaptation(law=law, parameters=(parameter,), gamma=(1.0,)) for law in laws}
+    found = {law: np.abs(steady_gradient(plan, v, p)[0]) for law, plan in plans.items()}
+    largest = max(float(g.max()) for g in found.values())
+    top = total if (total := float(found["total"].max())) > 1e-9 * largest else largest
+    return v, {law: g / top for law, g in found.items()}
+
+
+class Drift(NamedTuple):
+    """A row: RMS errors while alpha_0 and alpha_2 rise by half over 30 s, rad."""
+
+    joint: str
+    frequency: float
+    way: str
+    """`known` (the model drifts with the plant), `fixed`, or the adaptation."""
+    gamma: float
+    """Of the first adapted parameter; nan where nothing is adapted."""
+    rms: float
+    over_known: float
+    """That over the one of the known model."""
+    largest_gain: float
+    """Farthest that a gain went from 1, as a factor; nan where nothing is adapted."""
+
+
+_UNLIMITED = (1e-12, 1e12)
+
+
+def drifts(subjects: Sequence[Subject], shares: Sequence[float] = (0.25, 1.0)) -> tuple[Drift, ...]:
+    """Every joint at the plan's frequency and at its slow one: known, fixed, adapted at shares of the plan's rates, unprojected, normalised."""
+    return tuple(row for subject in subjects for row in _drift(subject, shares))
+
+
+def _drift(subject: Subject, shares: Sequence[float]) -> list[Drift]:
+    frequencies = (subject.slow, subject.frequency)
+    course = stacked([subject.sine(f, paper.LONG) for f in frequencies])
+    rising: Array = np.linspace(1.0, 1.0 + RISE, course.position.shape[-1], dtype=np.float64)
+    course = course._replace(drift_0=rising, drift_2=rising)
+    plan, cases = subject.adaptation, [subject.case(model=subject.plant)] * len(frequencies)
+    ways: list[tuple[str, Adaptation | None]] = [("known", None), ("fixed", None)]
+    ways += [(plan.law, replace(plan, gamma=tuple(share * g for g in plan.gamma))) for share in shares]
+    ways += [
+        (f"{plan.law}, without limits", replace(plan, limits=_UNLIMITED)),
+        (f"{plan.law}, normalised", replace(plan, step="normalised")),
+    ]
+    rows: dict[float, list[Drift]] = {f: [] for f in frequencies}
+    for way, a in ways:
+        wiring = Wiring(compensator=replace(subject.compensator, adaptation=a), informed=way == "known")
+        run = simulate(wiring, cases, course, subject.period)
+        for f, rms, theta in zip(frequencies, run.rms_error().tolist(), run.theta, strict=True):
+            gain = float(np.exp(np.abs(np.log(theta)).max())) if a else np.nan
+            known = rows[f][0].rms if rows[f] else rms
+            rows[f].append(Drift(subject.name, f, way, a.gamma[0] if a else np.nan, rms, rms / known, gain))
+    return [row for f in frequencies for row in rows[f]]
+
+
+class Controlled(NamedTuple):
+    """A row: one controller on the plan's fast sine."""
+
+    controller: str
+    rms_error: float
+    """rad, as the peak error."""
+    peak_error: float
+    rms_torque: float
+    """N*m."""
+    chatter: float
+    """Total variation of the torque, N*m/s."""
+    energy: float
+    """Work at the joint, J."""
+
+
+def controllers(subject: Subject) -> tuple[Controlled, ...]:
+    """PID alone, with LuGre feed-forward, and sliding mode, which needs no model, with boundary layers in which it is PD of the same K_d or steeper.
+
+    Sliding mode has five times the torque that the reference needs, and the slope K_p / K_d.
+    """
+    course, gains = subject.sine(subject.frequency, paper.SHORT), subject.gains
+    fastest, hardest = float(np.abs(course.velocity).max()), float(np.abs(course.acceleration).max())
+    needed = max(p.alpha_0 + p.alpha_1 + p.alpha_2 * fastest for p in subject.plant) + subject.J * hardest
+    K_d = gains.K_d or gains.K_p / 10
+    ways = {
+        "PID alone": (Wiring(compensator=paper.BARE), subject.case()),
+        "PID with LuGre feed-forward": (Wiring(compensator=subject.compensator), subject.case()),
+    }
+    for share in (1.0, 0.1, 0.01):
+        law = Sliding(5 * needed, gains.K_p / K_d, share * 5 * needed / K_d, gains.filter_time)
+        case = replace(subject.case(), sliding=law)
+        ways[f"sliding mode, layer {law.layer:.2g}"] = (Wiring(compensator=paper.BARE, controller="sliding"), case)
+    runs = {name: simulate(wiring, [case], course, subject.period) for name, (wiring, case) in ways.items()}
+    since = paper.SHORT / 5
+    return tuple(
+        Controlled(name, *(float(f(since)[0]) for f in (r.rms_error, r.peak_error, r.rms_torque, r.chatter, r.energy)))
+        for name, r in runs.items()
+    )
+
+
+class Sampled(NamedTuple):
+    """A row: how far the sampled loop is from the continuous one, which the paper ran, with the same feed-forward."""
+
+    joint: str
+    period: float
+    """s."""
+    distance: float
+    """Largest difference of the positions over the run, rad."""
+
+
+def sampling(subjects: Sequence[Subject]) -> tuple[Sampled, ...]:
+    """Every joint at twice, once and half its control period."""
+    rows = []
+    for subject in subjects:
+        wave = Sine(subject.amplitude, subject.frequency)
+        case = replace(subject.case(), gains=subject.gains._replace(filter_time=0.0))  # the continuous loop has none
+        for factor in (2.0, 1.0, 0.5):
+            h = factor * subject.period
+            exact = simulate_continuous(case, subject.compensator, wave, paper.SETTLE, h)
+            course = sine(subject.amplitude, subject.frequency, paper.SETTLE, h)
+            try:
+                held = simulate(Wiring(compensator=subject.compensator), [case], course, h)
+            except InputError:  # a longer period than the loop bears
+                continue
+            rows.append(Sampled(subject.name, h, float(np.abs(held.position - exact.position).max())))
+    return tuple(rows)
+
+
+class Band(NamedTuple):
+    """The tracking error with the identified model on joints that its covariance allows."""
+
+    time: Array
+    """s, (n,)."""
+    lower: Array
+    """2.5 % of the joints have an error below this, rad, (n,)."""
+    upper: Array
+    """and 2.5 % one above this."""
+    actual: Array
+    """On the plant, rad, (n,)."""
+    rms: tuple[float, float, float]
+    """RMS error: 2.5 %, median and 97.5 % of the joints, rad."""
+    rms_actual: float
+    joints: int
+
+
+def band(subject: Subject) -> Band | None:
+    """One period of the slow sine after the first, over joints drawn from the covariance; None where there is none."""
+    if not subject.draws:
+        return None
+    course = subject.sine(subject.slow, 2 / subject.slow)
+    cases = [subject.case(), *(subject.case(plant=pair, J=J) for pair, J in subject.draws)]
+    run = simulate(Wiring(compensator=subject.compensator), cases, course, subject.period)
+    late = run.time >= 1 / subject.slow
+    e = run.error[:, late]
+    lower, upper = np.quantile(e[1:], (0.025, 0.975), axis=0)
+    rms = np.sqrt(np.mean(e**2, axis=1))
+    low, middle, high = np.quantile(rms[1:], (0.025, 0.5, 0.975)).tolist()
+    return Band(run.time[late], lower, upper, e[0], (low, middle, high), float(rms[0]), len(subject.draws))

@@ -1,0 +1,150 @@
+"""Adaptation off line on measured motion: what the gains would have done, and what the torque predicted with them is worth.
+
+The measured velocity drives the model, as in the feedback scheme. The error that teaches is one of torque, made an error of position by the loop's
+proportional gain: e = (T_model - T_measured) / K_p, rad, which has the sign of y - y_ref: a model that gives too little leaves the joint behind.
+So the rates are those of the loop. A run with gaps is replayed stretch by stretch, the gains going on from one to the next.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.control.adaptation import Adaptation, effective, gradient, learn
+from bristle.control.compensator import Compensator, State, advanced, packed, start, unpacked
+from bristle.identification.dynamic.problem import Motion, tracking
+from bristle.identification.identify import Measured
+from bristle.identification.results import Joint
+from bristle.identification.static.moving_data import inertia, regressors
+from bristle.model import law
+from bristle.model.parameters import Pair, pair_of
+from bristle.model.rollout import rollout
+from bristle.model.vectorize import chained
+from bristle.simulation.joint_loop import Subject
+
+_MOVED = 0.01
+"""A gain that differs from 1, or from a limit, by no more than this share is there."""
+_STRANGE = 50.0
+"""Percent: what an identified model leaves so much of is not described by it."""
+_LITTLE = 0.3
+"""Percentage points of the torque: a smaller difference is none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replay:
+    """One run, replayed with the gains adapted and with gains of 1; arrays over its samples."""
+
+    file: str
+    begun: str
+    """`identified`, or the shares at which the model began."""
+    time: Array
+    """s, (n,)."""
+    velocity: Array
+    """rad/s, (n,)."""
+    measured: Array
+    """Measured friction torque: without inertia, offset and gravity, N*m, (n,)."""
+    fixed: Array
+    """Predicted with gains of 1, N*m, (n,)."""
+    adapted: Array
+    """Predicted with the gains of each instant, N*m, (n,)."""
+    theta: Array
+    """Shares of the identified parameters, (parameters, n)."""
+    start: Array
+    """Those at which it began, (parameters,)."""
+    adaptation: Adaptation
+
+    def relative_errors(self) -> tuple[float, float]:
+        """100 norm(measured - predicted) / norm(measured) with gains of 1, and adapted, over the second half, percent."""
+        late = slice(self.time.size // 2, None)
+        over = float(np.linalg.norm(self.measured[late])) or 1.0
+        return tuple(100 * float(np.linalg.norm((self.measured - x)[late])) / over for x in (self.fixed, self.adapted))  # type: ignore[return-value]
+
+    @property
+    def shares(self) -> str:
+        """Where the gains end, as shares of the identified parameters."""
+        return ", ".join(f"{n} {s:.3g}" for n, s in zip(self.adaptation.parameters, self.theta[:, -1], strict=True))
+
+    @property
+    def verdict(self) -> str:
+        """Whether to switch the adaptation on; one sentence."""
+        before, after = self.relative_errors()
+        ends = self.shares
+        low, high = self.adaptation.limits
+        gains = self.theta[:, -1] / self.start
+        if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
+            return (
+                f"A gain ended at its limit ({ends}; {after:.3g} % of the torque left unexplained instead of {before:.3g} %): widen adapt.limits "
+                "if friction may have changed so far, else leave it off, or lower gamma."
+            )
+        if self.begun == "identified" and before > _STRANGE:
+            return (
+                f"The identified model leaves {before:.3g} % of this run unexplained ({after:.3g} % adapted): "
+                "check its units, its sign and its columns before its gains say anything."
+            )
+        little = max(_LITTLE, 0.02 * before)
+        if after < before - little:
+            return f"It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
+        if after <= before + little:
+            return f"It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with it, at shares {ends}."
+        return f"Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
+
+
+def replays(subject: Subject, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
+    """Every tracking run, held-out too: by the subject's law from the identified model and from the wrong start, by the total one from the former."""
+    fixed, _ = inertia(measured.experiment)
+    known = {"inertia": subject.J} | (joint.moving.known if joint.moving is not None else {})
+    wrong = ", ".join(f"{share:g} {name}" for name, share in subject.start.items())
+    ways = [
+        ("identified", subject.model, subject.adaptation),
+        (wrong, subject.begun(subject.model), subject.adaptation),
+    ]
+    ways += [("identified", subject.model, subject.tracing)] if subject.tracing else []
+    found = []
+    for record in (run.record for run in measured.runs if run.kind == "tracking"):
+        problem = tracking([record], ("both",), regressors(measured.experiment), 1, fixed)
+        extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
+        found += [_replay(subject, record.file, problem.motions, extra, *way) for way in ways]
+    return tuple(found)
+
+
+def _replay(
+    subject: Subject, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float], a: Adaptation
+) -> Replay:
+    parts, memory = [], np.array(packed(start(Compensator(adaptation=a), model)))
+    numbers = np.array([*model.positive, *model.negative, subject.gains.K_p])
+    for m in motions:
+        friction = m.torque - m.extra @ extra
+        memory[:2] = 0.0, m.velocity[0]
+        inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step)])
+        ends, log = _run(a, m.velocity.size)(memory, inputs, numbers)
+        memory = np.asarray(ends).ravel()
+        fixed = rollout(m.velocity, m.step, model, 0.0).torque
+        parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
+    shares = np.array([1.0 if begun == "identified" else subject.start.get(name, 1.0) for name in a.parameters])
+    time, velocity, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
+    return Replay(
+        file=file, begun=begun, time=time, velocity=velocity, measured=friction, fixed=fixed, adapted=log[0],
+        theta=shares[:, None] * log[1:], start=shares, adaptation=a,
+    )  # fmt: skip  # a list of values
+
+
+@lru_cache(maxsize=8)
+def _run(a: Adaptation, samples: int) -> ca.Function:
+    """(memory, (velocity, friction, step), (pair, K_p)) -> (memory, (torque, gains))."""
+    own = Compensator(adaptation=a)
+    n = len(a.parameters)
+    memory = ca.SX.sym("memory", len(packed(start(own, pair_of([0.0] * 12)))))
+    u, q = ca.SX.sym("u", 3), ca.SX.sym("q", 13)
+    numbers = ca.vertsplit(q)
+    state = unpacked(ca.vertsplit(memory), pair_of(numbers[:12]), n)
+    v, friction, h = ca.vertsplit(u)
+    z, learnt = advanced(a, state, v, h)
+    p = law.active(z, v, state.parameters)
+    T = law.torque(z, v, effective(p, a, learnt.theta))
+    learnt = learn(a, learnt, gradient(a, z, v, p, learnt), (T - friction) / numbers[12], h)
+    new = State(state.parameters, z, v, state.position, learnt)
+    tick = ca.Function("tick", [memory, u, q], [ca.vertcat(*packed(new)), ca.vertcat(T, *learnt.theta)], {"cse": True})
+    return chained(tick, samples)

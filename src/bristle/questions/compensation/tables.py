@@ -1,0 +1,118 @@
+"""The compensated joint as tables: each function makes one DataFrame, which the page shows and `tables/*.csv` holds."""
+
+import pandas as pd
+
+from bristle.model.parameters import unit
+from bristle.questions.compensation.study import Study
+from bristle.simulation.edro import TABLE_2_ADAPTED
+
+
+def compensation_errors(study: Study) -> pd.DataFrame:
+    """Fig. 8: RMS errors in rad (m), torques in N*m (N), and what LuGre feed-forward leaves of the error without it."""
+    rows = [
+        (*row, row.true / row.without, row.identified / row.without, row.adaptive / row.without) for row in study.errors
+    ]
+    columns = [
+        "joint", "frequency", "inertia_feed_forward", "without", "true_model", "identified_model", "adaptive", "torque_without",
+        "torque_with", "true_share", "identified_share", "adaptive_share",
+    ]  # fmt: skip  # a list of names
+    return pd.DataFrame(rows, columns=columns)
+
+
+def table_2(study: Study) -> pd.DataFrame:
+    """Table 2: each adapted parameter under each law: the original value, and initial, early and final shares; the paper's beside it."""
+    p, kind = study.adapting.model.positive, study.adapting.kind
+    paper = TABLE_2_ADAPTED if study.paper else {}
+    rows = [
+        (
+            x.law,
+            x.parameter,
+            getattr(p, x.parameter),
+            unit(x.parameter, kind),
+            x.initial,
+            x.early,
+            x.final,
+            paper.get(x.parameter),
+        )
+        for x in study.adapted.factors
+    ]
+    frame = pd.DataFrame(
+        rows, columns=["law", "parameter", "original", "unit", "initial", "at_4_s", "at_20_s", "paper"]
+    )
+    return frame.astype({"paper": float})
+
+
+def adaptation_map(study: Study) -> pd.DataFrame:
+    """Where adapted parameters end over rate, amplitude and frequency."""
+    m, plan = study.landings, study.adapting
+    rows = [
+        (name, float(g), plan.amplitude, float(f), float(m.by_gamma[k, i, j]))
+        for k, name in enumerate(plan.adaptation.parameters)
+        for i, g in enumerate(m.gammas)
+        for j, f in enumerate(m.frequencies)
+    ]
+    top = max(plan.adaptation.gamma)
+    rows += [
+        (name, top, float(a), float(f), float(m.by_amplitude[k, i, j]))
+        for k, name in enumerate(plan.adaptation.parameters)
+        for i, a in enumerate(m.amplitudes)
+        for j, f in enumerate(m.frequencies)
+    ]
+    return pd.DataFrame(rows, columns=["parameter", "gamma", "amplitude", "frequency", "adapted_share"])
+
+
+def drift(study: Study) -> pd.DataFrame:
+    """RMS errors while alpha_0 and alpha_2 rise by half: rad (m), and over that of the known model."""
+    return pd.DataFrame(
+        study.drifts, columns=["joint", "frequency", "way", "gamma", "rms_error", "over_known", "largest_gain"]
+    )
+
+
+def ablation(study: Study) -> pd.DataFrame:
+    """Every compensator under every circumstance."""
+    columns = [
+        "compensator",
+        "encoder_bits",
+        "delay",
+        "share",
+        "rms_error",
+        "over_none",
+        "chatter",
+        "limit_cycle",
+        "over_compensated",
+        "diverges",
+    ]
+    return pd.DataFrame(study.ablation, columns=columns)
+
+
+def controllers(study: Study) -> pd.DataFrame:
+    """PID, with feed-forward, and sliding mode: errors in rad (m), torque in N*m (N), chatter in that per second, energy in J."""
+    return pd.DataFrame(
+        study.controllers, columns=["controller", "rms_error", "peak_error", "rms_torque", "chatter", "energy"]
+    )
+
+
+def sampling(study: Study) -> pd.DataFrame:
+    """How far the sampled loop is from the continuous one, rad (m), by control period, s."""
+    return pd.DataFrame(study.sampling, columns=["joint", "period", "distance"])
+
+
+def replay(study: Study) -> pd.DataFrame:
+    """One row per replayed run and start: torque left unexplained without and with adaptation, percent, where the gains end, and the verdict."""
+    rows = [(x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, x.verdict) for x in study.replays]
+    return pd.DataFrame(rows, columns=["file", "begun", "law", "gains_of_1", "adapted", "shares", "verdict"])
+
+
+def all_tables(study: Study) -> dict[str, pd.DataFrame]:
+    """Every table by the name of its file."""
+    makers = (
+        compensation_errors,
+        table_2,
+        adaptation_map,
+        drift,
+        ablation,
+        controllers,
+        sampling,
+        *((replay,) if study.replays else ()),
+    )
+    return {maker.__name__: maker(study) for maker in makers}

@@ -1,0 +1,243 @@
+"""Which constant velocities to measure next: exact D- and c-optimal designs by exchange, from what is known already.
+
+    F = known + sum over runs of s(v) s(v)' / noise**2,    s = dT_ss / dp (9)
+    D-optimal: least -log det F;    c-optimal for one parameter: least log (F**-1)_kk
+
+(9) is linear in all parameters but v_s, and alpha_1 only scales one column: a design depends on v_s alone. So each criterion is averaged over
+what v_s may be, and a poor estimate of it does not ruin the plan. One direction at a time; speeds are positive.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import ndtri
+
+from bristle.arrays import Array
+from bristle.data.record import freeze
+from bristle.errors import InputError
+from bristle.identification.fisher import STATIC, covariance, static_information
+from bristle.identification.static.batch import solve_batch
+from bristle.identification.static.grid import default_range
+from bristle.model import functions
+from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
+from bristle.simulation.bench import steady_points
+
+CANDIDATES = 200
+"""Speeds that the exchange chooses from, spaced evenly in log(v)."""
+NODES = 5
+"""Values of v_s that a criterion is averaged over, of equal probability."""
+STARTS = 3
+"""Designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one."""
+SEED = 0
+_GAIN = 1e-9
+"""An exchange that lowers the criterion by less is none."""
+_RIDGE = 1e-11
+"""Added to an information scaled to 1 on its diagonal, so that a design too poor to be inverted has a value, a bad one."""
+_SPREAD = 1.2
+"""Of log(v_s): the most that nodes are spread by, as a standard deviation."""
+_SAME = (1.005, 1.05, 1.1, 1.2)
+"""Speeds nearer than the first of these factors are one; than the others where that costs no more than `_COST`: few speeds are easier to run."""
+_COST = 0.01
+"""In the logarithm of the variance."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """What is known of one direction, and where it may be measured."""
+
+    p: Lugre[float]
+    """The estimate; sigma_0 and sigma_1 do not matter."""
+    nodes: Array
+    """What v_s may be, rad/s, (k,)."""
+    known: Array
+    """Information gained already in the order of `STATIC`, (4, 4)."""
+    noise: float
+    """Standard error of one run's mean torque, N*m, > 0."""
+    low: float
+    """Slowest speed, rad/s, > 0."""
+    high: float
+    """Fastest speed, rad/s, > low."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+    @property
+    def sets(self) -> list[Lugre[float]]:
+        """The estimate with each v_s that may be."""
+        return [self.p._replace(v_s=float(x)) for x in self.nodes]
+
+
+class Design(NamedTuple):
+    """Constant velocities to run, and what they should give."""
+
+    aim: str
+    """The parameter that it is c-optimal for, or `all`: D-optimal."""
+    speeds: Array
+    """One per run, rad/s, ascending, repeated where a speed is to be run again, (n,)."""
+    errors: Array
+    """Expected standard errors in the order of `STATIC`, what is known already included; inf where not seen, (4,)."""
+    alone: Array
+    """The same of these runs alone."""
+
+
+def nodes_of(v_s: float, relative_error: float) -> Array:
+    """Values of v_s of equal probability about an estimate, log-normal with this relative standard error (at most 1.2): (k,), the estimate amid."""
+    middle = (np.arange(NODES) + 0.5) / NODES
+    nodes: Array = v_s * np.exp(min(relative_error, _SPREAD) * ndtri(middle))
+    return nodes
+
+
+def design(task: Task, count: int, aim: str = "all") -> Design:
+    """The best `count` runs for one parameter, or for all: greedy exchange over a grid of speeds, then refined between its values.
+
+    Args:
+        task: what is known, and where to measure.
+        count: of runs, at least 4 so that they show all four parameters by themselves.
+        aim: one of `STATIC`, or `all`.
+
+    Raises InputError for fewer runs, or another aim.
+    """
+    if count < len(STATIC):
+        raise InputError(f"got {count} velocities; expected at least {len(STATIC)}, as many as there are parameters")
+    if aim != "all" and aim not in STATIC:
+        raise InputError(f"got {aim!r}; constant velocities show {', '.join(STATIC)}: name one of them, or all")
+    grid = np.geomspace(task.low, task.high, CANDIDATES)
+    criterion = _Criterion(task, aim)
+    rows = criterion.rows(grid)
+    rng = np.random.default_rng(SEED)
+    starts = [np.searchsorted(grid, spaced(task, count, kind)).clip(0, grid.size - 1) for kind in ("log", "even")]
+    starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
+    found = [_refined(criterion, grid[_exchanged(criterion, rows, start)]) for start in starts]
+    return judged(task, min(found, key=criterion.value), aim)
+
+
+def judged(task: Task, speeds: Array, aim: str = "") -> Design:
+    """Any speeds (n,), rad/s, with the standard errors that they should give."""
+    speeds = np.sort(speeds)
+    own = static_information(speeds, task.p, task.noise)
+    return Design(aim, speeds, covariance(task.known + own)[0], covariance(own)[0])
+
+
+def spaced(task: Task, count: int, kind: str) -> Array:
+    """As many speeds over the same range, spaced evenly (`even`) or evenly in log(v) (`log`), rad/s, (count,)."""
+    space = np.linspace if kind == "even" else np.geomspace
+    speeds: Array = space(task.low, task.high, count)
+    return speeds
+
+
+def by_v_s(task: Task, speeds: Array, v_s: Array) -> Array:
+    """Expected standard errors were v_s another one than the estimate, what is known already included: (k, 4) for v_s (k,)."""
+    found = [
+        covariance(task.known + static_information(speeds, task.p._replace(v_s=float(x)), task.noise))[0] for x in v_s
+    ]
+    return np.array(found)
+
+
+def simulated_errors(task: Task, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
+    """How fits of these runs alone scatter when they are SIMULATED from the estimate with Gaussian noise, (4,), in the order of `STATIC`.
+
+    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is not ruled by a few that fail.
+    """
+    torques = steady_points(task.p, speeds, task.noise, np.random.default_rng(seed), repetitions)
+    theta, _ = solve_batch(speeds, torques.T, default_range(speeds))
+    alpha_0, alpha_2, alpha_1, v_s = theta
+    low, high = np.percentile([alpha_0, alpha_1, alpha_2, v_s], [15.87, 84.13], axis=1)
+    return np.asarray((high - low) / 2)
+
+
+class _Criterion:
+    """What a design is judged by, averaged over the values of v_s; parameters in units that make the information 1 on its diagonal."""
+
+    def __init__(self, task: Task, aim: str) -> None:
+        """Scale what is known."""
+        self.task, self.aim = task, None if aim == "all" else STATIC.index(aim)
+        whole = [task.known + static_information(spaced(task, 50, "log"), p, task.noise) for p in task.sets]
+        self.size = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
+        self.known = task.known / (self.size[:, :, None] * self.size[:, None, :]) + _RIDGE * np.eye(len(STATIC))
+
+    def rows(self, speeds: Array) -> Array:
+        """s(v) / noise at each v_s, scaled, (k, m, 4)."""
+        p = self.task.p
+        by = evaluate(functions.steady_jacobian(), speeds, p.alpha_0, p.alpha_1, p.alpha_2, self.task.nodes[:, None])
+        return np.asarray(np.stack(by, axis=-1) / self.task.noise / self.size[:, None, :])
+
+    def value(self, speeds: Array) -> float:
+        """The criterion of some speeds (n,)."""
+        rows = self.rows(speeds)
+        whole = self.known + np.einsum("knp,knq->kpq", rows, rows)
+        if self.aim is None:
+            return float(-np.linalg.slogdet(whole)[1].mean())
+        return float(np.log(np.linalg.inv(whole)[:, self.aim, self.aim]).mean())
+
+    def with_one(self, rest: Array, rows: Array) -> Array:
+        """The criterion with each row (k, m, 4) alone added to an information (k, 4, 4), by the formulas for a change of rank one, (m,)."""
+        inverse = np.linalg.inv(rest)
+        along = rows @ inverse
+        grown = np.einsum("kmp,kmp->km", along, rows)
+        if self.aim is None:
+            return np.asarray(-(np.linalg.slogdet(rest)[1][:, None] + np.log1p(grown)).mean(axis=0))
+        variance = inverse[:, self.aim, self.aim, None] - along[:, :, self.aim] ** 2 / (1 + grown)
+        return np.asarray(np.log(np.maximum(variance, 1e-300)).mean(axis=0))
+
+
+def _exchanged(criterion: _Criterion, rows: Array, start: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Fedorov's exchange: of all swaps of one run for one candidate (k, m, 4) the best, until none helps; indices (n,)."""
+    chosen, value = np.array(start), np.inf
+    while True:
+        own = rows[:, chosen]
+        whole = criterion.known + np.einsum("knp,knq->kpq", own, own)
+        tried = {int(j): _swap(criterion, rows, whole, int(j)) for j in np.unique(chosen)}
+        leaving = min(tried, key=lambda j: tried[j][0])
+        if not tried[leaving][0] < value - _GAIN:
+            return chosen
+        value, chosen[np.flatnonzero(chosen == leaving)[0]] = tried[leaving]
+
+
+def _swap(criterion: _Criterion, rows: Array, whole: Array, leaving: int) -> tuple[float, int]:
+    """The best criterion without one run of this candidate, and which candidate comes for it."""
+    out = rows[:, leaving]
+    values = criterion.with_one(whole - out[:, :, None] * out[:, None, :], rows)
+    best = int(values.argmin())
+    return float(values[best]), best
+
+
+def _refined(criterion: _Criterion, speeds: Array) -> Array:
+    """Each distinct speed moved to where the criterion is least, how often each is run unchanged; near ones become one."""
+    speeds = _merged(speeds)
+    distinct, counts = np.unique(speeds, return_counts=True)
+    ends = float(np.log(criterion.task.low)), float(np.log(criterion.task.high))
+
+    def value(u: Array) -> float:
+        """The criterion at log(v) of the distinct speeds."""
+        return criterion.value(np.repeat(np.exp(u), counts))
+
+    found = minimize(
+        value,
+        np.log(distinct),
+        method="L-BFGS-B",
+        bounds=[ends] * distinct.size,
+    )
+    moved = np.repeat(np.exp(found.x), counts)
+    tried = [speeds, *(_merged(moved, factor) for factor in _SAME)]
+    tried = [np.clip(x, criterion.task.low, criterion.task.high) for x in tried]
+    values = [criterion.value(x) for x in tried]
+    good = [x for x, value in zip(tried, values, strict=True) if value <= min(values) + _COST]
+    return min(good, key=lambda x: np.unique(x).size)
+
+
+def _merged(speeds: Sequence[float] | Array, factor: float = _SAME[0]) -> Array:
+    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending; where one is an end of all, by that."""
+    ordered = np.sort(speeds)
+    groups = np.split(ordered, np.flatnonzero(np.diff(np.log(ordered)) > np.log(factor)) + 1)
+    centres = [g.mean() for g in groups]
+    centres[0], centres[-1] = (
+        (ordered[0] if len(groups) > 1 else centres[0]),
+        (ordered[-1] if len(groups) > 1 else centres[-1]),
+    )
+    return np.concatenate([np.full(g.size, c) for g, c in zip(groups, centres, strict=True)])

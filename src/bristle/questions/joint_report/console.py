@@ -1,0 +1,67 @@
+"""What the command line prints of fits, segments and cross-checks, a line each."""
+
+from collections.abc import Iterator, Sequence
+
+from bristle.data.constant_velocity.segments import Segment
+from bristle.identification.identify import Measured
+from bristle.identification.results import Crosscheck, Joint
+from bristle.questions.joint_report.dynamic import FITS, fits
+
+_UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
+
+
+def doubts(count: int) -> str:
+    """So many doubts, in words."""
+    return f"{count} doubt{'' if count == 1 else 's'}"
+
+
+def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
+    """How each fit of each joint ended, and how many doubts it leaves."""
+    for joint in joints:
+        for direction, fit in joint.static.items():
+            yield f"{joint.name} {direction}: {fit.outcome} {doubts(len(fit.doubts))}."
+        for kind, moving in fits(joint).items():
+            held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
+            yield (
+                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {doubts(len(moving.doubts))}."
+            )
+        if joint.doubts:
+            yield f"{joint.name}: {doubts(len(joint.doubts))} about the joint as a whole."
+
+
+def checks(joint: Joint) -> Iterator[str]:
+    """Each fit of a joint beside a full nonlinear one on the same data."""
+    for direction, check in joint.crosscheck.items():
+        yield from _check(f"{joint.name} {direction}", "grid", check)
+    if joint.tracking is not None and joint.tracking.check is not None:
+        yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.check)
+    elif joint.tracking is not None:
+        yield f"{joint.name}, moving runs: a simulated position has no second route; it was not checked"
+
+
+def _check(title: str, first: str, check: Crosscheck) -> Iterator[str]:
+    yield f"{title}: {check.verdict}"
+    yield f"  cost: {first} {check.cost_grid:.8g}, full fit {check.cost_full:.8g}; starts {check.starts}, reached {check.reached}"
+    for name, value in check.parameters.items():
+        distance = check.difference_in_se.get(name)
+        apart = "" if distance is None else f" {distance:+.2e} standard errors from {first}"
+        yield f"  {name:<12} {value:<14.7g}{apart}"
+
+
+def segments(measured: Measured) -> Iterator[str]:
+    """What each run holds: its notes, and its candidate segments, kept or rejected with their reasons."""
+    v, T = _UNITS[measured.experiment.joint.kind]
+    for recorded, found in zip(measured.runs, measured.segments, strict=True):
+        record = recorded.record
+        yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
+        yield from (f"    {note}" for note in record.notes)
+        for s in found:
+            yield from _segment(s, v, T)
+    kept = sum(s.accepted for found in measured.segments for s in found)
+    yield f"{kept} of {sum(map(len, measured.segments))} candidates kept."
+
+
+def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
+    error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
+    yield f"  {'kept    ' if s.accepted else 'rejected'} {s.start}-{s.stop}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
+    yield from (f"           {reason}" for reason in (*s.reasons, *s.doubts))

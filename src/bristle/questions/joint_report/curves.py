@@ -1,0 +1,33 @@
+"""The fitted steady curve and its confidence band, both from the law's own expression."""
+
+import numpy as np
+from scipy.special import stdtrit
+
+from bristle.arrays import Array
+from bristle.identification.results import StaticFit
+from bristle.model.functions import steady_jacobian, steady_torque
+from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
+
+_STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+
+
+def curve(v: Array, p: Lugre[float]) -> Array:
+    """T_ss(v) of (9), N*m, shape of v."""
+    return evaluate(steady_torque(), v, *p[:4])[0]
+
+
+def band(v: Array, fit: StaticFit) -> Array | None:
+    """Half-width of the 95 % confidence band of the fitted curve at v, N*m; None where the covariance gives none.
+
+    sqrt(j C j') times Student's t, with j the exact derivative of (9) with respect to the free parameters, by CasADi.
+    """
+    p = fit.values()
+    keep = [k for k, name in enumerate(fit.names) if name in _STATIC]
+    covariance = fit.covariance[np.ix_(keep, keep)]
+    if p is None or not keep or fit.dof < 1 or not np.isfinite(covariance).all():
+        return None
+    columns = dict(zip(_STATIC, evaluate(steady_jacobian(), v, *p[:4]), strict=True))
+    j = np.array([columns[fit.names[k]] for k in keep])
+    variance = np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0)
+    return np.asarray(float(stdtrit(fit.dof, 0.975)) * np.sqrt(variance))

@@ -1,0 +1,79 @@
+"""What is said of moving runs, in sentences that page, text and figures share; and which doubts they leave."""
+
+from collections.abc import Iterator
+
+from bristle.identification.results import Consistency, Joint, TrackingFit
+from bristle.model.parameters import Lugre
+from bristle.page.wording import number, symbol
+
+FITS = {"tracking": "moving runs", "joint": "joint fit"}
+"""The two fits of moving runs, as headings and tables name them."""
+BIASED = 0.1
+"""Of a standard error: what encoder counts add is named where it is more."""
+
+
+def fits(joint: Joint) -> dict[str, TrackingFit]:
+    """The fits that there are by the names in `FITS`: from the moving runs alone, and with what the other stages say."""
+    found = {"tracking": joint.tracking, "joint": joint.joint_fit}
+    return {name: fit for name, fit in found.items() if fit is not None}
+
+
+def split(name: str) -> tuple[str, str]:
+    """Direction and bare name of a parameter: alpha_0+ -> +, alpha_0; bare LuGre parameters are of `both`, all others `shared`."""
+    if name[-1:] in {"+", "-"}:
+        return name[-1], name[:-1]
+    return ("both" if name in Lugre._fields else "shared"), name
+
+
+def biased(fit: TrackingFit) -> list[tuple[str, float, float]]:
+    """Parameter, what encoder counts added to it, and that in standard errors, where it is more than `BIASED` of one."""
+    found = []
+    for name, bias in fit.bias.items():
+        error = fit.parameters[name].standard_error if name in fit.parameters else None
+        if error and abs(bias) > BIASED * error:
+            found.append((name, bias, bias / error))
+    return found
+
+
+def bias_text(fit: TrackingFit, name: str, bias: float, share: float) -> str:
+    """What counts added to one parameter: -0.12 N*m/rad (-0.4 standard errors)."""
+    return f"{bias:+.3g} {fit.parameters[name].unit} ({share:+.1f} standard errors)"
+
+
+def reached(fit: TrackingFit) -> str:
+    """How many starts found the lowest cost; one sentence."""
+    if fit.starts == 1:
+        return "It began from the other stages' estimates alone."
+    return f"{fit.reached} of {fit.starts} starts reached the lowest cost."
+
+
+def differing(joint: Joint) -> list[Consistency]:
+    """The comparisons in which stage and moving data differ by more than chance."""
+    return [x for x in joint.consistency if x.verdict.startswith("They differ")]
+
+
+def agreement(joint: Joint) -> str:
+    """How many parameters agree between their own stage and the moving data; one sentence, empty where there is nothing to compare."""
+    known = {x.parameter: abs(x.difference) for x in joint.consistency if x.difference is not None}
+    if not known:
+        return "The moving data show none of the parameters that the other stages know." if joint.consistency else ""
+    agreed, unseen = len(known) - len(differing(joint)), len(joint.consistency) - len(known)
+    said = f"{agreed} of {len(known)} parameters agree between their own stage and the moving data"
+    largest = max(known, key=lambda name: known[name])
+    rest = f"; {unseen} more cannot be seen in the moving data" if unseen else ""
+    return f"{said}; the largest difference is {number(known[largest], 2)} standard errors ({symbol(largest)}){rest}."
+
+
+def doubts(joint: Joint) -> Iterator[tuple[str, str]]:
+    """Every doubt about the moving runs with what it is about: of the fits, of single parameters, and of stages that differ."""
+    for kind, fit in fits(joint).items():
+        yield from fit_doubts(FITS[kind], fit)
+    for x in differing(joint):
+        yield f"{x.parameter} of {x.stage} stage and moving runs", x.verdict
+
+
+def fit_doubts(where: str, fit: TrackingFit) -> Iterator[tuple[str, str]]:
+    """Doubts about one fit, then those about one parameter alone."""
+    yield from ((where, doubt) for doubt in fit.doubts)
+    for name, e in fit.parameters.items():
+        yield from ((f"{where} {name}", doubt) for doubt in e.doubts if doubt not in fit.doubts)

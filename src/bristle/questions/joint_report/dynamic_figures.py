@@ -1,0 +1,97 @@
+"""Moving runs as matplotlib figures: measured and predicted torque over time and over velocity, with the residuals beneath."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bristle.arrays import Array
+from bristle.identification.results import Joint, TrackingFit
+from bristle.page.style import new_figure, styled, title
+from bristle.page.wording import axis
+from bristle.questions.joint_report.static_figures import thinned
+
+SPAN = 3.0
+"""Longest piece of a run drawn over time, s."""
+MOST = 400
+"""Points of each kind drawn; denser data are thinned evenly, which the caption says."""
+_LEAD = 0.25
+"""How long before a reversal a piece may begin, s."""
+_GREY, _BLUE, _VERMILION = "#999999", "#0072B2", "#D55E00"
+
+
+def stretches(fit: TrackingFit) -> list[slice]:
+    """The equations of each stretch; between two stretches time and bristle state jump."""
+    ends = (*fit.starts_of_runs[1:], fit.time.size)
+    return [slice(start, stop) for start, stop in zip(fit.starts_of_runs, ends, strict=True) if stop > start]
+
+
+def window(fit: TrackingFit) -> slice:
+    """The piece of at most SPAN seconds, within one stretch, whose reversals are the strongest: the largest sum of |dv/dt| where v changes sign."""
+    found = [_window(fit.time[own], fit.velocity[own], own.start) for own in stretches(fit)]
+    return max(found, key=lambda pair: pair[0])[1]
+
+
+def _window(t: Array, v: Array, offset: int) -> tuple[float, slice]:
+    """Strength of the best piece of a stretch, and where it lies in all equations."""
+    turns = np.flatnonzero(np.signbit(v[1:]) != np.signbit(v[:-1]))
+    strength = np.zeros(t.size)
+    strength[turns] = np.abs(v[turns + 1] - v[turns]) / (t[turns + 1] - t[turns])
+    total = np.concatenate([[0.0], np.cumsum(strength)])
+    begins = np.clip(np.concatenate([t[:1], t[turns] - _LEAD]), t[0], max(t[0], t[-1] - SPAN))
+    start = np.searchsorted(t, begins)
+    stop = np.searchsorted(t, t[start] + SPAN, side="right")
+    k = int(np.argmax(total[stop] - total[start]))
+    return float((total[stop] - total[start])[k]), slice(offset + int(start[k]), offset + int(stop[k]))
+
+
+@styled
+def course_figure(joint: Joint) -> Figure | None:
+    """Measured and predicted torque (or position) over time around the strongest reversals, residuals beneath; None without moving runs."""
+    fit = joint.moving
+    if fit is None or not fit.time.size:
+        return None
+    own = window(fit)
+    k = own.start + thinned(own.stop - own.start, MOST)
+    figure, above, below = _panels(joint)
+    time, torque, residual = fit.time[k], fit.measured[k], fit.residuals[k]
+    above.plot(time, torque, "-", color=_GREY, linewidth=3.5, label="measured")
+    above.plot(time, torque - residual, "-", color=_BLUE, linewidth=1.2, label="predicted")
+    below.plot(time, residual, "-", color=_VERMILION, linewidth=0.9)
+    _finish(joint, figure, "time", fit.quantity)
+    return figure
+
+
+@styled
+def velocity_figure(joint: Joint) -> Figure | None:
+    """Measured and predicted torque (or position) of all moving runs over velocity, residuals beneath, as points; None without moving runs."""
+    fit = joint.moving
+    if fit is None or not fit.time.size:
+        return None
+    k = thinned(fit.time.size, MOST)
+    figure, above, below = _panels(joint)
+    velocity, torque, residual = fit.velocity[k], fit.measured[k], fit.residuals[k]
+    above.plot(velocity, torque, "o", color=_GREY, markerfacecolor="none", markersize=5, label="measured")
+    above.plot(velocity, torque - residual, ".", color=_BLUE, markersize=3.5, label="predicted")
+    below.plot(velocity, residual, ".", color=_VERMILION, markersize=3)
+    _finish(joint, figure, "velocity", fit.quantity)
+    return figure
+
+
+def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:
+    """What is predicted above, residuals below, over one axis."""
+    figure = new_figure(5.2)
+    above, below = figure.subplots(2, sharex=True, height_ratios=(5, 4))
+    title(above, joint.name, joint.simulated)
+    below.axhline(0.0, color="#666666", linewidth=0.8)
+    return figure, above, below
+
+
+def _finish(joint: Joint, figure: Figure, over: str, quantity: str) -> None:
+    above, below = figure.axes
+    above.set_ylabel(axis(quantity, joint.kind))
+    below.set_ylabel(axis(quantity, joint.kind, "residual"))
+    below.set_xlabel(axis(over, joint.kind))
+    low, high = above.get_ylim()
+    above.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
+    above.legend(loc="upper right", ncols=2)
+    figure.subplots_adjust(hspace=0.14, left=1.1 / figure.get_size_inches()[0])  # residuals have long numbers

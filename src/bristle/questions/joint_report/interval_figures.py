@@ -1,0 +1,157 @@
+"""Every interval three ways - covariance, profile, bootstrap - as one table, and one figure per parameter."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from scipy.interpolate import PchipInterpolator
+
+from bristle.arrays import Array
+from bristle.identification.results import Estimate, Joint, Uncertainty
+from bristle.page.columns import shown
+from bristle.page.style import LINES, decimal_log, new_figure, styled, title
+from bristle.page.wording import direction, pretty, span, symbol
+from bristle.questions.joint_report.dynamic import FITS, fits, split
+
+WAYS = ("covariance", "profile", "bootstrap")
+_COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
+_HEIGHT = 2.6
+"""Inches for each row of panels."""
+_TOP = 2.4
+"""How high the profile is drawn, in thresholds."""
+_BINS = 24
+_FEW = 20
+"""Points of a profile below which they are drawn as such, with a curve through them."""
+
+
+class Row(NamedTuple):
+    """One parameter of one fit."""
+
+    fit: str
+    """`static`, `presliding`, `tracking` or `joint`."""
+    direction: str
+    parameter: str
+    estimate: Estimate
+    three: Uncertainty
+
+
+def rows(joint: Joint) -> Iterator[Row]:
+    """Every parameter whose interval is known three ways, fit by fit."""
+    for d, static in joint.static.items():
+        yield from (Row("static", d, name, static.parameters[name], u) for name, u in static.uncertainty.items())
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
+        yield from (Row("presliding", d, name, slow.sigma_0, u) for name, u in slow.uncertainty.items())
+    for kind, moving in fits(joint).items():
+        yield from (Row(kind, *split(name), moving.parameters[name], u) for name, u in moving.uncertainty.items())
+
+
+def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit and parameter: the value, and lower and upper end by each way; nan where a way has none."""
+    ends = [f"{way}_{end}" for way in WAYS for end in ("lower", "upper")]
+    found = [
+        (
+            joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
+            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(x.three.doubts),
+        )
+        for joint in joints
+        for x in rows(joint)
+    ]  # fmt: skip  # one row, one line
+    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "doubts"]
+    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
+
+
+def section(joint: Joint) -> dict[str, Any]:
+    """What the template names: a table per fit with each interval in one cell, by the fit's name, and which fits have none."""
+    columns = ["parameter", "value", *WAYS, "unit", "doubts"]
+    found: dict[str, list[tuple[Any, ...]]] = {}
+    for x in rows(joint):
+        name = x.parameter + (x.direction if x.direction in {"+", "-"} else "")
+        ends = (span(getattr(x.three, way)) for way in WAYS)
+        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(x.three.doubts))
+        found.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
+    tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
+    return {"tables": tables, "missing": [FITS[kind] for kind, fit in fits(joint).items() if not fit.uncertainty]}
+
+
+def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
+    """What draws each fit's parameters, a panel each, by a name for its file."""
+    found: dict[str, list[Row]] = {}
+    for row in rows(joint):
+        side = {"+": "-positive", "-": "-negative"}.get(row.direction, f"-{row.direction}")
+        found.setdefault(f"{row.fit}{'' if row.fit == 'presliding' else side}", []).append(row)
+    return {name: _drawing(joint, own) for name, own in found.items()}
+
+
+def _drawing(joint: Joint, own: list[Row]) -> Callable[[], Figure]:
+    return lambda: uncertainty_figure(joint, own)
+
+
+@styled
+def uncertainty_figure(joint: Joint, own: Sequence[Row]) -> Figure:
+    """A panel per parameter: the profile with its threshold, the bootstrap's draws, and the three intervals as bars beneath."""
+    count = (len(own) + 1) // 2
+    height = 1.1 + _HEIGHT * count
+    figure = new_figure(height)
+    figure.subplots_adjust(hspace=0.42, wspace=0.14, left=0.105, right=0.945, bottom=1.15 / height)
+    axes = figure.subplots(count, 2, squeeze=False)
+    for ax in axes.ravel()[len(own) :]:
+        ax.set_axis_off()
+    for ax, row in zip(axes.ravel(), own, strict=False):
+        _panel(ax, row)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("Cost above least (thresholds)")
+    title(axes[0, 0], f"{joint.name}, {FITS.get(own[0].fit, own[0].fit)}", joint.simulated)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 0.0))
+    return figure
+
+
+def _panel(ax: Axes, row: Row) -> None:
+    three, value = row.three, row.estimate.value
+    low, high = _span(row)
+    ax.set_xlim(low, high)
+    if low > 0 and high > 8 * low:
+        decimal_log(ax)
+    else:
+        ax.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
+    if three.draws.size:
+        inside = three.draws[(three.draws >= low) & (three.draws <= high)]
+        counts, edges = np.histogram(inside, _BINS, (low, high))
+        ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
+    ax.plot(*_smooth(three.curve, value), "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
+    if three.curve.shape[1] < _FEW:
+        ax.plot(*three.curve, ".", color=_COLOURS["profile"], markersize=5)
+    ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1)
+    for k, way in enumerate(WAYS):
+        interval = getattr(three, way)
+        if interval is not None:
+            ends = np.clip(interval, low, high)
+            ax.plot(ends, [-0.3 - 0.28 * k] * 2, LINES[k], marker="|", color=_COLOURS[way], linewidth=2, label=way)
+    if value is not None:
+        ax.axvline(value, color="black", linewidth=0.8, linestyle="--")
+    ax.set_ylim(-1.15, _TOP)
+    ax.set_yticks([0.0, 1.0, 2.0])
+    where = "" if row.direction in {"both", "shared"} else f" {direction(row.direction)}"
+    ax.set_xlabel(f"{symbol(row.parameter)}{where} ({pretty(row.estimate.unit)})")
+
+
+def _smooth(curve: Array, value: float | None) -> Array:
+    """A profile of few points through more, (2, k): its root, with a sign, is nearly a line."""
+    if not 2 < curve.shape[1] < _FEW or value is None:
+        return curve
+    x = np.linspace(curve[0, 0], curve[0, -1], 4 * _FEW)
+    root = PchipInterpolator(curve[0], np.sign(curve[0] - value) * np.sqrt(curve[1]))(x)
+    return np.stack([x, root**2])
+
+
+def _span(row: Row) -> tuple[float, float]:
+    """What a panel shows: the finite ends of the three intervals and the estimate, with a margin."""
+    ends = [end for way in WAYS for end in getattr(row.three, way) or () if np.isfinite(end)]
+    ends += [row.estimate.value] if row.estimate.value is not None else []
+    low, high = min(ends, default=0.0), max(ends, default=1.0)
+    margin = 0.35 * (high - low) or 0.1 * abs(high) or 1.0
+    return (max(low - margin, 0.0) if low >= 0 else low - margin), high + margin

@@ -1,0 +1,64 @@
+"""What is said of presliding, in sentences that page, text and figures share; and which doubts it leaves."""
+
+import math
+from collections.abc import Iterator
+
+from bristle.identification.results import Estimate, Joint, PreslidingFit
+from bristle.model.parameters import Kind, unit
+from bristle.page.wording import direction, number, pretty
+
+METHODS = {
+    "printed": "(14) as printed, T₁ / x₁",
+    "corrected": "inverse of (14)",
+    "edges": "count edge to count edge",
+    "samples": "all samples",
+}
+"""The four ways to sigma_0, as tables and legends name them."""
+
+
+def methods(fit: PreslidingFit) -> dict[str, Estimate]:
+    """The estimates of sigma_0 by the name of their method, in the order of `METHODS`."""
+    return {name: getattr(fit, name) for name in METHODS}
+
+
+def bias_known(fit: PreslidingFit) -> bool:
+    """Whether (14) has a bias that can be told: that needs an encoder count and a sigma_0."""
+    return fit.quantum > 0 and bool(fit.sigma_0.value and fit.sigma_0.value > 0)
+
+
+def choice(fit: PreslidingFit) -> str:
+    """Which of the four to use, and why; one sentence."""
+    if fit.sigma_0.value is None:
+        low = (fit.sigma_0.interval or (math.nan,))[0]
+        return (
+            "No sigma_0 can be given."
+            if math.isnan(low)
+            else f"No sigma_0 can be given; it is at least {low:.3g} {fit.sigma_0.unit}."
+        )
+    if fit.recommended == "edges":
+        return "Use the edges: from count edge to count edge it does not matter where inside a count the joint rests, which nobody knows."
+    return "Use the samples: no counts are seen in the displacement, so there are no edges to go by."
+
+
+def bias(fit: PreslidingFit, kind: Kind) -> str:
+    """What (14) as printed would be off by with this encoder; one sentence."""
+    if not bias_known(fit):
+        return "unknown: that needs encoder counts and a sigma_0."
+    on_edge, mean, spread = (100 * x for x in (fit.bias_on_edge, fit.bias_mean, fit.bias_spread))
+    count = f"{number(fit.quantum)} {pretty(unit('position', kind))}"
+    anywhere = f"{mean:+.0f} % on average, with a spread of {spread:.0f} %, where it rests anywhere in a count"
+    return f"{on_edge:+.1f} % where the joint rests on a count edge; {anywhere} (one count is {count}; noise in the torque comes on top)."
+
+
+def doubts(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str, str]]:
+    """Every doubt about one direction, with what it is about: those about the fit, then those about one estimate alone."""
+    named = {f"sigma_0 {name}": e for name, e in methods(fit).items()} | {"sigma_1": fit.sigma_1}
+    where = f"presliding {direction(fit.direction)}"
+    yield from ((where, doubt) for doubt in fit.doubts)
+    for name, e in {**named, **({"breakaway": breakaway} if breakaway else {})}.items():
+        yield from ((f"{where} {name}", doubt) for doubt in e.doubts if doubt not in fit.doubts)
+
+
+def whole_doubts(joint: Joint) -> tuple[str, ...]:
+    """Doubts about the presliding runs as a whole."""
+    return joint.presliding.doubts if joint.presliding else ()

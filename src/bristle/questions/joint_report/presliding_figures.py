@@ -1,0 +1,157 @@
+"""Presliding as matplotlib figures: torque over displacement of the loadings with the curves fitted to them, and of closed cycles."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from bristle.arrays import Array
+from bristle.data.slow_loading import Loading, Loop
+from bristle.identification.results import Joint, PreslidingFit
+from bristle.model.functions import loading_displacement
+from bristle.model.vectorize import evaluate
+from bristle.page.style import new_figure, styled, title
+from bristle.page.wording import axis, direction, shortened
+from bristle.questions.joint_report.presliding import METHODS
+from bristle.questions.joint_report.static_figures import MOST_POINTS, thinned
+
+MOST_LOOPS = 3
+"""Closed cycles drawn; the others stand in the table, which the caption says."""
+_GREY = "#999999"
+_CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": ("-", "#000000")}
+"""Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""
+_ASYMPTOTE = 1e-3
+"""Of g0: how close to it the curves are drawn; they reach it nowhere."""
+_MOST_EDGES = 90
+"""Count edges marked in a panel, shared evenly by its loadings; the caption says that there may be more."""
+_FRAME = 5.0
+"""How far from rest the frame reaches, in g0 / sigma_0: beyond, the curves are flat."""
+
+
+def displacement(T: Array, g0: float, sigma_0: float) -> Array:
+    """How far slow loading from rest to torque T (N*m, below g0) moves the joint, rad, shape of T."""
+    return evaluate(loading_displacement(), T, g0, sigma_0)[0]
+
+
+def rest(loading: Loading, fit: PreslidingFit) -> float:
+    """Where the joint rested, rad from the start of the loading as the encoder tells it, by the recommended sigma_0.
+
+    The mean over the count edges (over the samples, where no edge was crossed) of what was travelled less what the torque there takes, each
+    weighted by the inverse variance that equal noise in the torque gives it, (1 - T / g0)**2. Zero where there is no sigma_0.
+    """
+    sigma_0 = fit.sigma_0.value
+    for y, T in ((loading.edge_displacement, loading.edge_torque), (loading.displacement, loading.torque)):
+        below = fit.level > T
+        if sigma_0 and sigma_0 > 0 and below.any():
+            off = y[below] - displacement(T[below], fit.level, sigma_0)
+            return float(np.average(off, weights=(1 - T[below] / fit.level) ** 2))
+    return 0.0
+
+
+@styled
+def presliding_figure(joint: Joint) -> Figure | None:
+    """Per direction the loadings, each from its fitted rest, with count edges and the curves of three methods; None without presliding fits."""
+    fits = list(joint.presliding.fits.values()) if joint.presliding else []
+    if not fits:
+        return None
+    figure, axes = _panels(joint, len(fits), 1.1 + 2.9 * len(fits))
+    for ax, fit in zip(axes, fits, strict=True):
+        _loadings(ax, fit)
+        _fitted(ax, fit)
+        ax.text(0.98, 0.06, direction(fit.direction), transform=ax.transAxes, ha="right")
+        _label(ax, axis("displacement from rest", joint.kind), axis("torque", joint.kind))
+    _legend(figure, 3)
+    return figure
+
+
+def _panels(joint: Joint, count: int, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure of this height, inches, with panels one below the other under the joint's name."""
+    figure = new_figure(height)
+    axes = list(figure.subplots(count, squeeze=False)[:, 0])
+    title(axes[0], joint.name, joint.simulated)
+    return figure, axes
+
+
+def _label(ax: Axes, x: str, y: str) -> None:
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
+    ax.xaxis.set_major_locator(MaxNLocator(6))
+
+
+def _legend(figure: Figure, rows: int) -> None:
+    """One for all panels, below them, in two columns; and room on the right for a tick at the frame's end."""
+    named = {label: handle for ax in figure.axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    width, height = figure.get_size_inches()
+    figure.subplots_adjust(right=1 - 0.35 / width, hspace=0.46, bottom=(0.65 + 0.24 * rows) / height)
+    figure.legend(named.values(), named.keys(), loc="lower center", ncols=2, frameon=False)
+
+
+def _loadings(ax: Axes, fit: PreslidingFit) -> None:
+    """Each as thin steps from its rest position, with the edges that it crossed."""
+    edges = [np.zeros((2, 0))]
+    for k, loading in enumerate(fit.loadings):
+        start = rest(loading, fit)
+        kept = thinned(loading.torque.size, max(MOST_POINTS // len(fit.loadings), 60))
+        label = None if k else "loadings"
+        ax.plot(loading.displacement[kept] - start, loading.torque[kept], "-", color=_GREY, linewidth=0.7, label=label)
+        shown = thinned(loading.edge_torque.size, max(_MOST_EDGES // len(fit.loadings), 4))
+        edges.append(np.array([loading.edge_displacement[shown] - start, loading.edge_torque[shown]]))
+    y, T = np.concatenate(edges, axis=1)
+    if y.size:
+        ax.plot(y, T, "o", color="#009E73", markerfacecolor="white", markersize=4, label="count edges")
+
+
+def _fitted(ax: Axes, fit: PreslidingFit) -> None:
+    """y(T) of the methods within the frame of the loadings, and the level at which they slide."""
+    left, right = ax.get_xlim()
+    bend = fit.level / fit.sigma_0.value if fit.sigma_0.value and fit.sigma_0.value > 0 else np.inf
+    T = fit.level * (1 - np.geomspace(1.0, _ASYMPTOTE, 200))
+    for name, (line, colour) in _CURVES.items():
+        sigma_0 = getattr(fit, name).value
+        if sigma_0 is not None and sigma_0 > 0:
+            chosen = " (use this)" if name == fit.recommended else ""
+            y = displacement(T, fit.level, sigma_0)
+            ax.plot(y, T, line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
+    ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label="g₀")
+    ax.set_xlim(max(min(left, 0.0), -_FRAME * bend), min(right, _FRAME * bend))
+
+
+@styled
+def hysteresis_figure(joint: Joint) -> Figure | None:
+    """Closed cycles of torque over displacement, with regression, inverse regression and secant of each; None without one."""
+    loops = loops_drawn(joint.presliding.loops) if joint.presliding else ()
+    if not loops:
+        return None
+    figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops))
+    for ax, loop in zip(axes, loops, strict=True):
+        _loop(ax, loop)
+        name = f"{shortened(loop.file, 32, end=True)}\nrows {loop.start}-{loop.stop}"
+        ax.text(0.02, 0.96, name, transform=ax.transAxes, va="top", fontsize=9)
+        _label(ax, axis("displacement", joint.kind), axis("torque", joint.kind))
+    _legend(figure, 2)
+    return figure
+
+
+def loops_drawn(loops: Sequence[Loop]) -> tuple[Loop, ...]:
+    """The first MOST_LOOPS."""
+    return tuple(loops[:MOST_LOOPS])
+
+
+def _loop(ax: Axes, loop: Loop) -> None:
+    y, T = loop.position - loop.position.mean(), loop.torque - loop.torque.mean()
+    level = float(loop.torque.mean())
+    kept = thinned(y.size)
+    ax.plot(y[kept], loop.torque[kept], "-", color=_GREY, linewidth=0.9, label="one cycle")
+    slopes = (
+        ("torque on displacement", "-", "#000000", loop.slope),
+        ("inverse regression", "--", "#0072B2", loop.inverse_slope),
+    )
+    for name, line, colour, slope in slopes:
+        if np.isfinite(slope) and slope:
+            reach = min(float(np.ptp(y)), float(np.ptp(T)) / abs(slope)) / 2
+            ends = np.array([-reach, reach])
+            ax.plot(ends, level + slope * ends, line, color=colour, linewidth=1.6, label=name)
+    corners = [int(T.argmin()), int(T.argmax())]
+    ax.plot(y[corners], loop.torque[corners], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")

@@ -1,0 +1,259 @@
+"""Results as matplotlib figures. Every axis carries quantity and unit; directions differ in colour, marker and line."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.record import Record
+from bristle.identification.results import Joint, Profile, StaticFit
+from bristle.model.parameters import Kind, Lugre, unit
+from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, title
+from bristle.page.wording import axis, direction, pretty, shortened
+from bristle.questions.joint_report.curves import band, curve
+
+FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
+"""The parameters of the paper's Fig. 1."""
+FIG_1_V_S = (0.036, 0.072, 0.144)
+"""Assumed: the paper shows three distinct v_s and names none. The middle one is the gripper's in Table 1."""
+MOST_POINTS = 600
+"""Points drawn per direction; denser data are thinned evenly, which the caption says."""
+
+
+_SHADES: dict[str, dict[str, Any]] = {
+    "kept": {"facecolor": "#009E73", "alpha": 0.3, "linewidth": 0},
+    "kept, stick-slip": {"facecolor": "#009E73", "alpha": 0.3, "hatch": "..", "linewidth": 0},
+    "rejected": {"facecolor": "none", "edgecolor": "#D55E00", "alpha": 0.5, "hatch": "//", "linewidth": 0},
+}
+"""How the segments of a run are marked."""
+
+
+@styled
+def stribeck_figure() -> Figure:
+    """Fig. 1 of the paper: the steady curve for three values of v_s."""
+    figure = new_figure(3.6)
+    ax = figure.subplots()
+    for sign in (-1.0, 1.0):
+        v = sign * np.geomspace(1e-4, 0.5, 200)
+        for v_s, line, shade in zip(FIG_1_V_S, LINES, ("#0072B2", "#D55E00", "#000000"), strict=True):
+            label = f"vₛ = {v_s} rad/s (assumed)" if sign > 0 else None
+            ax.plot(v, curve(v, FIG_1._replace(v_s=v_s)), line, color=shade, label=label)
+    ax.legend(loc="lower right")
+    _label(ax, axis("velocity", "revolute"), axis("torque", "revolute", "friction"))
+    return figure
+
+
+@styled
+def curve_figure(joint: Joint) -> Figure:
+    """Fig. 4 for a joint: points with error bars, fitted curve and 95 % band; below, both directions as magnitudes over log speed."""
+    figure = new_figure(6.2)
+    whole, slow = figure.subplots(2)
+    title(whole, joint.name, joint.simulated)
+    _rejected(whole, joint)
+    _frame(whole, joint)
+    for d, fit in _directions(joint):
+        look = DIRECTION[d]
+        for sign in _signs(fit):
+            _curve(whole, fit, look, sign, magnitude=False)
+            _curve(slow, fit, look, sign, magnitude=True)
+        _fitted_points(whole, joint, fit, look, direction(d))
+        _fitted_points(slow, joint, fit, look, "", magnitude=True)
+    decimal_log(slow)
+    _label(whole, axis("velocity", joint.kind), axis("torque", joint.kind, "friction"))
+    _label(slow, axis("velocity", joint.kind, "magnitude of"), axis("torque", joint.kind, "magnitude of"))
+    _legend(whole)
+    return figure
+
+
+def _directions(joint: Joint) -> Iterator[tuple[str, StaticFit]]:
+    return ((d, fit) for d, fit in joint.static.items() if d in DIRECTION)
+
+
+def _signs(fit: StaticFit) -> list[float]:
+    return [s for s in (1.0, -1.0) if fit.values() is not None and (fit.velocity * s > 0).any()]
+
+
+def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool) -> None:
+    p, speeds = fit.values(), np.abs(fit.velocity[fit.velocity * sign > 0])
+    if p is None:
+        return
+    slowest = max(float(speeds.min()) / 2, 1e-3 * float(speeds.max()))
+    v = sign * np.geomspace(slowest if magnitude else slowest / 50, 1.02 * float(speeds.max()), 200)
+    x, y, half = v, curve(v, p), band(v, fit)
+    if magnitude:
+        x, y = np.abs(v), np.abs(y)
+    ax.plot(x, y, look.line, color=look.colour)
+    if half is not None:
+        named = None if "95 % band" in ax.get_legend_handles_labels()[1] else "95 % band"
+        ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
+
+
+def _fitted_points(ax: Axes, joint: Joint, fit: StaticFit, look: Look, label: str, *, magnitude: bool = False) -> None:
+    """The points that were fitted, with the standard error of the segment that each came from; stick-slip points hollow."""
+    known = {s.velocity: s for s in joint.segments if s.accepted}
+    k = thinned(fit.velocity.size)
+    found = [known.get(v) for v in fit.velocity[k].tolist()]
+    error = np.array([np.nan if s is None or s.standard_error is None else s.standard_error for s in found])
+    sticks = np.array([bool(s and s.stick_slip) for s in found], dtype=bool)
+    x, y = fit.velocity[k], fit.torque[k]
+    if magnitude:
+        x, y = np.abs(x), y * np.sign(x)
+    bars = np.isfinite(error)
+    ax.errorbar(x[bars], y[bars], 1.96 * error[bars], fmt="none", ecolor=look.colour, capsize=2)
+    size = 2.0 if k.size > 100 else 5.5
+    for chosen, fill, suffix in ((~sticks, look.colour, ""), (sticks, "white", ", stick-slip")):
+        if chosen.any():
+            named = f"fitted {label}{suffix}" if label else None
+            ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
+
+
+def thinned(n: int, most: int = MOST_POINTS) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Indices of at most `most` of n points, evenly spread."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp)) if n else np.zeros(0, dtype=np.intp)
+
+
+def _rejected(ax: Axes, joint: Joint) -> None:
+    """Rejected segments as crosses, accepted ones that were not fitted (held out) as diamonds."""
+    fitted = {v for _, fit in _directions(joint) for v in fit.velocity.tolist()}
+    groups = (
+        ("rejected", "x", [s for s in joint.segments if not s.accepted]),
+        ("held out", "D", [s for s in joint.segments if s.accepted and s.velocity not in fitted]),
+    )
+    for name, marker, chosen in groups:
+        if chosen:
+            v, torque = np.array([(s.velocity, s.torque) for s in chosen]).T
+            ax.plot(v, torque, marker, color="#666666", markerfacecolor="none", markersize=5, label=name)
+
+
+def _frame(ax: Axes, joint: Joint) -> None:
+    """Limits from what was fitted, so that a wild rejected segment does not flatten the curve."""
+    v = np.concatenate([np.zeros(1), *(fit.velocity for _, fit in _directions(joint))])
+    torque = np.concatenate([np.zeros(1), *(fit.torque for _, fit in _directions(joint))])
+    for limits, x in ((ax.set_xlim, v), (ax.set_ylim, torque)):
+        low, high = float(x.min()), float(x.max())
+        margin = 0.08 * (high - low)
+        if margin > 0:
+            limits(low - margin, high + margin)
+
+
+@styled
+def profile_figure(joint: Joint) -> Figure | None:
+    """The cost over v_s near its minimum: grid, plain grid, refined minimum, threshold and 95 % interval; None without a profile."""
+    shown = [(d, fit, fit.profile) for d, fit in _directions(joint) if fit.profile is not None]
+    if not shown:
+        return None
+    figure = new_figure(0.4 + 2.9 * len(shown))
+    axes = figure.subplots(len(shown), squeeze=False)[:, 0]
+    title(axes[0], joint.name, joint.simulated)
+    for ax, (d, fit, profile) in zip(axes, shown, strict=True):
+        _profile(ax, fit, profile, DIRECTION[d])
+        cost_unit = f"({pretty(unit('torque', joint.kind))})²"
+        _label(ax, f"vₛ {direction(d)} ({pretty(unit('v_s', joint.kind))})", f"Cost Jₛ ({cost_unit})")
+    _legend(axes[0])
+    return figure
+
+
+def _profile(ax: Axes, fit: StaticFit, p: Profile, look: Look) -> None:
+    top = min(p.best_cost + 10 * (p.threshold - p.best_cost), float(p.cost.max()))
+    top = top if top > p.best_cost else p.best_cost + max(float(np.ptp(p.cost)), 1e-300)
+    left, right = float(p.near_v_s[0]), float(p.near_v_s[-1])
+    plain = (p.plain_v_s >= left) & (p.plain_v_s <= right)
+    ax.plot(p.near_v_s, p.near_cost, "-", color=look.colour, linewidth=1.2)
+    ax.plot(p.plain_v_s[plain], p.plain_cost[plain], "|", color="#666666", markersize=7, label="plain grid")
+    ax.plot(p.v_s, p.cost, look.marker, color=look.colour, markersize=5, label="grid")
+    ax.plot([p.best], [p.best_cost], "*", color="black", markersize=11, label="refined minimum")
+    ax.axhline(p.threshold, color="black", linestyle="--", linewidth=1, label="95 % threshold")
+    estimate = fit.parameters.get("v_s")
+    if estimate and estimate.interval:
+        low, high = np.clip(estimate.interval, left, right)
+        ax.axvspan(low, high, color=look.colour, alpha=0.15, linewidth=0, label="95 % interval")
+    height = top - p.best_cost
+    if right > 4 * left:
+        decimal_log(ax)
+    ax.set_xlim(left, right)
+    ax.set_ylim(p.best_cost - 0.08 * height, top + 0.05 * height)
+
+
+@styled
+def residuals_figure(joint: Joint) -> Figure | None:
+    """Residuals over velocity, and over position and time where they are known; None where nothing was fitted."""
+    fits = [(d, fit) for d, fit in _directions(joint) if fit.residuals.size]
+    quantities = ("velocity", "position", "time")
+    shown = [q for q in quantities if any(getattr(fit, q).size == fit.residuals.size for _, fit in fits)]
+    if not fits:
+        return None
+    figure = new_figure(0.5 + 2.1 * len(shown))
+    axes = figure.subplots(len(shown), sharey=True, squeeze=False)[:, 0]
+    title(axes[0], joint.name, joint.simulated)
+    for ax, quantity in zip(axes, shown, strict=True):
+        ax.axhline(0.0, color="#666666", linewidth=0.8)
+        for d, fit in fits:
+            x, k = getattr(fit, quantity), thinned(fit.residuals.size)
+            if x.size == fit.residuals.size:
+                size = 2 if k.size > 100 else 5
+                look = DIRECTION[d]
+                ax.plot(x[k], fit.residuals[k], look.marker, color=look.colour, markersize=size, label=direction(d))
+        _label(ax, axis(quantity, joint.kind), axis("torque", joint.kind, "residual"))
+    axes[0].margins(y=0.35)  # room for the legend
+    axes[0].legend(loc="upper right", ncols=2)
+    return figure
+
+
+@styled
+def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind: Kind) -> Figure:
+    """Velocity and torque of each run over time; accepted segments shaded, rejected ones hatched, stick-slip marked."""
+    figure = new_figure(max(2.6 * len(records), 3.0), width=9.0)
+    axes = figure.subplots(max(len(records), 1), 2, squeeze=False)
+    for row, record in zip(axes, records, strict=False):
+        own = [s for s in segments if s.file == record.file]
+        for ax, quantity in zip(row, ("velocity", "torque"), strict=True):
+            _signal(ax, record, quantity)
+            _shade(ax, record, own)
+            _label(ax, axis("time", kind), axis(quantity, kind))
+        row[0].set_title(shortened(record.file, 48, end=True), loc="left")
+        _legend_of_shades(axes[0, 1], segments)
+        row[1].set_title(f"{sum(s.accepted for s in own)} of {len(own)} segments kept", loc="left")
+    return figure
+
+
+def _signal(ax: Axes, record: Record, quantity: str) -> None:
+    values = getattr(record, quantity)
+    if values is None:
+        ax.text(0.5, 0.5, f"no {quantity}", transform=ax.transAxes, ha="center")
+        return
+    k = np.unique(np.linspace(0, record.time.size - 1, min(record.time.size, 3000)).astype(int))
+    ax.plot(record.time[k], values[k], "-", color="black", linewidth=0.8)
+    low, high = np.percentile(values, [1, 99])
+    if np.ptp(values) > 3 * (high - low) > 0:  # a transient would flatten all else
+        ax.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
+
+
+def _shade(ax: Axes, record: Record, segments: Sequence[Segment]) -> None:
+    for s in segments:
+        ends = float(record.time[s.start]), float(record.time[min(s.stop, record.time.size) - 1])
+        ax.axvspan(*ends, **_SHADES[_shade_of(s)])
+
+
+def _shade_of(s: Segment) -> str:
+    return "rejected" if not s.accepted else "kept, stick-slip" if s.stick_slip else "kept"
+
+
+def _legend_of_shades(ax: Axes, segments: Sequence[Segment]) -> None:
+    seen = {_shade_of(s) for s in segments}
+    handles = [Patch(**look, label=name) for name, look in _SHADES.items() if name in seen]
+    if handles:
+        ax.legend(handles=handles, loc="lower right", ncols=len(handles), fontsize="small")
+
+
+def _label(ax: Axes, x: str, y: str) -> None:
+    ax.set_xlabel(x)
+    ax.set_ylabel(y)
+
+
+def _legend(ax: Axes) -> None:
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="best")

@@ -1,0 +1,213 @@
+"""Results as tables: each function makes one DataFrame, which the page shows and `tables/*.csv` holds."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from bristle.identification.results import Estimate, Joint, StaticFit
+from bristle.model.parameters import unit
+from bristle.page.wording import WORK
+from bristle.questions.joint_report.dynamic_tables import consistency, table_1, tracking, tracking_hold_out
+from bristle.questions.joint_report.frame import estimates, with_truth
+from bristle.questions.joint_report.interval_figures import uncertainty
+from bristle.questions.joint_report.models_section import models
+from bristle.questions.joint_report.presliding import methods
+
+
+def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
+    """Every stage's parameters with their intervals; for simulated data also true, error_percent and inside (the interval holds the truth)."""
+    return with_truth(estimates(joints), joints, 8)
+
+
+def inputs(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per file: rows, dropped, sha256, labels, notes."""
+    return pd.DataFrame(
+        [
+            (joint.name, x.file, x.rows, x.dropped, x.sha256, _labels(x.labels), " ".join(x.notes))
+            for joint in joints
+            for x in joint.inputs
+        ],
+        columns=["joint", "file", "rows", "dropped", "sha256", "labels", "notes"],
+    )
+
+
+def segments(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per candidate segment: where, velocity, torque, standard error, accepted, stick_slip, reasons, doubts."""
+    return pd.DataFrame(
+        [
+            (
+                joint.name, s.file, s.start, s.stop, s.velocity, s.torque, s.standard_error, s.accepted, s.stick_slip,
+                " ".join(s.reasons), " ".join(s.doubts), _labels(s.labels),
+            )
+            for joint in joints
+            for s in joint.segments
+        ],
+        columns=[
+            "joint", "file", "start", "stop", "velocity", "torque", "standard_error", "accepted", "stick_slip",
+            "reasons", "doubts", "labels",
+        ],
+    ).astype({"standard_error": float, "accepted": bool, "stick_slip": bool})  # fmt: skip  # one name per line would hide the table's shape
+
+
+def _labels(labels: Any) -> str:
+    return ", ".join(f"{name} {value}" for name, value in labels.items())
+
+
+def comparison(joints: Sequence[Joint]) -> pd.DataFrame:
+    """The paper's plain grid, the refined minimum, the Huber refit and the fit without stick-slip points, side by side."""
+    rows = [
+        (
+            joint.name, d, name, e.unit, fit.plain.get(name), e.value, e.standard_error, fit.robust.get(name),
+            *_without(fit, name),
+        )
+        for joint in joints
+        for d, fit in joint.static.items()
+        for name, e in fit.parameters.items()
+    ]  # fmt: skip  # as in `segments`
+    numbers = ["plain_grid", "refined", "standard_error", "huber", "without_stick_slip", "without_standard_error"]
+    frame = pd.DataFrame(rows, columns=["joint", "direction", "parameter", "unit", *numbers])
+    return frame.astype(dict.fromkeys(numbers, float))
+
+
+def _without(fit: StaticFit, name: str) -> tuple[float | None, float | None]:
+    other = fit.without_stick_slip.get(name)
+    return (None, None) if other is None else (other.value, other.standard_error)
+
+
+def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per parameter: the full nonlinear fit's value, the grid's, and their difference in standard errors."""
+    rows = [
+        (joint.name, d, name, _refined(joint, d, name), full, check.difference_in_se.get(name))
+        for joint in joints
+        for d, check in joint.crosscheck.items()
+        for name, full in check.parameters.items()
+    ]
+    numbers = ["grid", "full", "difference_in_se"]
+    return pd.DataFrame(rows, columns=["joint", "direction", "parameter", *numbers]).astype(
+        dict.fromkeys(numbers, float)
+    )
+
+
+def _refined(joint: Joint, direction: str, name: str) -> float | None:
+    """The grid's value; a joint solve of two directions names its parameters alpha_0+, alpha_0-, and what they share without a sign."""
+    fit = joint.static.get(name[-1] if name[-1] in {"+", "-"} else direction)
+    estimate = None if fit is None else fit.parameters.get(name.rstrip("+-"))
+    return None if estimate is None else estimate.value
+
+
+def hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
+    return pd.DataFrame(
+        [
+            (joint.name, d, h.file, h.relative_error, fit.relative_error)
+            for joint in joints
+            for d, fit in joint.static.items()
+            for h in fit.hold_out
+        ],
+        columns=["joint", "direction", "file", "relative_error", "relative_error_of_fit"],
+    )
+
+
+def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
+    """sigma_0 by each method, side by side, with the truth where the data are simulated; `recommended` marks the one to use."""
+    rows = [
+        (
+            joint.name,
+            d,
+            method,
+            e.value,
+            e.unit,
+            e.standard_error,
+            *(e.interval or (None, None)),
+            method == fit.recommended,
+        )
+        for joint in joints
+        if joint.presliding
+        for d, fit in joint.presliding.fits.items()
+        for method, e in methods(fit).items()
+    ]
+    numbers = ["value", "standard_error", "lower", "upper"]
+    columns = ["joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "recommended"]
+    frame = pd.DataFrame(rows, columns=columns).astype({**dict.fromkeys(numbers, float), "recommended": bool})
+    return with_truth(frame.assign(parameter="sigma_0"), joints, 8).drop(columns="parameter")
+
+
+def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per closed cycle: where, work lost, secant, slope, inverse slope, counts."""
+    columns = ["joint", "file", "start", "stop", "loss", "secant", "slope", "inverse_slope", "counts"]
+    rows = [
+        (joint.name, x.file, x.start, x.stop, x.loss, x.secant, x.slope, x.inverse_slope, x.counts)
+        for joint in joints
+        if joint.presliding
+        for x in joint.presliding.loops
+    ]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def breakaway(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per loading that broke away: where it began, its torque, and how far that is from the median of its direction, percent."""
+    columns = ["joint", "direction", "file", "start", "breakaway", "from_median_percent"]
+    rows = [
+        (joint.name, x.direction, x.file, x.start, x.breakaway, _from_median(x.breakaway, medians.get(x.direction)))
+        for joint in joints
+        if joint.presliding and (medians := joint.presliding.breakaway) is not None
+        for x in joint.presliding.breakaways
+    ]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _from_median(torque: float | None, median: Estimate | None) -> float:
+    return 100 * (torque / median.value - 1) if torque is not None and median and median.value else np.nan
+
+
+def points(joints: Sequence[Joint]) -> pd.DataFrame:
+    """What was fitted: velocity, torque, residual, time and position of every point, in SI units."""
+    frames = [
+        pd.DataFrame(list(_points(joint, d, fit))) for joint in joints for d, fit in joint.static.items() if fit.n
+    ]
+    columns = ["joint", "direction", "velocity", "torque", "residual", "time", "position"]
+    return pd.concat(frames, ignore_index=True).reindex(columns=columns) if frames else pd.DataFrame(columns=columns)
+
+
+def _points(joint: Joint, direction: str, fit: StaticFit) -> Iterator[dict[str, Any]]:
+    columns = {"velocity": fit.velocity, "torque": fit.torque, "residual": fit.residuals}
+    columns |= {"time": fit.time, "position": fit.position}
+    whole = {name: x.tolist() for name, x in columns.items() if x.size == fit.velocity.size}
+    for k in range(fit.velocity.size):
+        yield {"joint": joint.name, "direction": direction, **{name: x[k] for name, x in whole.items()}}
+
+
+def profiles(joints: Sequence[Joint]) -> pd.DataFrame:
+    """The cost over v_s: grid (plain or refined), v_s, cost."""
+    rows = [
+        (joint.name, d, grid, v_s, cost)
+        for joint in joints
+        for d, fit in joint.static.items()
+        if (p := fit.profile) is not None
+        for grid, x, y in (
+            ("refined", p.v_s, p.cost),
+            ("near the minimum", p.near_v_s, p.near_cost),
+            ("plain", p.plain_v_s, p.plain_cost),
+        )
+        for v_s, cost in zip(x.tolist(), y.tolist(), strict=True)
+    ]
+    return pd.DataFrame(rows, columns=["joint", "direction", "grid", "v_s", "cost"])
+
+
+def units(joints: Sequence[Joint]) -> pd.DataFrame:
+    """The unit of every column that has one, per joint."""
+    names = {"velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position"}
+    names |= {"breakaway": "torque", **dict.fromkeys(("secant", "slope", "inverse_slope"), "sigma_0")}
+    rows = [(joint.name, column, unit(quantity, joint.kind)) for joint in joints for column, quantity in names.items()]
+    rows += [(joint.name, "loss", WORK) for joint in joints]
+    return pd.DataFrame(rows, columns=["joint", "column", "unit"])
+
+
+def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
+    """Every table by the name of its file."""
+    fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
+    moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty)
+    makers = (*fits, models, presliding, breakaway, hysteresis, *moving, units)
+    return {maker.__name__: maker(joints) for maker in makers}

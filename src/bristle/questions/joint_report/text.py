@@ -1,0 +1,197 @@
+"""The fit report as plain text, in the manner people know from lmfit."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.slow_loading import Loop
+from bristle.identification.results import (
+    Crosscheck,
+    Estimate,
+    Joint,
+    Presliding,
+    PreslidingFit,
+    StaticFit,
+    TrackingFit,
+)
+from bristle.model.parameters import unit
+from bristle.page.wording import WORK, percent, printable
+from bristle.questions.joint_report.dynamic import FITS, bias_text, biased, fits, reached
+from bristle.questions.joint_report.presliding import bias, choice, methods
+
+_CORRELATED = 0.5
+"""Correlations below this are not printed."""
+
+
+def fit_report(joints: Sequence[Joint]) -> str:
+    """Per joint and direction: outcome, statistics, parameters with errors and 95 % intervals, correlations, doubts, cross-check.
+
+    Then presliding, moving runs, and whether the stages agree.
+    """
+    return "\n".join(line for joint in joints for line in _joint(joint)) + "\n"
+
+
+def _joint(joint: Joint) -> Iterator[str]:
+    yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
+    yield from _sentences("doubt", joint.doubts)
+    for direction, fit in joint.static.items():
+        yield from _fit(direction, fit)
+        if direction in joint.crosscheck:
+            yield from _check(joint.crosscheck[direction])
+    for direction, check in joint.crosscheck.items():
+        if direction not in joint.static:
+            yield from _check(check)
+    if joint.presliding:
+        yield from _presliding(joint, joint.presliding)
+    for kind, moving in fits(joint).items():
+        yield from _tracking(joint, FITS[kind], moving)
+    if joint.consistency:
+        yield from _consistency(joint)
+    yield from (f"  [[models on {x.data}]] {printable(x.sentence)}" for x in joint.models)
+
+
+def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
+    points = f"{fit.n} points, {fit.dof} degrees of freedom"
+    yield f"  [[{direction}]] {fit.outcome.value}"
+    yield f"    {'data':<15}= {points}"
+    yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit)}".rstrip()
+    yield f"    {'relative error':<15}= {_number(fit.relative_error)} %"
+    for held in fit.hold_out:
+        yield f"    {'hold-out':<15}= {_number(held.relative_error)} % on {printable(held.file)}"
+    yield from _parameters("parameters", fit.parameters)
+    yield from _correlations(fit.names, fit.covariance)
+    yield from _parameters("without the points that stick and slip", fit.without_stick_slip)
+    yield from _sentences("doubt", fit.doubts)
+
+
+def _parameters(title: str, parameters: Mapping[str, Estimate]) -> Iterator[str]:
+    if not parameters:
+        return
+    yield f"    [[{title}]]"
+    for name, e in parameters.items():
+        yield f"      {name + ':':<13}{_estimate(e)}"
+        yield from (f"        ({printable(doubt)})" for doubt in e.doubts)
+
+
+def _estimate(e: Estimate) -> str:
+    if e.value is None:
+        return "not estimated"
+    error = "" if (text := _number(e.standard_error)) == "none" else f" +/- {text}"
+    share = percent(e)
+    relative = "" if share is None else f" ({share:.2f} %)"
+    interval = "no interval" if e.interval is None else f"[{_number(e.interval[0])}, {_number(e.interval[1])}]"
+    return f"{e.value:<12.7g}{error}{relative} {e.unit}, 95 %: {interval}"
+
+
+def _correlations(names: Sequence[str], covariance: Array) -> Iterator[str]:
+    error = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = covariance / np.outer(error, error)
+    pairs = [
+        (float(correlation[i, k]), a, b)
+        for i, a in enumerate(names)
+        for k, b in enumerate(names)
+        if i < k and abs(correlation[i, k]) > _CORRELATED
+    ]
+    if pairs:
+        yield f"    [[correlations above {_CORRELATED}]]"
+    for value, a, b in sorted(pairs, key=lambda pair: -abs(pair[0])):
+        yield f"      C({a}, {b}) = {value:+.4f}"
+
+
+def _check(check: Crosscheck, of: str = "grid") -> Iterator[str]:
+    yield "    [[cross-check]]"
+    yield f"      {printable(check.verdict)}"
+    yield f"      cost: {of} {check.cost_grid:.8g}, full {check.cost_full:.8g}; {check.reached} of {check.starts} starts reached it"
+
+
+def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
+    for d, fit in slow.fits.items():
+        yield from _slow(joint, fit, slow.breakaway.get(d))
+    yield from _hysteresis(joint, slow.loops)
+    if slow.doubts:
+        yield "  [[presliding as a whole]]"
+    yield from _sentences("doubt", slow.doubts)
+
+
+def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[str]:
+    torque, error = unit("torque", joint.kind), _number(fit.level_standard_error)
+    yield f"  [[presliding {fit.direction}]] {choice(fit)}"
+    yield f"    {'data':<15}= {len(fit.loadings)} loadings, {fit.counts} count edges"
+    yield f"    {'level g0':<15}= {fit.level:.5g} +/- {error} {torque}, from {printable(fit.level_source)}"
+    yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
+    if breakaway:
+        yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
+        yield from (f"        ({printable(doubt)})" for doubt in breakaway.doubts)
+    yield from _parameters(
+        "sigma_0", {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
+    )
+    yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1})
+    yield from _sentences("doubt", fit.doubts)
+
+
+def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
+    yield f"  [[{name}]] {printable(fit.outcome)}"
+    yield f"    {'data':<15}= {fit.n} equations in {len(fit.starts_of_runs)} {_plural('stretch', 'es', len(fit.starts_of_runs))}"
+    yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit(fit.quantity, joint.kind)}"
+    yield f"    {'relative error':<15}= {_number(fit.relative_error)} %"
+    for held in fit.hold_out:
+        yield f"    {'hold-out':<15}= {_number(held.relative_error)} % on {printable(held.file)}"
+    yield f"    {'starts':<15}= {reached(fit)}"
+    yield f"    {'condition':<15}= {_number(fit.condition)}"
+    yield from _parameters("parameters", fit.parameters)
+    yield from _count_bias(fit)
+    yield from _correlations(fit.names, fit.covariance)
+    yield from _sentences("doubt", fit.doubts)
+    if fit.check:
+        yield from _check(fit.check, "this fit")
+
+
+def _count_bias(fit: TrackingFit) -> Iterator[str]:
+    found = biased(fit)
+    if found:
+        yield "    [[what encoder counts added, which is taken off]]"
+    yield from (f"      {name + ':':<13}{bias_text(fit, name, bias, share)}" for name, bias, share in found)
+
+
+def _consistency(joint: Joint) -> Iterator[str]:
+    """Each parameter from its own stage, the moving runs alone, and all at once."""
+    yield "  [[consistency]] Each parameter from a stage of its own, beside the moving runs."
+    for x in joint.consistency:
+        own = f"{x.stage} {_pair(x.stage_value, x.stage_error)}"
+        moving = f"moving runs {_pair(x.tracking_value, x.tracking_error)}"
+        apart = "" if x.difference is None else f"; {x.difference:+.2f} standard errors apart"
+        both = f"joint fit {_pair(x.joint_value, x.joint_error)}"
+        yield f"    {x.parameter + ':':<13}{own}; {moving}{apart}; {both}. {printable(x.verdict)}"
+
+
+def _pair(value: float | None, error: float | None) -> str:
+    return _number(value) if error is None else f"{_number(value)} +/- {_number(error)}"
+
+
+def _plural(word: str, ending: str, count: int) -> str:
+    return word if count == 1 else word + ending
+
+
+def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
+    stiffness = unit("sigma_0", joint.kind)
+    if loops:
+        yield "  [[hysteresis]] Regression of torque on displacement, inverse regression and secant differ because the loop is wide."
+    for x in loops:
+        slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
+        where = f"{printable(x.file)} rows {x.start}-{x.stop}"
+        yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {x.counts} counts"
+
+
+def _sentences(label: str, sentences: Sequence[str]) -> Iterator[str]:
+    yield from (f"    {label}: {printable(sentence)}" for sentence in sentences)
+
+
+def _torque_unit(fit: StaticFit) -> str:
+    return fit.parameters["alpha_0"].unit if "alpha_0" in fit.parameters else ""
+
+
+def _number(x: float | None) -> str:
+    return "none" if x is None or math.isnan(x) else f"{x:.5g}"

@@ -1,0 +1,1 @@
+"""How far the grid method is to be trusted at a joint's own design."""

@@ -1,0 +1,122 @@
+"""What is put on trial: a joint's own directions as they were measured, or a declared sweep over Table 1."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
+from bristle.identification.results import Joint, StaticFit
+from bristle.identification.static.grid import default_range
+from bristle.model.parameters import Kind, Lugre
+from bristle.questions.method_validation.solvers import NAMES, Case
+from bristle.simulation import edro
+
+NOISES = (0.005, 0.05)
+"""Of the sweep: standard deviation of a point's torque over alpha_0."""
+FASTEST = 11.0
+"""Of the sweep: the fastest speed over v_s."""
+MOST_POINTS = 400
+"""Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
+ASSUMPTIONS = (
+    "SIMULATED: torques are those of the model at the velocities named, with white Gaussian noise; no run is simulated, and no velocity is in error.",
+    "Each direction stands alone: what directions share (inertia, gravity, offset) is taken as known.",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """What is put on trial."""
+
+    title: str
+    kind: Kind
+    cases: tuple[Case, ...]
+    skipped: Mapping[str, str] = field(default_factory=dict)
+    """Directions that cannot be tried, each with the reason."""
+    assumptions: tuple[str, ...] = ASSUMPTIONS
+
+
+def sweep_designs(v_s: float) -> dict[str, Array]:
+    """Three designs for a Stribeck velocity (rad/s): velocities, rad/s, by what they are."""
+    return {
+        "16 speeds, even in the logarithm, from 0.15 v_s": np.geomspace(0.15 * v_s, FASTEST * v_s, 16),
+        "12 speeds, even, from 0.5 v_s": np.linspace(0.5 * v_s, FASTEST * v_s, 12),
+        "12 speeds, even, none below 1.5 v_s": np.linspace(1.5 * v_s, FASTEST * v_s, 12),
+    }
+
+
+def sweep(noise: float | None = None) -> Subject:
+    """Every set of Table 1, at two noise levels (or at `noise`, a share of alpha_0, > 0) and three designs."""
+    levels = NOISES if noise is None else (noise,)
+    sets = [
+        (f"{name} ({sign})", sign, p) for name, pair in edro.TABLE_1.items() for sign, p in zip("+-", pair, strict=True)
+    ]
+    cases = tuple(
+        _case(label, design, p, speeds if sign == "+" else -speeds, level * p.alpha_0)
+        for label, sign, p in sets
+        for design, speeds in sweep_designs(p.v_s).items()
+        for level in levels
+    )
+    return Subject(title="Table 1", kind="revolute", cases=cases)
+
+
+def own_cases(joint: Joint, noise: float | None = None) -> Subject:
+    """A case per direction in which the joint's static fit has a Stribeck term, and why the others have none.
+
+    Args:
+        joint: identified.
+        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the four parameters.
+
+    Raises InputError where nothing at all was fitted.
+    """
+    check_fitted(joint)
+    cases, skipped = [], {}
+    for direction, fit in joint.static.items():
+        if direction == "shared":
+            continue
+        p = fit.values()
+        if p is None or not p.alpha_1 or fit.profile is None:
+            skipped[direction] = f"nothing to try: {fit.outcome}"
+            continue
+        chosen, level = _points(fit)
+        own = level if noise is None else noise * p.alpha_0
+        if own <= 1e-9 * p.alpha_0:
+            skipped[direction] = (
+                "nothing to try: the points lie on the model without noise; choose a noise level with --noise"
+            )
+            continue
+        ends = (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
+        label = joint.name if direction == "both" else f"{joint.name} ({direction})"
+        cases.append(_case(label, f"the {fit.n} points measured", p, chosen, own, ends))
+    if not cases and not skipped:
+        skipped["both directions"] = "nothing to try: no friction over velocity was fitted by the grid."
+    return Subject(title=joint.name, kind=joint.kind, cases=tuple(cases), skipped=skipped)
+
+
+def check_fitted(joint: Joint) -> None:
+    """Raises InputError where a joint has neither a static nor a moving fit, so that there is nothing to check."""
+    if joint.moving is not None or any(fit.values() for d, fit in joint.static.items() if d != "shared"):
+        return
+    why = "; ".join(dict.fromkeys(fit.outcome.rstrip(".") for fit in joint.static.values()))
+    got = f"no fit of friction over velocity ({why})" if why else "no ramp, points or tracking run that is fitted"
+    raise InputError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
+
+
+def _points(fit: StaticFit) -> tuple[Array, float]:
+    """Velocities to simulate, rad/s, and their noise, N*m; equations of moving data are thinned, their noise widened for its correlation."""
+    v = fit.velocity
+    level = float(np.sqrt(np.sum(fit.residuals**2) / (v.size - len(NAMES))))
+    if v.size <= MOST_POINTS:
+        return v, level
+    evenly = np.sort(v)[np.linspace(0, v.size - 1, MOST_POINTS).astype(np.intp)]
+    return evenly[evenly != 0], level * float(np.sqrt(inflation(fit.residuals) * MOST_POINTS / v.size))
+
+
+def _case(
+    label: str, design: str, p: Lugre[float], velocity: Array, noise: float, ends: tuple[float, float] | None = None
+) -> Case:
+    return Case(
+        label=label, design=design, truth=p, velocity=velocity, noise=noise, v_s_range=ends or default_range(velocity)
+    )

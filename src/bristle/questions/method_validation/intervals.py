@@ -1,0 +1,72 @@
+"""How often 95 % intervals cover the truth in a trial, and how often bristle gives none."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.estimation import covariance
+from bristle.identification.static.batch import Batch
+from bristle.identification.static.bootstrap import Resampled, resample
+from bristle.identification.static.doubts import is_closed
+from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.grid import solve
+from bristle.identification.static.problem import from_points
+from bristle.questions.method_validation import solvers as methods
+from bristle.questions.method_validation.results import Coverage
+from bristle.questions.method_validation.solvers import NAMES, Case
+
+COVERED, BOOTSTRAPPED, DRAWS = 200, 100, 399
+"""Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
+
+
+def covered(case: Case, theta: Array, cost: Array) -> NDArray[np.bool_]:
+    """Which 95 % intervals by the exact Jacobian's covariance cover the truth, (4, sets); theta (4, sets), cost (sets,)."""
+    n, p = case.velocity.size, len(NAMES)
+    jacobian = methods.jacobians(case, theta)
+    length = np.linalg.norm(jacobian, axis=1)
+    alive = (length > 0).all(axis=1)
+    scaled = jacobian[alive] / length[alive, None, :]
+    values, vectors = np.linalg.eigh(scaled.transpose(0, 2, 1) @ scaled)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.einsum("sij,sj->si", vectors**2, np.where(values > 1e-13, 1 / values, np.inf))
+    error = np.full((p, cost.size), np.nan)
+    error[:, alive] = np.sqrt(inverse).T / length[alive].T * np.sqrt(cost[alive] / (n - p))
+    error[~np.isfinite(error)] = np.nan
+    inside: NDArray[np.bool_] = np.abs(theta - case.theta[:, None]) <= covariance.student(n - p) * error
+    return inside
+
+
+def coverage(case: Case, torques: Array, *, blind: bool) -> tuple[Coverage, ...]:
+    """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
+    few = np.ascontiguousarray(torques[:, :COVERED])
+    found = Batch(case.problem(few[:, 0]), few, case.v_s_range)
+    ends = {"covariance": found.covariance_intervals(), "profile": found.profile_intervals()}
+    if not blind:
+        resampled = [_resampled(case, torque) for torque in few.T[:BOOTSTRAPPED]]
+        ends["bootstrap-t"] = (
+            np.stack([x.low for x in resampled], axis=1),
+            np.stack([x.high for x in resampled], axis=1),
+        )
+    return tuple(
+        Coverage(
+            kind=kind,
+            repetitions=low.shape[1],
+            share=((low <= case.theta[:, None]) & (case.theta[:, None] <= high)).mean(axis=1),
+        )
+        for kind, (low, high) in ends.items()
+    )
+
+
+def _resampled(case: Case, torque: Array) -> Resampled:
+    problem = case.problem(torque)
+    return resample(problem, solve(problem, case.v_s_range), case.v_s_range, DRAWS)
+
+
+def declined(case: Case, torques: Array) -> float:
+    """Share of data sets of which bristle says that v_s is not identifiable, or has no finite interval."""
+    options = FitOptions(v_s_range=case.v_s_range)
+    known = [
+        estimate_static(from_points(case.velocity, t, ("both",)), options, "revolute").get("v_s") for t in torques.T
+    ]
+    return float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in known]))

@@ -1,0 +1,215 @@
+"""The methods on trial: grids, and local solvers from a start, for velocity-torque points of one direction.
+
+Each takes torques (n, sets) that share their velocities and returns theta (4, sets), in the order of `NAMES`, which is `Regression.names`'.
+Local solvers see the same scaled variables, v_s by its logarithm, and stay within the grid's bounds: alpha >= 0, v_s in its range.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import least_squares
+
+from bristle.arrays import Array
+from bristle.data.record import freeze
+from bristle.estimation.ipopt import solver
+from bristle.identification.static import grid
+from bristle.identification.static.crosscheck import OPTIONS
+from bristle.identification.static.problem import Regression, from_points
+from bristle.model import law
+from bristle.model.functions import steady_jacobian, steady_torque
+from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
+
+NAMES = ("alpha_0", "alpha_2", "alpha_1", "v_s")
+"""Order of theta."""
+LMFIT = find_spec("lmfit") is not None
+"""Whether lmfit is installed."""
+_BEYOND = 1e3
+"""How far beyond the grid's range v_s may go where it is set free, as a factor."""
+_TOLERANCE = 1e-12
+"""Of SciPy's solver, so that it ends in a minimum and not before."""
+_BLOCK = 500
+"""Values of a plain grid worked on at a time."""
+
+Local = Callable[[Array, Array], Array]
+"""From torques (n,) and a start theta (4,) to theta (4,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """What is simulated: one direction of a joint, measured at some velocities."""
+
+    label: str
+    design: str
+    """The velocities in words."""
+    truth: Lugre[float]
+    """Parameters that the points are simulated from; only the static ones count."""
+    velocity: Array
+    """rad/s, (n,), none zero, n > 4."""
+    noise: float
+    """Standard deviation of a point's torque, N*m, > 0."""
+    v_s_range: tuple[float, float]
+    """Where v_s is searched, rad/s."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+    @property
+    def theta(self) -> Array:
+        """The truth in the order of `NAMES`, (4,)."""
+        return np.array([getattr(self.truth, name) for name in NAMES])
+
+    @property
+    def scale(self) -> Array:
+        """A typical size of alpha_0, alpha_2, alpha_1: the largest torque over the column's largest entry, (3,)."""
+        top = float(np.abs(modelled(self, self.theta[:, None])).max())
+        return np.array([top, top / float(np.abs(self.velocity).max()), top])
+
+    def problem(self, torque: Array) -> Regression:
+        """The static problem of one data set, torque (n,)."""
+        return from_points(self.velocity, torque, ("both",))
+
+
+def modelled(case: Case, theta: Array) -> Array:
+    """T_ss (9) at the case's velocities for theta (4, sets): (n, sets), N*m."""
+    alpha_0, alpha_2, alpha_1, v_s = theta
+    (torque,) = evaluate(steady_torque(), case.velocity[:, None], alpha_0, alpha_1, alpha_2, v_s)
+    return torque
+
+
+def costs(case: Case, torques: Array, theta: Array) -> Array:
+    """J_s (10) of each set at its theta, (sets,), (N*m)**2."""
+    residuals = torques - modelled(case, theta)
+    total: Array = np.einsum("ns,ns->s", residuals, residuals)
+    return total
+
+
+def jacobians(case: Case, theta: Array) -> Array:
+    """Exact derivative of the modelled torque with respect to theta (4, sets): (sets, n, 4)."""
+    alpha_0, alpha_2, alpha_1, v_s = theta[..., None]
+    by = evaluate(steady_jacobian(), case.velocity, alpha_0, alpha_1, alpha_2, v_s)
+    return np.stack([by[0], by[2], by[1], by[3]], axis=-1)
+
+
+def random_starts(case: Case, count: int, rng: np.random.Generator) -> Array:
+    """Starts anywhere within the grid's bounds, (count, 4): alphas uniform up to their typical sizes, v_s even in its logarithm."""
+    linear = rng.uniform(0.0, 1.0, (count, 3)) * case.scale
+    low, high = np.log(case.v_s_range)
+    v_s = np.exp(rng.uniform(low, high, (count, 1)))
+    return np.concatenate([linear, v_s], axis=1)
+
+
+def plain(case: Case, torques: Array, count: int) -> Array:
+    """`static.plain_grid` of `count` values for many sets: (13) at each value, for all sets in one matrix product.
+
+    A set whose free solution at the best value breaks a bound is solved by `static.plain_grid` itself.
+    """
+    projected = grid.Projected(case.problem(torques[:, 0]))
+    values = np.linspace(*case.v_s_range, count)
+    gain, best = np.full(torques.shape[1], -1.0), np.zeros(torques.shape[1], dtype=np.intp)
+    for first in range(0, count, _BLOCK):
+        off, length = projected.off(values[first : first + _BLOCK])
+        gains = np.maximum(off.T @ torques, 0.0) ** 2 / length[:, None]
+        lowest = gains.argmax(axis=0)
+        higher = np.take_along_axis(gains, lowest[None], axis=0)[0]
+        best = np.where(higher > gain, first + lowest, best)
+        gain = np.maximum(gain, higher)
+    v_s = values[best]
+    off, length = projected.off(v_s)
+    alpha_1 = np.maximum(np.einsum("ns,ns->s", off, torques), 0.0) / length
+    inside = projected.q.T @ projected.problem.shapes(v_s)
+    linear = projected.back(projected.q.T @ torques - inside * alpha_1)
+    theta = np.vstack([linear, alpha_1, v_s])
+    for k in np.flatnonzero((linear <= 0).any(axis=0)):
+        theta[:, k] = grid.plain_grid(case.problem(torques[:, k]), case.v_s_range, count)[2]
+    return theta
+
+
+def refined(case: Case, torques: Array) -> Array:
+    """`static.solve`, set by set."""
+    return np.stack([grid.solve(case.problem(torque), case.v_s_range).theta for torque in torques.T], axis=1)
+
+
+def ipopt(case: Case, *, free: bool = False) -> Local:
+    """All parameters at once by CasADi and IPOPT, built once, each data set a parameter; `free`: v_s up to 1000 times beyond the grid's range."""
+    low, high = np.log(case.v_s_range) + np.log(_BEYOND) * np.array([-1.0, 1.0]) * free
+    scale, top = case.scale, float(case.scale[0])
+    x, torque = ca.SX.sym("x", 4), ca.SX.sym("torque", case.velocity.size)
+    a = [x[k] * float(scale[k]) for k in range(3)]
+    curve = law.steady_torque(ca.DM(case.velocity), Lugre(a[0], a[2], a[1], ca.exp(x[3]), 1.0, 0.0))
+    residual = (torque - curve) / top
+    full = solver("full", x, ca.dot(residual, residual), torque, **OPTIONS)
+    lower, upper = np.array([0.0, 0.0, 0.0, low]), np.array([np.inf, np.inf, np.inf, high])
+
+    def fit(measured: Array, start: Array) -> Array:
+        """Where IPOPT ends."""
+        x0 = np.append(start[:3] / scale, np.log(start[3]))
+        end = np.asarray(full(x0=x0, p=measured, lbx=lower, ubx=upper)["x"]).ravel()
+        return np.append(end[:3] * scale, np.exp(end[3]))
+
+    return fit
+
+
+def trf(case: Case) -> Local:
+    """SciPy's least_squares: trust region reflective within the bounds, exact Jacobian."""
+    scale, (low, high) = case.scale, np.log(case.v_s_range)
+    bounds = (np.array([0.0, 0.0, 0.0, low]), np.array([np.inf, np.inf, np.inf, high]))
+
+    def to_theta(x: Array) -> Array:
+        """Theta from the scaled variables."""
+        return np.append(x[:3] * scale, np.exp(x[3]))
+
+    def fit(measured: Array, start: Array) -> Array:
+        """Where SciPy ends; residuals are scaled by the largest torque."""
+        problem, top = case.problem(measured), float(scale[0])
+
+        def residuals(x: Array) -> Array:
+            """Measured minus modelled torque, (n,)."""
+            return problem.residuals(to_theta(x)) / top
+
+        def jacobian(x: Array) -> Array:
+            """Its exact derivative with respect to x, (n, 4)."""
+            theta = to_theta(x)
+            slopes: Array = -problem.jacobian(theta) * np.append(scale, theta[3]) / top
+            return slopes
+
+        x0 = np.append(start[:3] / scale, np.clip(np.log(start[3]), low, high))
+        found = least_squares(
+            residuals, x0, jacobian, bounds, method="trf", ftol=_TOLERANCE, xtol=_TOLERANCE, gtol=_TOLERANCE
+        )
+        return to_theta(found.x)
+
+    return fit
+
+
+def lmfit(case: Case) -> Local:
+    """The default of lmfit (Levenberg-Marquardt on transformed variables, differences for derivatives), with the same bounds and start."""
+    from lmfit import Parameters, minimize
+
+    names, (low, high) = NAMES, case.v_s_range
+
+    def fit(measured: Array, start: Array) -> Array:
+        """Where lmfit ends."""
+        problem, parameters = case.problem(measured), Parameters()
+        for name, value in zip(names[:3], start[:3].tolist(), strict=True):
+            parameters.add(name, value=value, min=0.0)
+        parameters.add(names[3], value=float(np.clip(start[3], low, high)), min=low, max=high)
+
+        def residuals(at: Parameters) -> Array:
+            """Measured minus modelled torque, (n,)."""
+            return problem.residuals(np.array([at[name].value for name in names]))
+
+        found = minimize(residuals, parameters).params
+        return np.array([found[name].value for name in names])
+
+    return fit
+
+
+def local_methods(case: Case) -> dict[str, Local]:
+    """The local solvers by name, ready for the case; lmfit where it is installed."""
+    found = {"IPOPT": ipopt(case), "SciPy TRF": trf(case)}
+    return found | {"lmfit": lmfit(case)} if LMFIT else found

@@ -1,0 +1,1 @@
+"""Which parameters matter, along a motion and over their intervals."""

@@ -1,0 +1,272 @@
+"""What matters, and when: the derivative of the friction torque by each parameter along a sinusoidal motion, at fixed z and through the bristle.
+
+    partial    p dT_f / dp  at the bristle's deflection as it is
+    total      p (dT_f / dp + dT_f / dz dz / dp),  z along the whole motion
+
+Both in N*m for a change of the parameter by its own size, so that parameters compare. Of a pair of sets both directions change by the same share.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.control.wiring import Course
+from bristle.data.record import freeze
+from bristle.errors import InputError
+from bristle.identification.fisher import cleared
+from bristle.model import functions
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout, rollout_jacobian
+from bristle.model.vectorize import evaluate
+from bristle.simulation.joint_loop import sine
+
+CLAIMED = frozenset({"alpha_0", "alpha_2"})
+"""The parameters that matter most, as section 3.3 of the paper has it."""
+DURATION, PERIOD = 10.0, 1e-3
+"""Of a motion, s; slow ones last two of their periods, fast ones are sampled as often as a period needs."""
+_OFTEN = 200
+"""Samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there."""
+_CELL = 1000
+"""Samples of a period in the map."""
+FREQUENCIES = (1e-6, 1e4)
+"""Hz, of a motion that makes sense."""
+_SLOWEST = 1e-300
+"""The speed at which the joint breaks away, in the limit."""
+
+
+class Motion(NamedTuple):
+    """A sinusoidal reference, amplitude sin(2 pi frequency t), with the bristle undeflected at its beginning."""
+
+    amplitude: float
+    """rad."""
+    frequency: float
+    """Hz."""
+    duration: float = DURATION
+    """s."""
+    period: float = PERIOD
+    """Time between samples, s."""
+
+    @property
+    def course(self) -> Course:
+        """Position, velocity and acceleration at the samples."""
+        return sine(*self)
+
+    @property
+    def time(self) -> Array:
+        """Of the samples, s, (n,)."""
+        return self.period * np.arange(self.course.velocity.size, dtype=np.float64)
+
+    @property
+    def samples(self) -> int:
+        """Of one period."""
+        return round(1 / (self.frequency * self.period))
+
+    @property
+    def top_speed(self) -> float:
+        """rad/s."""
+        return 2 * np.pi * self.frequency * self.amplitude
+
+
+def motion(amplitude: float, frequency: float) -> Motion:
+    """The motion over the paper's window of 10 s at 1 kHz; two periods where that is longer, 200 samples a period where it is faster.
+
+    Raises InputError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency outside `FREQUENCIES`.
+    """
+    for name, x in (("amplitude", amplitude), ("frequency", frequency)):
+        if not 0 < x < np.inf:
+            raise InputError(f"{name}: got {x:g}; expected a positive number")
+    low, high = FREQUENCIES
+    if not low <= frequency <= high:
+        raise InputError(
+            f"frequency: got {frequency:g} Hz; expected {low:g} to {high:g} Hz: choose one at which the joint may move"
+        )
+    duration = max(min(DURATION, _OFTEN / frequency), 2 / frequency)
+    return Motion(amplitude, frequency, duration, min(PERIOD * duration / DURATION, 1 / (_OFTEN * frequency)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Local:
+    """Derivatives along one motion; columns in the order of `Lugre`."""
+
+    time: Array
+    """s, (n,)."""
+    velocity: Array
+    """rad/s, (n,)."""
+    torque: Array
+    """T_f, N*m, (n,)."""
+    partial: Array
+    """p dT_f / dp at fixed z, N*m, (n, 6)."""
+    total: Array
+    """The same through the bristle, N*m, (n, 6)."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+    def shares(self, *, partial: bool = False, last: int | None = None) -> Array:
+        """RMS of each derivative over the RMS of T_f, (6,); over the whole motion, or its last samples only."""
+        window = slice(None if last is None else -last, None)
+        slopes = (self.partial if partial else self.total)[window]
+        return rms(slopes) / rms(self.torque[window])
+
+    @property
+    def ranking(self) -> tuple[str, ...]:
+        """The parameters, the one with the largest total share first."""
+        return ranked(self.shares())
+
+
+def rms(values: Array) -> Array:
+    """Root mean square over the samples, (n,) -> () or (n, k) -> (k,)."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def ranked(shares: Array) -> tuple[str, ...]:
+    """LuGre's parameters by their shares (6,), the largest first."""
+    return tuple(Lugre._fields[k] for k in np.argsort(-shares, kind="stable"))
+
+
+def local(p: Lugre[float] | Pair[float], moved: Motion) -> Local:
+    """Both derivatives of the friction torque along a motion; exact, by CasADi."""
+    velocity = moved.course.velocity
+    rolled = rollout_jacobian(velocity, moved.period, p, 0.0)
+    scaled = cleared(rolled.by_parameters) * np.concatenate([p] if isinstance(p, Lugre) else p)
+    return Local(
+        time=moved.time,
+        velocity=velocity,
+        torque=rolled.torque,
+        partial=_partial(rolled.z, velocity, p),
+        total=scaled.reshape(velocity.size, -1, len(Lugre._fields)).sum(axis=1),
+    )
+
+
+def _partial(z: Array, v: Array, p: Lugre[float] | Pair[float]) -> Array:
+    """The same at given z and v, (n, 6), by the set that acts there."""
+    acting: Sequence[float | Array] = (
+        p if isinstance(p, Lugre) else evaluate(functions.active(), z, v, *p.positive, *p.negative)
+    )
+    _, _, *slopes = evaluate(functions.torque_sensitivity(), z, v, *acting)
+    return np.column_stack([np.multiply(size, slope) for size, slope in zip(acting, slopes, strict=True)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Map:
+    """Total shares in settled motion, over amplitude and frequency."""
+
+    amplitudes: Array
+    """rad, (a,), ascending."""
+    frequencies: Array
+    """Hz, (f,), ascending."""
+    shares: Array
+    """RMS of p dT_f / dp over the RMS of T_f, (a, f, 6)."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+    @property
+    def first(self) -> NDArray[np.intp]:
+        """Which parameter ranks first, as its place in `Lugre`, (a, f)."""
+        return np.asarray(self.shares.argmax(axis=-1))
+
+    @property
+    def claim(self) -> NDArray[np.bool_]:
+        """Whether alpha_0 and alpha_2 are the first two, (a, f)."""
+        flat = self.shares.reshape(-1, self.shares.shape[-1])
+        return np.array([claimed(row) for row in flat]).reshape(self.first.shape)
+
+
+def claimed(shares: Array) -> bool:
+    """Whether the paper's two parameters are the first two among shares (6,)."""
+    return set(ranked(shares)[:2]) == CLAIMED
+
+
+def grid(moved: Motion) -> tuple[Array, Array]:
+    """Amplitudes from 1/1000 to 10 times that of a motion, frequencies from 1/20 to 20 times its own, in thirds of a decade; it is among them."""
+    third = np.arange(-9, 4) / 3
+    return moved.amplitude * 10**third, moved.frequency * 10 ** (np.arange(-4, 5) / 3)
+
+
+def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencies: Array) -> Map:
+    """The total shares of a sine's third period from rest, for each amplitude (a,), rad, and frequency (f,), Hz."""
+    shares = [[_settled(p, float(a), float(f)) for f in frequencies] for a in amplitudes]
+    return Map(amplitudes=amplitudes, frequencies=frequencies, shares=np.array(shares))
+
+
+def _settled(p: Lugre[float] | Pair[float], amplitude: float, frequency: float) -> Array:
+    moved = Motion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))
+    return local(p, moved).shares(last=_CELL)
+
+
+class Swing(NamedTuple):
+    """What one parameter does to an output on its way through an interval."""
+
+    parameter: str
+    at_low: float
+    """The output at the interval's lower end, all else as it is."""
+    at_high: float
+
+    @property
+    def width(self) -> float:
+        """How far the output moves."""
+        return abs(self.at_high - self.at_low)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tornado:
+    """What the parameters' intervals do to one output, the widest swing first."""
+
+    output: str
+    quantity: str
+    """`torque` or `position`: the unit of the output."""
+    value: float
+    """With every parameter as it is."""
+    swings: tuple[Swing, ...]
+
+
+OUTPUTS: dict[str, str] = {
+    "RMS friction torque of the settled motion": "torque",
+    "breakaway torque": "torque",
+    "steady torque at top speed": "torque",
+    "deflection at breakaway": "position",
+}
+"""What tornado charts are drawn of, and its quantity. Of a pair, what belongs to a direction is the mean of both."""
+
+
+def tornado(
+    p: Lugre[float] | Pair[float], intervals: Mapping[str, tuple[float, float]], moved: Motion
+) -> tuple[Tornado, ...]:
+    """Each output with every parameter moved alone from one end of its interval to the other.
+
+    `intervals` holds parameters by their names as in `replaced`; who has none is left out.
+    """
+    middle = _outputs(p, moved)
+    ends = {name: [_outputs(replaced(p, name, x), moved) for x in interval] for name, interval in intervals.items()}
+    found = []
+    for output, quantity in OUTPUTS.items():
+        swings = [Swing(name, low[output], high[output]) for name, (low, high) in ends.items()]
+        widest = tuple(sorted(swings, key=lambda swing: -swing.width))
+        found.append(Tornado(output=output, quantity=quantity, value=middle[output], swings=widest))
+    return tuple(found)
+
+
+def replaced(p: Lugre[float] | Pair[float], name: str, value: float) -> Lugre[float] | Pair[float]:
+    """The parameters with one of them another; its name as in `information.names_of`, or bare for both sets of a pair."""
+    if isinstance(p, Lugre):
+        return p._replace(**{name: value})
+    if name[-1] not in "+-":
+        return Pair(*(one._replace(**{name: value}) for one in p))
+    side = "positive" if name.endswith("+") else "negative"
+    return p._replace(**{side: getattr(p, side)._replace(**{name[:-1]: value})})
+
+
+def _outputs(p: Lugre[float] | Pair[float], moved: Motion) -> dict[str, float]:
+    sets: Sequence[Lugre[float]] = [p] if isinstance(p, Lugre) else p
+    torques = [evaluate(functions.steady_torque(), np.array([_SLOWEST, moved.top_speed]), *one[:4])[0] for one in sets]
+    deflections = [evaluate(functions.steady_deflection(), _SLOWEST, *one)[0] for one in sets]
+    breakaway, fast = np.mean(torques, axis=0).tolist()
+    settled = float(rms(rollout(moved.course.velocity, moved.period, p, 0.0).torque[-moved.samples :]))
+    return dict(zip(OUTPUTS, (settled, breakaway, fast, float(np.mean(deflections))), strict=True))

@@ -1,0 +1,96 @@
+"""A box of LuGre parameters: one interval for each that is drawn, the others held; and joints at points of it."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.errors import InputError
+from bristle.identification.results import Estimate
+from bristle.model.parameters import Lugre, Pair
+
+DECADE = 10.0
+"""An interval whose ends have a larger ratio is drawn log-uniformly."""
+_SMALL = 0.01
+"""Where the interval of a positive parameter reaches zero, the box begins at this share of its value."""
+_POSITIVE = ("alpha_0", "v_s", "sigma_0")
+
+
+class Span(NamedTuple):
+    """The interval from which one parameter is drawn."""
+
+    parameter: str
+    low: float
+    high: float
+    logarithmic: bool
+    """Whether its logarithm is uniform, else itself."""
+
+    def at(self, share: Array) -> Array:
+        """The values at shares 0 to 1 of the way from low to high, in the logarithm where that is uniform."""
+        if self.logarithmic:
+            return np.asarray(self.low * (self.high / self.low) ** share)
+        return self.low + (self.high - self.low) * share
+
+
+def spans_of(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
+    """The intervals of a box, in its order. Raises InputError where it is empty or one of them is not an interval."""
+    if not box:
+        raise InputError("box is empty; expected at least one parameter with its interval")
+    for name, (low, high) in box.items():
+        if not (np.isfinite([low, high]).all() and low < high):
+            raise InputError(
+                f"box: {name}: got [{low:g}, {high:g}]; expected finite numbers, low < high: leave out what is to stay as it is"
+            )
+    return tuple(Span(name, low, high, low > 0 and high > DECADE * low) for name, (low, high) in box.items())
+
+
+def ordered(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
+    """The intervals in the order of `Lugre`, whatever the order of the box, so that this does not change the samples.
+
+    Names are those of `Lugre`, for both directions at once, or with + or - for one. Raises InputError where a name or an interval cannot be.
+    """
+    known = {name + d: None for name in Lugre._fields for d in ("", "+", "-")}
+    for name, (low, _) in box.items():
+        if name not in known or (name[-1] in "+-" and name[:-1] in box):
+            raise InputError(
+                f"box: got {name!r} among {', '.join(box)}; expected {', '.join(Lugre._fields)}, each for both directions, or with + and - for one"
+            )
+        if low < 0 or (low == 0 and name.rstrip("+-") in _POSITIVE):
+            raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
+    return spans_of({name: box[name] for name in known if name in box})
+
+
+def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[Array]:
+    """Both sets of the joint at each point, each parameter (n,); points (n, p), one column for each of the spans."""
+    drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
+    return Pair(
+        *(
+            Lugre(*(drawn.get(name + d, drawn.get(name, np.full(len(points), x))) for name, x in p._asdict().items()))
+            for d, p in zip("+-", pair, strict=True)
+        )
+    )
+
+
+def box_of(estimates: Mapping[str, Estimate]) -> tuple[dict[str, tuple[float, float]], tuple[str, ...]]:
+    """The box of the 95 % intervals of LuGre parameters by name, with + or - where they are of one direction, and what is to be said of it.
+
+    Other parameters are left out; so are those without a finite interval, with a sentence. An interval is cut at its physical bound, with a sentence.
+    """
+    box: dict[str, tuple[float, float]] = {}
+    said = []
+    for name, e in estimates.items():
+        bare = name.rstrip("+-")
+        if bare not in Lugre._fields or e.value is None:
+            continue
+        if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:
+            said.append(f"{name}: without a finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
+            continue
+        low, high = e.interval
+        if low < 0 or (low == 0 and bare in _POSITIVE):
+            low = _SMALL * min(e.value, high) if bare in _POSITIVE else 0.0
+            said.append(
+                f"{name}: its interval reaches down to what cannot be; it is drawn from {low:.3g} {e.unit} on (assumed)."
+            )
+        box[name] = (low, high)
+    return box, tuple(said)

@@ -1,0 +1,292 @@
+"""Sobol indices by SALib: which share of an output's variance each parameter makes alone, and which with all others, over a box of parameters.
+
+The parameters are drawn independently; correlations of a fit are not in it. Saltelli's sampling: samples * (parameters + 2) evaluations.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.control.closed_loop import simulate
+from bristle.control.wiring import Wiring
+from bristle.errors import InputError
+from bristle.model import functions
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.periodic import rms_torque
+from bristle.model.vectorize import evaluate
+from bristle.progress import Progress, teller
+from bristle.questions.sensitivity.parameter_box import Span, joints_at, ordered, spans_of
+from bristle.simulation.joint_loop import Subject
+
+"""Called with what is being done, how many steps are done, and how many there are."""
+RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
+"""Names of the outputs."""
+_Quantity = Literal["torque", "position"]
+LEVEL = 0.95
+"""Confidence of the half-widths, by a bootstrap over the samples ..."""
+RESAMPLES = 200
+"""... so often."""
+PERIODS, COUNTED = 2, 1
+"""Of the reference in each closed loop, and how many of the last of them count; the error then is within about 1 % of the settled one."""
+_TICKS = 9_000_000
+"""Control periods of all closed loops together, which bounds their samples: about half a minute."""
+_LEAST = 32
+"""Fewer samples tell nothing."""
+_LONGEST = 300_000
+"""Control periods of one loop, beyond which it is not simulated; ..."""
+_COARSE = 0.02
+"""... nor is it where one of them is a larger share of the reference's period."""
+_BATCH = 128
+"""Closed loops, and ..."""
+_ROWS = 1024
+"""... joints of the other outputs, between two calls of the progress."""
+_LOST = 10.0
+"""A loop diverges where its error is so many amplitudes."""
+_SAME = 1e-12
+"""An output that varies by no more than this share of itself does not depend on the parameters."""
+_BARELY = 1e-200
+"""A speed whose square is zero, rad/s."""
+
+
+class Effect(NamedTuple):
+    """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % confidence interval."""
+
+    parameter: str
+    first: float
+    """Of it alone, the others averaged over."""
+    first_half: float
+    total: float
+    """Of it with all its interactions."""
+    total_half: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Indices:
+    """Of one output."""
+
+    effects: tuple[Effect, ...]
+    """In the order of the box; empty where the output does not vary over it, so that there are no shares."""
+    mean: float
+    deviation: float
+    """Standard deviation over the box."""
+    samples: int
+    evaluations: int
+    """samples * (parameters + 2)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """One output of a joint."""
+
+    name: str
+    quantity: _Quantity
+    """What has its unit."""
+    indices: Indices | None
+    reason: str = ""
+    """Why there are no indices, where there are none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Global:
+    """Global sensitivity of one joint, simulated throughout."""
+
+    spans: tuple[Span, ...]
+    outputs: tuple[Output, ...]
+    """RMS friction torque along the reference, breakaway torque, RMS error of the compensated loop."""
+    amplitude: float
+    """Of the reference, a sine, rad."""
+    frequency: float
+    """Hz."""
+    seed: int
+
+
+def indices(
+    function: Callable[[Array], Array], box: Mapping[str, tuple[float, float]], samples: int, seed: int = 0
+) -> tuple[Indices, ...]:
+    """First-order and total Sobol indices of each output of a function over a box; Saltelli et al. 2010, by SALib.
+
+    Args:
+        function: (n, p) -> (n,), or (n, outputs); columns in the order of the box.
+        box: low and high of each parameter, drawn uniformly, or log-uniformly where they span more than a decade.
+        samples: a power of two; the function is evaluated at samples * (p + 2) points.
+        seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
+
+    Raises InputError where SALib is not installed, the box or the samples cannot be used, or the function's values are not finite numbers of
+    that shape.
+    """
+    spans = spans_of(box)
+    points = _points(spans, samples, seed)
+    values = np.asarray(function(points), dtype=np.float64)
+    if values.ndim not in (1, 2) or len(values) != len(points):
+        raise ValueError(
+            f"function returned shape {values.shape}; expected ({len(points)},) or ({len(points)}, outputs)"
+        )
+    if not np.isfinite(values).all():
+        raise InputError("function returned a value that is not finite; expected numbers throughout: narrow the box")
+    return tuple(_analysed(spans, column, samples, seed) for column in values.reshape(len(points), -1).T)
+
+
+def _points(spans: Sequence[Span], samples: int, seed: int) -> Array:
+    """Saltelli's sample of the box, (samples * (p + 2), p)."""
+    if samples < 2 or samples & (samples - 1) or seed < 0:
+        raise InputError(
+            f"got {samples} samples and seed {seed}; expected a power of two, as 256 or 1024, and a seed of zero or more"
+        )
+    shares = _salib().sample.sobol.sample(_problem(spans), samples, calc_second_order=False, seed=seed)
+    return np.column_stack([span.at(own) for span, own in zip(spans, shares.T, strict=True)])
+
+
+def _analysed(spans: Sequence[Span], values: Array, samples: int, seed: int) -> Indices:
+    effects: tuple[Effect, ...] = ()
+    if np.ptp(values) > _SAME * np.abs(values).max():
+        found = _salib().analyze.sobol.analyze(
+            _problem(spans), values, calc_second_order=False, num_resamples=RESAMPLES, conf_level=LEVEL, seed=seed + 1
+        )  # SALib takes a seed of zero for none
+        columns = (found[key].tolist() for key in ("S1", "S1_conf", "ST", "ST_conf"))
+        effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))
+    return Indices(
+        effects=effects, mean=float(values.mean()), deviation=float(values.std()), samples=samples, evaluations=values.size
+    )  # fmt: skip  # a list of values
+
+
+def _problem(spans: Sequence[Span]) -> dict[str, Any]:
+    """SALib's description of the unit cube."""
+    return {
+        "num_vars": len(spans),
+        "names": [span.parameter for span in spans],
+        "bounds": [[0.0, 1.0] for _ in spans],
+    }
+
+
+def _salib() -> Any:
+    """SALib. Raises InputError where it is not installed."""
+    try:
+        import SALib
+        import SALib.analyze.sobol
+        import SALib.sample.sobol
+    except ImportError as error:
+        raise InputError(
+            "Sobol indices need SALib, which is not installed; install it with pip install 'bristle[sensitivity]'"
+        ) from error
+    return SALib
+
+
+def global_sensitivity(
+    p: Pair[float] | Lugre[float],
+    box: Mapping[str, tuple[float, float]],
+    subject: Subject,
+    *,
+    samples: int = 1024,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Global:
+    """Sobol indices of three outputs of a joint along its reference, amplitude sin(2 pi frequency t) of the subject.
+
+    The RMS of T_f over a period of steady motion; the breakaway torque alpha_0 + alpha_1, the mean of both directions; and the RMS position error
+    of the simulated loop whose compensator has the model p while the plant is drawn: over the last of `PERIODS` periods from rest. That loop is slow:
+    it gets fewer samples, as each output says.
+
+    Args:
+        p: the nominal parameters; those that are not in the box stay so.
+        box: intervals by the names of parameters: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one.
+        subject: whose loop and reference it is; its own friction is not used.
+        samples: a power of two, >= 32; of torque and breakaway.
+        seed: as in `indices`.
+        progress: told of every batch.
+
+    Raises InputError where SALib is not installed, or the box or the samples cannot be used.
+    """
+    pair = Pair(p, p) if isinstance(p, Lugre) else p
+    spans = ordered(box)
+    if samples < _LEAST:
+        raise InputError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
+    fewer = min(samples, _affordable(len(spans), _ticks(subject)))
+    points, looped = _points(spans, samples, seed), _points(spans, fewer, seed)
+    tell = teller(progress, -(-len(points) // _ROWS) - (-len(looped) // _BATCH))
+
+    def torque(own: Array) -> Array:
+        """RMS of T_f, N*m."""
+        tell("Sobol: friction torque")
+        return rms_torque(joints_at(pair, spans, own), subject.amplitude, subject.frequency)
+
+    def error(own: Array) -> Array:
+        """RMS error of the loops, rad."""
+        tell("Sobol: compensated loops")
+        return _rms_error(subject, pair, joints_at(pair, spans, own))
+
+    def tracked() -> Output:
+        """The loop's output; without indices where not every plant drawn can be run, as with too long a control period."""
+        try:
+            _refuse_loop(subject)
+            errors = _batched(error, looped, _BATCH)
+        except InputError as refused:
+            why = f"Not every plant drawn can be run: {refused}."
+            return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+        return _tracked(spans, errors, fewer, seed, subject.amplitude)
+
+    moved = _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), samples, seed)
+    broken = _output(BREAKAWAY, "torque", spans, _breakaway(joints_at(pair, spans, points)), samples, seed)
+    return Global(
+        spans=spans,
+        outputs=(moved, broken, tracked()),
+        amplitude=subject.amplitude,
+        frequency=subject.frequency,
+        seed=seed,
+    )
+
+
+def _breakaway(joints: Pair[Array]) -> Array:
+    """g(0) = alpha_0 + alpha_1, the limit of the steady curve (9) where v goes to zero from above, N*m; the mean of both directions."""
+    levels = [evaluate(functions.steady_torque(), _BARELY, *p[:4])[0] for p in joints]
+    return np.asarray(np.mean(levels, axis=0))
+
+
+def _rms_error(subject: Subject, model: Pair[float], joints: Pair[Array]) -> Array:
+    """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
+    sets = [[Lugre(*row) for row in np.column_stack(p).tolist()] for p in joints]
+    cases = [subject.case(plant=Pair(*both), model=model) for both in zip(*sets, strict=True)]
+    course = subject.sine(subject.frequency, PERIODS / subject.frequency)
+    run = simulate(Wiring(compensator=subject.compensator), cases, course, subject.period)
+    return run.rms_error((PERIODS - COUNTED) / subject.frequency)
+
+
+def _refuse_loop(subject: Subject) -> None:
+    """Raise InputError where the reference is too fast for the loop's control period, or too slow to be simulated."""
+    how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
+    if subject.frequency * subject.period > _COARSE:
+        raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
+    if _ticks(subject) > _LONGEST:
+        raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
+
+
+def _ticks(subject: Subject) -> int:
+    """Control periods of one loop."""
+    return max(round(PERIODS / (subject.frequency * subject.period)), 1)
+
+
+def _affordable(parameters: int, ticks: int) -> int:
+    """The largest power of two of samples whose loops together take no more than `_TICKS` control periods."""
+    most: int = max(_TICKS // ((parameters + 2) * ticks), _LEAST)
+    return 1 << (most.bit_length() - 1)
+
+
+def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Array:
+    return np.concatenate([function(points[first : first + size]) for first in range(0, len(points), size)])
+
+
+def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array, samples: int, seed: int) -> Output:
+    found = _analysed(spans, values, samples, seed)
+    if found.effects:
+        return Output(name=name, quantity=quantity, indices=found)
+    return Output(name=name, quantity=quantity, indices=None, reason="None of the parameters drawn changes it.")
+
+
+def _tracked(spans: Sequence[Span], errors: Array, samples: int, seed: int, amplitude: float) -> Output:
+    lost = int(np.count_nonzero(~(errors < _LOST * amplitude)))
+    if lost:
+        reason = f"The loop diverges with {lost} of the {errors.size} plants drawn; narrow the box, or lower the gains."
+        return Output(name=TRACKING, quantity="position", indices=None, reason=reason)
+    return _output(TRACKING, "position", spans, errors, samples, seed)

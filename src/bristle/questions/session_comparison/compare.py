@@ -1,0 +1,232 @@
+"""Two sessions compared: which parameters changed beyond their joint uncertainty.
+
+The sessions are independent, so the variance of a difference is the sum of theirs. Of each interval the half that faces the other session's value
+counts (Zou and Donner, 2008), over Student's t for its degrees of freedom, and never less than the standard error: for a symmetric interval that is
+the standard error itself. The degrees of freedom of a difference are Welch's. Of many comparisons some differ by chance: their p-values are
+Holm's (1979). One test per fit asks whether its parameters changed as a set, d' (C_a + C_b)**-1 d, where both covariances are known.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from math import hypot, inf, isfinite, log
+
+import numpy as np
+from scipy.special import fdtrc, stdtr, stdtrit
+
+from bristle.arrays import Array
+from bristle.errors import InputError
+from bristle.identification.results import Estimate
+from bristle.questions.session_comparison.explain import doubts, hints, incomparable, sentence, verdict
+from bristle.questions.session_comparison.results import (
+    Change,
+    Comparison,
+    Fit,
+    Pair,
+    Session,
+    SessionJoint,
+    SetChange,
+    pairs,
+    usable,
+)
+
+SIGNIFICANT = 0.05
+"""Of Holm's p-values: with no change at all, one comparison of two sessions in twenty calls any parameter changed."""
+_RATIOS = ("v_s", "sigma_0")
+"""What is positive and known by a factor: its logarithm is compared."""
+_SYMMETRIC = 1e-6
+"""Correlations that differ by more across the diagonal are none."""
+_LIST = 120
+"""Characters of a list of names in an error."""
+_FEW = 4.0
+"""Degrees of freedom below which the test of a set says nothing."""
+
+
+def compare(first: Session, second: Session) -> Comparison:
+    """Which parameters of the joints that both sessions hold changed beyond their joint uncertainty, from `first` to `second`.
+
+    Raises InputError where no joint is in both, a joint is of another kind, or a parameter has another unit.
+    """
+    shared = [name for name in first if name in second]
+    if not shared:
+        raise InputError(
+            f"no joint is in both sessions: one has {_few(first)}, the other {_few(second)}; "
+            "give the joint one name in both experiment files"
+        )
+    for name in shared:
+        if first[name].kind != second[name].kind:
+            raise InputError(
+                f"{name}: is {first[name].kind} in one session and {second[name].kind} in the other; compare results of one joint"
+            )
+    changes = _adjusted([change for name in shared for change in _changes(name, first[name], second[name])])
+    sets = _adjusted_sets([x for name in shared for x in _sets(name, first[name], second[name])])
+    return Comparison(
+        changes=changes,
+        sets=sets,
+        kinds={name: first[name].kind for name in shared},
+        sentence=sentence(changes, sets),
+        hints=tuple(hints(changes)),
+        doubts=tuple(doubts(first, second, shared)),
+        simulated=any(session[name].simulated for session in (first, second) for name in shared),
+    )
+
+
+def _few(names: Iterable[str]) -> str:
+    """The names, as many as make no long sentence."""
+    listed = ", ".join(names) or "none"
+    return listed if len(listed) <= _LIST else f"{listed[:_LIST]}..."
+
+
+def holm(p: Array) -> Array:
+    """Holm's adjusted p-values, (n,): the k-th smallest times n - k + 1, none below one before it, at most 1."""
+    order = np.argsort(p, kind="stable")
+    adjusted = np.empty(p.size)
+    adjusted[order] = np.minimum(np.maximum.accumulate(np.sort(p) * (p.size - np.arange(p.size))), 1.0)
+    return adjusted
+
+
+def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Change]:
+    """Every parameter that either session names, by the first fit that knows it in both."""
+    paired = pairs(first, second)
+    for name in dict.fromkeys(name for session in (first, second) for fit in session.fits for name in fit.parameters):
+        both = [pair for pair in paired if name in pair.first.parameters and name in pair.second.parameters]
+        told = next((pair for pair in both if all(usable(fit.parameters[name]) for fit in pair)), None)
+        _refuse_units(joint, name, first, second)
+        yield (
+            incomparable(joint, name, first, second, same=bool(both))
+            if told is None
+            else _difference(joint, name, told)
+        )
+
+
+def _refuse_units(joint: str, name: str, first: SessionJoint, second: SessionJoint) -> None:
+    """Raise InputError where a parameter has more than one unit."""
+    found = (fit.parameters[name].unit for session in (first, second) for fit in session.fits if name in fit.parameters)
+    units = list(dict.fromkeys(found))
+    if len(units) > 1:
+        raise InputError(
+            f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results of one joint, in one unit"
+        )
+
+
+def _difference(joint: str, name: str, pair: Pair) -> Change:
+    a, b = (fit.parameters[name] for fit in pair)
+    value = (b.value or 0.0) - (a.value or 0.0)
+    by_factor = name.rstrip("+-") in _RATIOS and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
+    scale = log if by_factor else float
+    apart = scale(b.value or 0.0) - scale(a.value or 0.0)
+    errors = [
+        _facing(e, apart * side, fit.freedom, log_scale=by_factor)
+        for e, fit, side in zip((a, b), pair, (1, -1), strict=True)
+    ]
+    z = apart / hypot(*errors)
+    p = 2 * float(stdtr(_welch(errors, [fit.freedom for fit in pair]), -abs(z)))
+    error = abs(value / z) if z else hypot(a.standard_error or 0.0, b.standard_error or 0.0)
+    return Change(
+        joint=joint,
+        parameter=name,
+        unit=a.unit,
+        source=pair.first.source,
+        first=a,
+        second=b,
+        difference=value,
+        error=error,
+        z=z,
+        p=p,
+    )
+
+
+def _low(e: Estimate) -> float:
+    return e.interval[0] if e.interval else -inf
+
+
+def _facing(e: Estimate, towards: float, freedom: float, *, log_scale: bool) -> float:
+    """The standard error of an estimate on the side where the other one lies, above it where `towards` is positive."""
+    value, error, (low, high) = e.value or 0.0, e.standard_error or 0.0, e.interval or (0.0, 0.0)
+    if log_scale:
+        error, half = error / value, log(high / value) if towards > 0 else log(value / low)
+    else:
+        half = high - value if towards > 0 else value - low
+    return max(error, half / float(stdtrit(min(freedom, 1e9), 0.975)))
+
+
+def _welch(errors: Sequence[float], freedom: Sequence[float]) -> float:
+    """Degrees of freedom of a difference (Welch and Satterthwaite)."""
+    share = [e**2 / sum(x**2 for x in errors) for e in errors]
+    return min(1 / max(sum(s**2 / f for s, f in zip(share, freedom, strict=True)), 1e-9), 1e9)
+
+
+def _adjusted(changes: Sequence[Change]) -> tuple[Change, ...]:
+    """The changes with Holm's p-values and verdicts."""
+    known = [k for k, c in enumerate(changes) if c.p is not None]
+    adjusted = dict(zip(known, holm(np.array([changes[k].p for k in known], dtype=float)).tolist(), strict=True))
+    return tuple(
+        replace(
+            c,
+            adjusted=adjusted[k],
+            changed=adjusted[k] < SIGNIFICANT,
+            verdict=verdict(c, changed=adjusted[k] < SIGNIFICANT),
+        )
+        if k in adjusted
+        else c
+        for k, c in enumerate(changes)
+    )
+
+
+def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[SetChange]:
+    """Every fit that both sessions have with the covariance of what both know, none of them distrusted."""
+    for a, b in pairs(first, second):
+        names = tuple(n for n in a.names if n in b.names and all(_known(fit, n) for fit in (a, b)))
+        freedom = min(a.freedom, b.freedom)
+        if len(names) < 2 or freedom - len(names) < _FEW or Pair(a, b).distrusted:
+            continue
+        statistic = _statistic(a, b, names)
+        if statistic is None:
+            continue
+        p = float(fdtrc(len(names), min(freedom, 1e9), statistic))
+        yield SetChange(
+            joint=joint,
+            source=a.source,
+            names=names,
+            statistic=statistic,
+            freedom=freedom,
+            p=p,
+            adjusted=p,
+            changed=False,
+        )
+
+
+def _known(fit: Fit, name: str) -> bool:
+    """Whether a parameter of a fit's covariance is one of its parameters too, with all its numbers."""
+    return name in fit.parameters and usable(fit.parameters[name])
+
+
+def _statistic(a: Fit, b: Fit, names: Sequence[str]) -> float | None:
+    """The statistic d' (C_a + C_b)**-1 d over the number of parameters; None where the sum is no covariance, or there is no such number."""
+    with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
+        apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
+        total = _scaled_covariance(a, names) + _scaled_covariance(b, names)
+        size = np.sqrt(np.diag(total))
+        correlation = total / np.outer(size, size)
+        correlation, far = (correlation + correlation.T) / 2, np.abs(correlation - correlation.T).max()
+        if not np.isfinite(correlation).all() or far > _SYMMETRIC or np.linalg.eigvalsh(correlation).min() <= 1e-10:
+            return None
+        statistic = float(apart / size @ np.linalg.solve(correlation, apart / size)) / len(names)
+    return statistic if isfinite(statistic) else None
+
+
+def _scaled(fit: Fit, name: str) -> float:
+    value = fit.parameters[name].value or 0.0
+    return log(value) if name.rstrip("+-") in _RATIOS and value > 0 else value
+
+
+def _scaled_covariance(fit: Fit, names: Sequence[str]) -> Array:
+    own = [fit.names.index(name) for name in names]
+    values = {name: fit.parameters[name].value or 0.0 for name in names}
+    slope = np.array([1 / x if n.rstrip("+-") in _RATIOS and x > 0 else 1.0 for n, x in values.items()])
+    scaled: Array = fit.covariance[np.ix_(own, own)] * np.outer(slope, slope)
+    return scaled
+
+
+def _adjusted_sets(sets: Sequence[SetChange]) -> tuple[SetChange, ...]:
+    adjusted = holm(np.array([x.p for x in sets])).tolist()
+    return tuple(replace(x, adjusted=p, changed=p < SIGNIFICANT) for x, p in zip(sets, adjusted, strict=True))

@@ -1,0 +1,131 @@
+"""The values of a comparison of two sessions: what each says, and what differs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf, isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.record import freeze
+from bristle.identification.results import Estimate
+from bristle.model.parameters import Kind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """What one fit of a session says; parameters of a direction carry its sign, as alpha_0+."""
+
+    source: str
+    """`joint`, `tracking`, `static +`, `presliding -`, ..."""
+    parameters: Mapping[str, Estimate]
+    names: tuple[str, ...] = ()
+    """Those of the covariance."""
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    freedom: float = inf
+    """Degrees of freedom."""
+    distrusted: str = ""
+    """Why it is not to be trusted, if so: then it is used last."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionJoint:
+    """One joint in one session."""
+
+    kind: Kind
+    fits: tuple[Fit, ...]
+    """The one to use first stands first."""
+    simulated: bool = False
+    inputs: tuple[str, ...] = ()
+    """Checksums of its files."""
+
+
+Session = Mapping[str, SessionJoint]
+"""Joints by name."""
+
+
+class Pair(NamedTuple):
+    """The fits of two sessions that are of one kind."""
+
+    first: Fit
+    second: Fit
+
+    @property
+    def distrusted(self) -> bool:
+        """Whether either is not to be trusted."""
+        return bool(self.first.distrusted or self.second.distrusted)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """One parameter of one joint in both sessions."""
+
+    joint: str
+    parameter: str
+    unit: str
+    source: str
+    """Of both values; empty where they cannot be compared."""
+    first: Estimate | None
+    second: Estimate | None
+    difference: float | None = None
+    """Second less first, in `unit`."""
+    error: float | None = None
+    """Standard error of the difference, in `unit`."""
+    z: float | None = None
+    """Their ratio, of logarithms where the parameter is known by a factor."""
+    p: float | None = None
+    """How often chance alone would make it as large."""
+    adjusted: float | None = None
+    """Holm's, for all comparisons made."""
+    changed: bool | None = None
+    """Whether it did beyond the joint uncertainty; None where that cannot be told."""
+    verdict: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetChange:
+    """All parameters of one fit, compared at once."""
+
+    joint: str
+    source: str
+    names: tuple[str, ...]
+    statistic: float
+    """d' (C_a + C_b)**-1 d over their number."""
+    freedom: float
+    p: float
+    adjusted: float
+    """Holm's, for all fits compared."""
+    changed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """What differs between two sessions."""
+
+    changes: tuple[Change, ...]
+    sets: tuple[SetChange, ...]
+    kinds: Mapping[str, Kind]
+    """Of the joints compared."""
+    sentence: str
+    hints: tuple[str, ...]
+    """What such changes may come from: guesses."""
+    doubts: tuple[str, ...]
+    simulated: bool
+
+
+def usable(e: Estimate) -> bool:
+    """Whether it has a value, an error, and an interval closed on both sides."""
+    numbers = (e.value, e.standard_error, *(e.interval or (None,)))
+    return all(x is not None and isfinite(x) for x in numbers) and (e.standard_error or 0.0) > 0
+
+
+def pairs(first: SessionJoint, second: SessionJoint) -> list[Pair]:
+    """Fits of one kind in both sessions, those to be trusted first, then in the order of use."""
+    others = {fit.source: fit for fit in second.fits}
+    found = [Pair(fit, others[fit.source]) for fit in first.fits if fit.source in others]
+    return sorted(found, key=lambda pair: pair.distrusted)

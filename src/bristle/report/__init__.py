@@ -1,1 +1,0 @@
-"""Results as figures, tables, one HTML page, and JSON."""
