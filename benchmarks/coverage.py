@@ -17,10 +17,10 @@ import yaml
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.results import Estimate, Joint
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range
-from bristle.identification.static.moving_data import DIRECTIONS
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.stribeck_test import infer
 from bristle.identification.static.uncertainty import three_ways

@@ -90,7 +90,7 @@ def limited(module: object, name: str, limit: int) -> Patch:
 
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are not drawn, for that takes seconds: what is tested is where files land."""
-    monkeypatch.setattr("bristle.questions.joint_report.page.render", lambda _: (b"<svg/>", b""))
+    monkeypatch.setattr("bristle.page.page.render", lambda _: (b"<svg/>", b""))
 
 
 def both(one: Patch, two: Patch) -> Patch:

@@ -1,57 +1,97 @@
-"""The house: imports run down only, and only the CLI prints."""
+"""The house: imports run down only, no question knows another, no stage knows another, and only the CLI prints."""
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
-FLOORS = (
-    "errors",
-    "progress",
-    "model",
-    "data",
-    "control",
-    "identification",
-    "bench",
-    "edro",
-    "compensation",
-    "analysis",
-    "report",
-    "api",
-    "cli",
-)
-"""From the ground up: each imports from itself and from those below. So data knows no controller, and identification no report."""
-ENTRANCES = ("__init__", "__main__")
+GROUND = {"arrays", "errors", "progress"}
+"""What every floor stands on; it imports nothing of ours."""
+CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
+BELOW = {
+    **dict.fromkeys(GROUND, set[str]()),
+    "model": set[str](),
+    "estimation": set[str](),
+    "data": {"model", "estimation"},
+    "control": {"model", "estimation"},
+    "identification": {"model", "estimation", "data", "control"},
+    "simulation": {"model", "estimation", "data", "control", "identification"},
+    "page": {"model"},
+    "questions": {*CORE, "page"},
+    "api": {*CORE, "page", "questions"},
+    "cli": {*CORE, "page", "questions", "api"},
+}
+"""Each floor, and those that it may import from, beside itself and the ground. The kit of pages knows no result, least squares no friction."""
+STAGES = {"static", "presliding", "dynamic"}
+"""Folders of identification that only `identify.py` puts together."""
+ENTRANCES = {"__init__", "__main__"}
 """Modules of the package itself: they may offer what any floor has."""
 FILES = sorted(SOURCE.rglob("*.py"))
+MODULES = {path.relative_to(SOURCE.parent).with_suffix("").parts for path in FILES}
 
 
-def part(path: Path) -> str:
-    """The folder or module directly under the package that a file belongs to."""
-    return path.relative_to(SOURCE).with_suffix("").parts[0]
+def place(path: Path) -> tuple[str, ...]:
+    """Where a file stands in the package: its floor, perhaps a folder of it, and its name."""
+    return path.relative_to(SOURCE).with_suffix("").parts
 
 
-def imported(tree: ast.Module) -> set[str]:
-    """The parts of the package that a file imports, at its top or inside a function."""
+def imported(tree: ast.Module) -> set[tuple[str, ...]]:
+    """The places of the package that a file imports, at its top or inside a function."""
     names = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
+            names |= {tuple(alias.name.split(".")) for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return {name.split(".")[1] for name in names if name.startswith("bristle.")}
+            module = tuple((node.module or "").split("."))
+            names |= {(*module, alias.name) if (*module, alias.name) in MODULES else module for alias in node.names}
+    return {name[1:] for name in names if name[0] == "bristle" and len(name) > 1}
+
+
+def room(where: tuple[str, ...]) -> str | None:
+    """The folder that must not know its neighbours: a question, or a stage of identification; None where there is no such rule."""
+    folder = where[1] if len(where) > 1 else ""
+    return folder if where[0] == "questions" or (where[0] == "identification" and folder in STAGES) else None
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_imports_run_down_only(path: Path) -> None:
-    """A file imports nothing from a floor above its own; no import is relative."""
+    """A file imports nothing from a floor above its own, and no import is relative."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     assert not [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level > 0]
-    if part(path) in ENTRANCES:
-        return
-    above = set(FLOORS[FLOORS.index(part(path)) + 1 :])
-    assert not imported(tree) & above
+    floor = place(path)[0]
+    if floor not in ENTRANCES:
+        assert {where[0] for where in imported(tree)} <= {*BELOW[floor], *GROUND, floor, "__version__"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_neighbours_do_not_know_each_other(path: Path) -> None:
+    """No question imports another, nor does static, presliding or dynamic identification."""
+    own = room(place(path))
+    others = {
+        room(where) for where in imported(ast.parse(path.read_text(encoding="utf-8"))) if where[0] == place(path)[0]
+    }
+    assert own is None or others <= {own, None}
+
+
+@pytest.mark.parametrize(
+    "folder", sorted({path.parent for path in FILES if place(path)[0] == "questions"}), ids=lambda p: p.name
+)
+def test_a_question_computes_before_it_draws(folder: Path) -> None:
+    """Inside a question, computation imports neither tables nor figures nor page, tables no figures, figures no page."""
+    order = ("tables", "figures", "page")
+    for path in folder.glob("*.py"):
+        floor = next(
+            (k + 1 for k, name in enumerate(order) if path.stem.endswith(name)), 0 if "section" not in path.stem else 3
+        )
+        known = {
+            where[2]
+            for where in imported(ast.parse(path.read_text(encoding="utf-8")))
+            if where[:2] == place(path)[:2] and len(where) > 2
+        }
+        above = {name for name in known if any(name.endswith(x) for x in order[floor:])}
+        assert not above, path
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(SOURCE)))
@@ -62,5 +102,6 @@ def test_only_the_cli_prints(path: Path) -> None:
 
 
 def test_every_part_has_a_floor() -> None:
-    """Each folder and module of the package is on the list, so that none escapes it."""
-    assert {part(path) for path in FILES} <= {*FLOORS, *ENTRANCES}
+    """Each folder and module of the package is on the list, so that none escapes it; no two floors stand on each other."""
+    assert {place(path)[0] for path in FILES} == {*BELOW, *ENTRANCES}
+    assert set(TopologicalSorter(BELOW).static_order()) == set(BELOW)

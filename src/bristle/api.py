@@ -9,13 +9,14 @@ from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.errors import InputError
 from bristle.identification.identify import Measured, identify_joint, measure
 from bristle.identification.results import Joint
+from bristle.page.wording import FITS
 from bristle.progress import Progress
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
 from bristle.questions.joint_report import results_file
-from bristle.questions.joint_report.dynamic import FITS, fits
+from bristle.questions.joint_report.dynamic import fits
 from bristle.questions.method_validation.cases import own_cases, sweep
 from bristle.questions.method_validation.results import Trial
 from bristle.questions.method_validation.run import REPETITIONS, STARTS, run_trial
@@ -75,11 +76,18 @@ class Results:
         With what `adapt` returned, its sections follow.
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
+        from bristle.questions.compensation.page import section
         from bristle.questions.joint_report.page import write_report
 
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
         return write_report(
-            self.joints, Path(folder), title=title, seed=0, timings=self.timings, progress=progress, study=compensated
+            self.joints,
+            Path(folder),
+            title=title,
+            seed=0,
+            timings=self.timings,
+            progress=progress,
+            appended=section(compensated) if compensated else None,
         )
 
 
@@ -144,7 +152,7 @@ def write_adaptation(compensated: Study, folder: Path | str) -> Path:
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.questions.joint_report.page import write_adaptation as write
+    from bristle.questions.compensation.page import write_adaptation as write
 
     joints = compensated.subjects
     return write(compensated, Path(folder), joints[0].name if len(joints) == 1 else f"{len(joints)} joints")

@@ -151,7 +151,7 @@ def inspect(
     measured = run(experiment)
     _print(lines(measured))
     if output is not None:
-        from bristle.questions.joint_report.page import save_figure
+        from bristle.page.page import save_figure
         from bristle.questions.joint_report.static_figures import inspect_figure
 
         records = [recorded.record for recorded in measured.runs]

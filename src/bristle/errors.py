@@ -1,5 +1,10 @@
 """The one exception that says a user's input cannot be used."""
 
+import stat
+import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
+
 LONGEST = 450
 """Characters of a sentence; what is longer loses its middle."""
 
@@ -25,3 +30,65 @@ def _printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else " " if c.isspace() else ascii(c)[1:-1] for c in text)
+
+
+def check_regular(path: Path, shown: str | None = None) -> None:
+    """Refuse what is no regular file, before it is opened: reading a pipe, a device or a socket may never end.
+
+    Raises InputError, opening with `shown` (or the path), and OSError where there is nothing at the path or it cannot be looked at.
+    """
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        what = next((name for test, name in _NOT_REGULAR.items() if test(mode)), "no regular file")
+        raise InputError(f"{shown or path}: is {what}; expected a file")
+
+
+_NOT_REGULAR = {
+    stat.S_ISDIR: "a folder",
+    stat.S_ISFIFO: "a pipe",
+    stat.S_ISCHR: "a device",
+    stat.S_ISBLK: "a device",
+    stat.S_ISSOCK: "a socket",
+}
+
+
+_BIDI = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+"""Characters that turn the direction of the text after them, so that a name could pass for another."""
+
+
+def check_name(text: str, what: str) -> str:
+    """The text, which can be shown on a page and in a terminal: it holds no control character, line break, lone surrogate or change of direction.
+
+    Raises InputError, opening with `what`, where it does.
+    """
+    bad = next((c for c in text if c in _BIDI or unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp")), None)
+    if bad is not None:
+        raise InputError(
+            f"{what} {short(text)} holds U+{ord(bad):04X}, a control character; expected letters that can be shown on one line"
+        )
+    return text
+
+
+def unreadable(path: Path | str, error: OSError) -> str:
+    """Why a file cannot be read, in one sentence."""
+    if isinstance(error, FileNotFoundError):
+        return f"{path}: no such file; check the path, which is relative to the folder of the experiment file (or to where you are)"
+    if isinstance(error, IsADirectoryError):
+        return f"{path}: is a folder; expected a file"
+    return f"{path}: cannot be read ({error.strerror or error})"
+
+
+def short(value: object) -> str:
+    """A value as it is quoted in a sentence."""
+    text = " ".join(repr(value[:100] if isinstance(value, str | bytes) else value).split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def short_list(names: Iterable[object]) -> str:
+    """A list as it is quoted in a sentence: its beginning, where it is long."""
+    text = ""
+    for name in names:
+        if len(text) > 200:
+            return f"{text}, ..."
+        text += f"{', ' if text else ''}{str(name)[:60]}"
+    return text or "none"

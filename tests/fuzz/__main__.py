@@ -6,8 +6,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from .fuzzing import fuzz, good_results
-from .inputs import Case
+from .fuzzing import fuzz
+from .inputs import Case, good_results
 from .runner import server
 
 

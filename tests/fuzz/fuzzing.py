@@ -2,39 +2,13 @@
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-import pandas as pd
 from hypothesis import HealthCheck, given, seed, settings
 
-import bristle
-
-from .inputs import Case, cases, logs
+from .inputs import Case, cases
 from .runner import Server
 
-_EXPERIMENT = """
-joint: {name: wrist}
-signals:
-  velocity: {column: v, unit: rad/s}
-  torque: {column: tau, unit: N*m}
-runs:
-  - {files: points.csv, experiment: points}
-  - files: tracking.csv
-    experiment: tracking
-    signals: {time: {column: t, unit: s}, position: {column: q, unit: rad}}
-fit: {decimation: 2}
-"""
-
-
 Found = Callable[[Case, AssertionError], None]
-
-
-def good_results(folder: Path) -> str:
-    """The text of a results file with static fits and fits of moving runs."""
-    for kind in ("points", "tracking"):
-        pd.DataFrame(logs()[kind]).to_csv(folder / f"{kind}.csv", index=False)
-    (folder / "e.yaml").write_text(_EXPERIMENT, encoding="utf-8")
-    return bristle.identify(folder / "e.yaml").to_json()
 
 
 def fuzz(

@@ -4,6 +4,7 @@ import io
 import json
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import scipy.io
 import yaml
 from hypothesis import strategies as st
 
+import bristle
 from bristle.arrays import Array
 from bristle.model.rollout import rollout
 from bristle.simulation.edro import TABLE_1
@@ -373,3 +375,25 @@ _COMMANDS: list[tuple[str, ...]] = (
     + [("sensitivity", "e.yaml", "--samples", "0", "-o", "out"), ("adapt", "e.yaml", "-o", "out")]
     + [("validate", "e.yaml", "--repetitions", "20", "--starts", "2", "-o", "out")]
 )
+
+
+_EXPERIMENT = """
+joint: {name: wrist}
+signals:
+  velocity: {column: v, unit: rad/s}
+  torque: {column: tau, unit: N*m}
+runs:
+  - {files: points.csv, experiment: points}
+  - files: tracking.csv
+    experiment: tracking
+    signals: {time: {column: t, unit: s}, position: {column: q, unit: rad}}
+fit: {decimation: 2}
+"""
+
+
+def good_results(folder: Path) -> str:
+    """The text of a results file with static fits and fits of moving runs."""
+    for kind in ("points", "tracking"):
+        pd.DataFrame(logs()[kind]).to_csv(folder / f"{kind}.csv", index=False)
+    (folder / "e.yaml").write_text(_EXPERIMENT, encoding="utf-8")
+    return bristle.identify(folder / "e.yaml").to_json()

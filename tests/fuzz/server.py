@@ -9,10 +9,13 @@ import os
 import resource
 import signal
 import sys
+import tempfile
 import time
 import traceback
 from pathlib import Path
 from types import TracebackType
+
+from .inputs import good_results
 
 SECONDS, BYTES = 20, 2 * 2**30
 """What one input may take."""
@@ -81,6 +84,13 @@ def _waited(child: int) -> tuple[int, float, float]:
 
 def serve() -> None:
     """Answer until the input ends."""
+    import bristle.questions.experiment_design.page
+    import bristle.questions.method_validation.page
+    import bristle.questions.sensitivity.page
+    import bristle.questions.session_comparison.page  # noqa: F401  # imported for those that are forked
+
+    with tempfile.TemporaryDirectory() as folder:
+        good_results(Path(folder))  # what is imported or compiled at its first use is there, too
     for line in sys.stdin:
         asked = json.loads(line)
         child = os.fork()

@@ -3,7 +3,8 @@
 import time
 from pathlib import Path
 
-from .fuzzing import fuzz, good_results
+from .fuzzing import fuzz
+from .inputs import good_results
 from .runner import server
 
 BUDGET = 45.0

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.estimation import covariance
+from bristle.identification.moving_runs import gravity
 from bristle.identification.static import bootstrap
 from bristle.identification.static.batch import Batch, solve_batch
 from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.problem import Regression, from_points, gravity
+from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled
 from bristle.model.parameters import Lugre
 

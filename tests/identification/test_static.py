@@ -5,9 +5,10 @@ from hypothesis import strategies as st
 from scipy.optimize import curve_fit, nnls
 
 from bristle.arrays import Array
+from bristle.identification.moving_runs import gravity
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import Projected, default_range, plain_grid, solve, solve_at
-from bristle.identification.static.problem import from_points, gravity
+from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve

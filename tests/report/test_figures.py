@@ -9,7 +9,7 @@ from bristle.data.record import Record
 from bristle.identification.results import Joint
 from bristle.model.functions import steady_jacobian
 from bristle.model.vectorize import evaluate
-from bristle.page.style import render_as
+from bristle.page.style import MOST_POINTS, render_as, thinned
 from bristle.questions.joint_report import static_figures
 from bristle.questions.joint_report.curves import band
 
@@ -102,7 +102,7 @@ def test_hostile_names_are_text(joint: Joint) -> None:
 
 def test_dense_data_are_thinned() -> None:
     """At most MOST_POINTS of many points are drawn, the first and last among them; few points all are."""
-    many = static_figures.thinned(100_000)
-    assert (many.size, many[0], many[-1]) == (static_figures.MOST_POINTS, 0, 99_999)
-    np.testing.assert_array_equal(static_figures.thinned(7), np.arange(7))
-    assert static_figures.thinned(0).size == 0
+    many = thinned(100_000)
+    assert (many.size, many[0], many[-1]) == (MOST_POINTS, 0, 99_999)
+    np.testing.assert_array_equal(thinned(7), np.arange(7))
+    assert thinned(0).size == 0

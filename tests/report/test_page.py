@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from bristle.data.record import Record
 from bristle.identification.results import Joint
+from bristle.page.page import save_figure, symbol_html
 from bristle.page.style import inline, render_as
 from bristle.questions.joint_report import page, static_figures
 
@@ -170,7 +171,7 @@ def test_a_figure_takes_any_label() -> None:
 @pytest.mark.parametrize("name", ["v_", "α_", "alpha_", "v_<b>", "<b>", "", "+", r"\074b\076"])
 def test_any_parameter_has_a_symbol(name: str) -> None:
     """A parameter's name, from a foreign file too, becomes a symbol without an element of its own."""
-    assert "<b>" not in page.symbol_html(name)
+    assert "<b>" not in symbol_html(name)
 
 
 def test_sections_and_simulated_notes(written: Path) -> None:
@@ -205,7 +206,7 @@ def test_two_joints_of_one_name_are_refused(tmp_path: Path, slide: Joint) -> Non
 def test_save_figure(tmp_path: Path, record: Record) -> None:
     """A figure lands as the kind that its name says; any other kind is refused."""
     figure = static_figures.inspect_figure([record], (), "revolute")
-    page.save_figure(figure, tmp_path / "a.png")
+    save_figure(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(ValueError, match=r"\.svg or \.png"):
-        page.save_figure(Figure(), tmp_path / "a.pdf")
+        save_figure(Figure(), tmp_path / "a.pdf")

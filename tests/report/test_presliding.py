@@ -11,6 +11,7 @@ import jsonschema
 import numpy as np
 
 from bristle.identification.results import Joint, Presliding
+from bristle.page.wording import METHODS
 from bristle.questions.joint_report import page, presliding, results_file, sections, tables
 from bristle.questions.joint_report.next_measurements import next_measurements
 
@@ -40,7 +41,7 @@ def test_json_holds_every_estimate_of_both_directions(slow: Joint) -> None:
     found = read(slow)["presliding"]
     assert list(found) == ["+", "-"]
     for d, fit in (slow.presliding or Presliding(fits={}, breakaway={})).fits.items():
-        assert {name: found[d][name]["value"] for name in presliding.METHODS} == {
+        assert {name: found[d][name]["value"] for name in METHODS} == {
             name: e.value for name, e in presliding.methods(fit).items()
         }
         assert found[d]["sigma_1"]["value"] == TABLE_1[d].sigma_1
@@ -153,7 +154,7 @@ def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path:
     text = written(slow, tmp_path / "out")
     section = text[text.index('<section id="gripper-rotation--presliding">') :]
     section = section[: section.index("</section>")]
-    for words in (*presliding.METHODS.values(), "Use the edges", "-2.4 % where the joint rests",
+    for words in (*METHODS.values(), "Use the edges", "-2.4 % where the joint rests",
                   "-51 % on average, with a spread of 28 %",
                   "from the static fit", "Prior of", "assumed damping ratio", "median torque", "is an outlier", "differ because the loop is wide",
                   "loss per cycle (J)", "1 more stand in the table"):  # fmt: skip  # words

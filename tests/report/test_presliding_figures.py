@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 
 from bristle.identification.results import Joint
 from bristle.page.style import render_as
-from bristle.questions.joint_report import presliding, presliding_figures
+from bristle.page.wording import METHODS
+from bristle.questions.joint_report import presliding_figures
 
 from .conftest import HOSTILE, QUANTUM, TABLE_1, closed_cycle, loaded, loading, nothing_seen, only, slow_fit
 
@@ -59,7 +60,7 @@ def test_axes_of_both_figures_have_units(slow: Joint) -> None:
 def test_methods_differ_in_line_as_well_as_in_colour(slow: Joint) -> None:
     """In grey print the three curves can still be told apart; the recommended one is named."""
     lines = {str(x.get_label()): x.get_linestyle() for x in panels(slow)[0].get_lines()}
-    named = {label: line for label, line in lines.items() if label.startswith(tuple(presliding.METHODS.values()))}
+    named = {label: line for label, line in lines.items() if label.startswith(tuple(METHODS.values()))}
     assert len(named) == len(set(named.values())) == 3
     assert [label for label in named if label.endswith("(use this)")] == ["count edge to count edge (use this)"]
 
@@ -70,7 +71,7 @@ def test_what_does_not_exist_is_not_drawn(joint: Joint, slow: Joint) -> None:
     assert presliding_figures.hysteresis_figure(joint) is None
     assert panels(only(slow, fits={}, loops=())) == []
     (ax,) = panels(only(slow, fits={"+": nothing_seen()}, loops=()))
-    assert not [x for x in ax.get_lines() if str(x.get_label()).startswith(tuple(presliding.METHODS.values()))]
+    assert not [x for x in ax.get_lines() if str(x.get_label()).startswith(tuple(METHODS.values()))]
     flat = replace(closed_cycle("x.csv"), inverse_slope=float("inf"))
     (ax,) = panels(only(slow, fits={}, loops=(flat,)))
     assert "inverse regression" not in {x.get_label() for x in ax.get_lines()}

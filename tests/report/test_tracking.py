@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from bristle.identification.results import Joint, TrackingFit
+from bristle.page.wording import split
 from bristle.questions.joint_report import results_file, tables
-from bristle.questions.joint_report.dynamic import agreement, split
+from bristle.questions.joint_report.dynamic import agreement
 
 from .conftest import TABLE_1
 from .moving import DIFFER, UNSEEN, VALUES, compared, moving, tracked, without

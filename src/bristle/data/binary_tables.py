@@ -10,9 +10,8 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, is_vector, numeric, reading
-from bristle.data.experiment.yaml_file import short, short_list
 from bristle.data.mat import mat_names, read_mat
-from bristle.errors import InputError
+from bristle.errors import InputError, short, short_list
 
 __all__ = ["Key", "names_of", "read_mat", "read_npz", "read_parquet"]
 

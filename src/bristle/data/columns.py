@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.experiment.yaml_file import short
-from bristle.errors import InputError
+from bristle.errors import InputError, short
 
 MAX_VALUES = 200_000_000
 """Most numbers that are read from one file: a small compressed file can hold very many."""

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from bristle.data.experiment.yaml_file import short
-from bristle.errors import InputError
+from bristle.errors import InputError, short
 
 _SAMPLE, _MOST = 2**18, 3 * 2**20
 """Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""

@@ -10,8 +10,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, is_vector, numeric, reading
-from bristle.data.experiment.yaml_file import short, short_list
-from bristle.errors import InputError
+from bristle.errors import InputError, short, short_list
 
 _LONGEST = 1000
 """Characters of a dotted path."""

@@ -15,9 +15,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data import binary_tables
 from bristle.data.columns import Key, reading
-from bristle.data.experiment.yaml_file import check_regular, short, short_list, unreadable
 from bristle.data.layout import LONGEST, Layout, text_layout
-from bristle.errors import InputError
+from bristle.errors import InputError, check_regular, short, short_list, unreadable
 
 if TYPE_CHECKING:
     import pandas as pd

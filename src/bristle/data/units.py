@@ -8,8 +8,7 @@ import tokenize
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from bristle.data.experiment.yaml_file import short
-from bristle.errors import InputError
+from bristle.errors import InputError, short
 
 if TYPE_CHECKING:
     import pint

@@ -17,6 +17,14 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import track
 from bristle.identification.model_selection import of_moving, of_points
+from bristle.identification.moving_runs import (
+    DIRECTIONS,
+    gravity,
+    refuse_mixed_rates,
+    refuse_opposing,
+    refuse_opposing_runs,
+)
+from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import Level
 from bristle.identification.results import (
@@ -31,14 +39,7 @@ from bristle.identification.results import (
 )
 from bristle.identification.static import problem
 from bristle.identification.static.fit import Where, fit_static
-from bristle.identification.static.moving_data import (
-    DIRECTIONS,
-    fit_moving,
-    refuse_mixed_rates,
-    refuse_opposing,
-    refuse_opposing_runs,
-)
-from bristle.identification.static.moving_data import regressors as asked_regressors
+from bristle.identification.static.moving_data import fit_moving
 from bristle.identification.static.problem import Regression
 
 
@@ -299,7 +300,7 @@ def _points_problem(points: Sequence[Segment], directions: tuple[str, ...], regr
             raise InputError(
                 "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
             )
-        extra |= problem.gravity(np.array([s.position for s in points], dtype=float))
+        extra |= gravity(np.array([s.position for s in points], dtype=float))
     velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
     return problem.from_points(velocity, torque, directions, extra)
 

@@ -28,10 +28,10 @@ from bristle.identification.model_criteria import (
     compared,
     power_of,
 )
+from bristle.identification.moving_runs import DIRECTIONS, inertia, regressors
 from bristle.identification.results import ModelComparison, StaticFit, TrackingFit
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.moving_data import DIRECTIONS, inertia, regressors
 from bristle.identification.static.problem import Regression
 
 HELD, LEFT_OUT = "held-out runs", "each point predicted from all others"

@@ -8,8 +8,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
-from bristle.data.experiment.yaml_file import check_regular
-from bristle.errors import InputError
+from bristle.errors import InputError, check_regular
 
 MANIFEST = ".bristle-manifest"
 """Lists what the last report made in its folder: SHA-256 and relative path, two spaces between; of an interrupted one, old and new."""

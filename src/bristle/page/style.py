@@ -8,6 +8,7 @@ from functools import wraps
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -138,3 +139,12 @@ def inline(svg: bytes, prefix: str, label: str) -> str:
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = _TAG.sub(lambda tag: _NAMED.sub(lambda found: f"{found[0]}{prefix}-", tag[0]), text)
     return _SIZED.sub(lambda found: f'<svg role="img" aria-label="{label}" {found[1]}', text, count=1)
+
+
+MOST_POINTS = 600
+"""Points drawn per direction; denser data are thinned evenly, which the caption says."""
+
+
+def thinned(n: int, most: int = MOST_POINTS) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Indices of at most `most` of n points, evenly spread."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp)) if n else np.zeros(0, dtype=np.intp)

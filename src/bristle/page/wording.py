@@ -5,8 +5,7 @@ import re
 from collections.abc import Callable
 from itertools import count
 
-from bristle.identification.results import Estimate
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Kind, Lugre, unit
 
 MISSING = "–"
 """What stands where there is no number."""
@@ -75,11 +74,11 @@ def span(interval: tuple[float, float] | None, digits: int = 4) -> str:
     return MISSING if interval is None else f"[{number(interval[0], digits)}, {number(interval[1], digits)}]"
 
 
-def percent(estimate: Estimate) -> float | None:
+def percent(value: float | None, error: float | None) -> float | None:
     """Standard error in percent of the value; None where either does not exist or the value is zero."""
-    if not estimate.value or estimate.standard_error is None or not math.isfinite(estimate.standard_error):
+    if not value or error is None or not math.isfinite(error):
         return None
-    return abs(100 * estimate.standard_error / estimate.value)
+    return abs(100 * error / value)
 
 
 def printable(text: str) -> str:
@@ -110,3 +109,23 @@ def slugs(names: list[str]) -> list[str]:
 def free(name: str, taken: Callable[[str], bool]) -> str:
     """The name, or with the first number from 2 up that is not taken."""
     return name if not taken(name) else next(x for k in count(2) if not taken(x := f"{name}-{k}"))
+
+
+FITS = {"tracking": "moving runs", "joint": "joint fit"}
+"""The two fits of moving runs, as headings and tables name them."""
+
+
+def split(name: str) -> tuple[str, str]:
+    """Direction and bare name of a parameter: alpha_0+ -> +, alpha_0; bare LuGre parameters are of `both`, all others `shared`."""
+    if name[-1:] in {"+", "-"}:
+        return name[-1], name[:-1]
+    return ("both" if name in Lugre._fields else "shared"), name
+
+
+METHODS = {
+    "printed": "(14) as printed, T₁ / x₁",
+    "corrected": "inverse of (14)",
+    "edges": "count edge to count edge",
+    "samples": "all samples",
+}
+"""The four ways to sigma_0, as tables and legends name them."""

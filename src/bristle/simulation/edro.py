@@ -227,7 +227,7 @@ def datasets_folder() -> Path:
     Raises FileNotFoundError where neither exists.
     """
     here = Path(__file__).resolve()
-    for folder in (here.parent / "datasets" / "edro", here.parents[2] / "datasets" / "edro"):
+    for folder in (here.parents[1] / "datasets" / "edro", here.parents[3] / "datasets" / "edro"):
         if folder.is_dir():
             return folder
     raise FileNotFoundError("the embedded data set is missing; reinstall bristle, or run it from a complete checkout")

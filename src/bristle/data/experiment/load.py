@@ -30,9 +30,9 @@ from bristle.data.experiment.schema import (
     read_inertia,
 )
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
-from bristle.data.experiment.yaml_file import Model, check_name, parse, read_text, short, validate
+from bristle.data.experiment.yaml_file import Model, parse, read_text, validate
 from bristle.data.record import Record
-from bristle.errors import InputError
+from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind, Lugre, Motor
 
 __all__ = [

@@ -7,8 +7,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictS
 
 from bristle.data import units
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
-from bristle.data.experiment.yaml_file import Model, check_name, short
-from bristle.errors import InputError
+from bristle.data.experiment.yaml_file import Model
+from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind, Lugre
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]

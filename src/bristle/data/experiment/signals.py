@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo, field_validator, model_validator
 
 from bristle.data import units
-from bristle.data.experiment.yaml_file import Model, short
-from bristle.errors import InputError
+from bristle.data.experiment.yaml_file import Model
+from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
 DRIVE = ("torque", "voltage", "current")

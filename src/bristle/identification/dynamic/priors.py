@@ -18,8 +18,8 @@ from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import Prior, Tracking, tracking, with_priors
 from bristle.identification.dynamic.profile import Profiled
 from bristle.identification.dynamic.uncertainty import explored, with_three_ways
+from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
-from bristle.identification.static.moving_data import directions, inertia, regressors
 from bristle.model import functions
 from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate

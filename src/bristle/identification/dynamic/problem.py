@@ -18,7 +18,8 @@ from bristle.data.differentiation import stretches
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.separable import Block
-from bristle.identification.static.problem import decimator, extra_columns
+from bristle.identification.decimation import decimator
+from bristle.identification.moving_runs import extra_columns
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_into
 

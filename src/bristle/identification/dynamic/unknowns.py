@@ -11,7 +11,7 @@ from bristle.errors import InputError
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.separable import descend
 from bristle.identification.dynamic.problem import Motion, Tracking, modelled, residuals
-from bristle.identification.static.problem import SEEN
+from bristle.identification.identifiability import SEEN
 
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""

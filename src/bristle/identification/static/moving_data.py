@@ -7,50 +7,13 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import Inertia
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, regressors
 from bristle.identification.results import Crosscheck, StaticFit
 from bristle.identification.static import problem as regression
 from bristle.identification.static.fit import Where, fit_static
 from bristle.identification.static.problem import Regression
-
-DIRECTIONS = {"+": 1.0, "-": -1.0}
-
-
-def regressors(experiment: Experiment) -> tuple[str, ...]:
-    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
-    asked: tuple[str, ...] | None = experiment.fit.regressors
-    if asked is None:
-        asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
-    fixed, _ = inertia(experiment)
-    return tuple(r for r in asked if r != "inertia" or fixed is None)
-
-
-def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
-    """Raise InputError where the drive's torque (n,) opposes the velocity (n,): friction opposes motion, so its sign is wrong."""
-    if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
-        raise InputError(
-            f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
-            "scale: -1 under signals, or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
-        )
-
-
-def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
-    """Raise InputError where the torque of moving runs opposes their velocity."""
-    velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-    refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
-
-
-def refuse_mixed_rates(records: Sequence[Record]) -> None:
-    """Raise InputError where moving runs were sampled at different rates: one decimation filter serves them all."""
-    steps = {r.file: r.step for r in records}
-    first, last = min(steps, key=lambda f: steps[f]), max(steps, key=lambda f: steps[f])
-    if steps[last] > 1.05 * steps[first]:
-        raise InputError(
-            f"runs: tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
-            "fit them in experiments of their own, or resample one"
-        )
 
 
 def fit_moving(
@@ -108,22 +71,3 @@ def _left_out(
         f"the static fit; there its relative error is {slow.relative_error(theta):.0f} %: slow, and through reversals, the torque depends on the "
         "bristles' history, which (9) does not hold.",
     )
-
-
-def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, ...]:
-    """`both`, or those in which the records move."""
-    moving = (d for d, sign in DIRECTIONS.items() if any((_of(r, "velocity") * sign > 0).any() for r in records))
-    return tuple(moving) if experiment.fit.directions == "separate" else ("both",)
-
-
-def inertia(experiment: Experiment) -> tuple[float | None, Inertia | None]:
-    """The inertia where it is fixed, and where it is known with an error."""
-    known = experiment.inertia
-    if known is None:
-        return None, None
-    return (None, known) if known.standard_error else (known.value, None)
-
-
-def _of(record: Record, name: str) -> Array:
-    values: Array | None = getattr(record, name)
-    return np.zeros(0) if values is None else values

@@ -13,18 +13,15 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, sparse
+from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.errors import InputError
+from bristle.identification.decimation import decimator
+from bristle.identification.moving_runs import _needed, extra_columns
 from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shape_slope
 from bristle.model.vectorize import evaluate
 
-_KERNEL_TAIL = 1e-8
-"""Where the smoothing kernel is cut, relative to its peak."""
-SEEN = 1.5
-"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
 
@@ -252,66 +249,3 @@ def _build(
 
 def _moves(velocity: Array, direction: str) -> Array:
     return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
-
-
-def _needed(record: Record, name: str) -> Array:
-    values: Array | None = getattr(record, name)
-    if values is None:
-        raise InputError(f"{record.file}: the fit needs {name}, which this run does not have; add it under signals")
-    return values
-
-
-def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises InputError where the record lacks what one needs."""
-    columns: dict[str, Array] = {}
-    if "inertia" in regressors:
-        columns["inertia"] = _needed(record, "acceleration")
-    if "offset" in regressors:
-        columns["offset"] = np.ones(record.time.size)
-    if "gravity" in regressors:
-        columns |= gravity(_needed(record, "position"))
-    return columns
-
-
-def gravity(position: Array) -> dict[str, Array]:
-    """The two columns of a gravity torque, gravity_sin sin(q) + gravity_cos cos(q); position in rad, (n,)."""
-    return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
-
-
-def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
-    """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost.
-
-    Raises InputError where no stretch is longer than the transients.
-    """
-    lengths = np.concatenate(stretches).astype(int)
-    samples = int(lengths.sum())
-    if decimation == 1:
-        return sparse.eye_array(samples, format="csr"), 0
-    kernel = _kernel(decimation)
-    half = kernel.size // 2
-    ends = np.cumsum(lengths)
-    pairs = zip(ends - lengths, ends, strict=True)
-    centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
-    if centres.size == 0:
-        raise InputError(
-            f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
-            f"log longer, or set fit.decimation below {decimation}"
-        )
-    columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()
-    pointers = np.arange(0, columns.size + 1, kernel.size)
-    smooth = sparse.csr_array((np.tile(kernel, centres.size), columns, pointers), shape=(centres.size, samples))
-    return smooth, int(np.minimum(lengths, 2 * half).sum())
-
-
-def _kernel(decimation: int) -> Array:
-    """Impulse response of the zero-phase decimation filter, cut where it has died out; odd length, sum 1."""
-    sections = signal.butter(4, 0.8 / decimation, output="sos")
-    reach = 80 * decimation
-    impulse = np.zeros(2 * reach + 1)
-    impulse[reach] = 1.0
-    response = signal.sosfiltfilt(sections, impulse, padtype=None)
-    alive = np.flatnonzero(np.abs(response) > _KERNEL_TAIL * np.abs(response).max())
-    half = int(max(reach - alive[0], alive[-1] - reach))
-    kernel: Array = response[reach - half : reach + half + 1]
-    kernel /= kernel.sum()
-    return kernel

@@ -10,11 +10,12 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
+from bristle.identification.identifiability import SEEN
 from bristle.identification.results import Estimate, Outcome, Profile
 from bristle.identification.static.doubts import fit_doubts, in_direction, is_closed
 from bristle.identification.static.grid import Projected, Solution, descended, solve
 from bristle.identification.static.huber import huber
-from bristle.identification.static.problem import SEEN, Regression
+from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import Profiled, others, profiled
 from bristle.model.parameters import Kind, unit
 

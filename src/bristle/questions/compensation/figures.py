@@ -10,10 +10,9 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory
 from bristle.model.parameters import unit
-from bristle.page.style import new_figure, styled, title
+from bristle.page.style import new_figure, styled, thinned, title
 from bristle.page.wording import axis, number, pretty, symbol
 from bristle.questions.compensation.study import Study
-from bristle.questions.joint_report.static_figures import thinned
 from bristle.simulation.edro import TABLE_2_ADAPTED
 
 MOST = 500

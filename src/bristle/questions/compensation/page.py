@@ -1,19 +1,55 @@
-"""What the page shows of the compensated joint: results -> the values that its template names; and its figures by name."""
+"""The page of the compensated joint, and the section that it is on the embedded report."""
 
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from bristle.identification.known_model import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
+from bristle.page.page import Section, element, html, tables_of, versions, write_page
+from bristle.page.style import styled
 from bristle.page.wording import number, pretty
 from bristle.questions.compensation import figures, tables
 from bristle.questions.compensation.study import Study
 
+_PACKAGE = "bristle.questions.compensation"
+_CONTENTS = Markup(
+    '<li><a href="#compensation">Compensation of {} and the other joints: Figs 5 to 12, Table 2</a></li>'
+)
 _MOST_REPLAYS = 6
 """Replays drawn; the table has all."""
+
+
+def write_adaptation(study: Study, folder: Path, title: str) -> Path:
+    """Write the compensated joint as a page of its own: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_page`."""
+    files = tables_of(tables.all_tables(study))
+    named = {"title": title, "simulated": study.subjects[0].simulated, **versions(SEED), **_compensation(study, files)}
+    return write_page(folder, _PACKAGE, "adapt.html", named, files)
+
+
+def section(study: Study) -> Section:
+    """The compensated joint as a section of the embedded report."""
+    files = tables_of(tables.all_tables(study))
+    text = html(_PACKAGE, "compensation.html", _compensation(study, files))
+    name = study.subjects[0].name
+    return Section(Markup(text), _CONTENTS.format(name), files)  # noqa: S704  # rendered with autoescape
+
+
+@styled
+def _compensation(study: Study, files: dict[str, bytes]) -> dict[str, Any]:
+    """What the template of the compensated joint names; its figures are drawn into the files."""
+    drawn: dict[str, Markup] = {}
+    for kind, drawing in draw(study).items():
+        figure = drawing(study)
+        if figure is not None:
+            label = f"{kind} of {study.subjects[0].name}, compensated"
+            drawn[kind] = element(figure, f"compensation-{kind}", label, files)
+    return {"compensation": context(study) | {"figures": drawn}}
 
 
 def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
@@ -31,7 +67,7 @@ def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
     return drawn | {f"replay-{k + 1}": figures.replay_figure(k) for k in range(min(len(study.replays), _MOST_REPLAYS))}
 
 
-def section(study: Study) -> dict[str, Any]:
+def context(study: Study) -> dict[str, Any]:
     """Everything that the template of the compensated joint names."""
     subject, kind = study.subjects[0], study.subjects[0].kind
     q = pretty(unit("position", kind))

@@ -17,8 +17,8 @@ from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, State, advanced, packed, start, unpacked
 from bristle.identification.dynamic.problem import Motion, tracking
 from bristle.identification.identify import Measured
+from bristle.identification.moving_runs import inertia, regressors
 from bristle.identification.results import Joint
-from bristle.identification.static.moving_data import inertia, regressors
 from bristle.model import law
 from bristle.model.parameters import Pair, pair_of
 from bristle.model.rollout import rollout

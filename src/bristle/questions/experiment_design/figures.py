@@ -13,13 +13,12 @@ from bristle.arrays import Array
 from bristle.identification.fisher import STATIC
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
-from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, title
+from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, number, symbol
 from bristle.questions.experiment_design.excitation import PEAKS, RISES
 from bristle.questions.experiment_design.plan import Direction, Plan
 from bristle.questions.experiment_design.tables import SPACINGS
 from bristle.questions.experiment_design.velocities import by_v_s
-from bristle.questions.joint_report.static_figures import thinned
 
 _COLOURS = {"planned": "#0072B2", "log": "#E69F00", "even": "#999999"}
 _MARKERS = {"planned": "o", "log": "s", "even": "^"}

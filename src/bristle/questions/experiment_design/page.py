@@ -10,19 +10,21 @@ from matplotlib.figure import Figure
 
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
+from bristle.page.page import write_part
 from bristle.page.wording import direction, number, pretty, symbol
 from bristle.questions.experiment_design import figures, tables
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
-from bristle.questions.joint_report.page import write_part
 
 _UNSEEN = 50.0
 """Percent: a parameter whose expected standard error is wider is not seen."""
 
 
 def write_plan(plan: Plan, folder: Path) -> Path:
-    """Write the page of a plan: index.html, figures/ and tables/; returns the path of index.html. Raises as `page.write_part` does."""
-    return write_part(folder, "plan.html", section(plan), draw(plan), tables.all_tables(plan))
+    """Write the page of a plan: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_part` does."""
+    return write_part(
+        folder, "bristle.questions.experiment_design", "plan.html", section(plan), draw(plan), tables.all_tables(plan)
+    )
 
 
 def draw(plan: Plan) -> Mapping[str, tuple[Callable[[], Figure | None], str]]:

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 from bristle.data.constant_velocity.segments import Segment
 from bristle.identification.identify import Measured
 from bristle.identification.results import Crosscheck, Joint
-from bristle.questions.joint_report.dynamic import FITS, fits
+from bristle.page.wording import FITS
+from bristle.questions.joint_report.dynamic import fits
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 

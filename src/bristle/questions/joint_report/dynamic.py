@@ -3,11 +3,8 @@
 from collections.abc import Iterator
 
 from bristle.identification.results import Consistency, Joint, TrackingFit
-from bristle.model.parameters import Lugre
-from bristle.page.wording import number, symbol
+from bristle.page.wording import FITS, number, symbol
 
-FITS = {"tracking": "moving runs", "joint": "joint fit"}
-"""The two fits of moving runs, as headings and tables name them."""
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
 
@@ -16,13 +13,6 @@ def fits(joint: Joint) -> dict[str, TrackingFit]:
     """The fits that there are by the names in `FITS`: from the moving runs alone, and with what the other stages say."""
     found = {"tracking": joint.tracking, "joint": joint.joint_fit}
     return {name: fit for name, fit in found.items() if fit is not None}
-
-
-def split(name: str) -> tuple[str, str]:
-    """Direction and bare name of a parameter: alpha_0+ -> +, alpha_0; bare LuGre parameters are of `both`, all others `shared`."""
-    if name[-1:] in {"+", "-"}:
-        return name[-1], name[:-1]
-    return ("both" if name in Lugre._fields else "shared"), name
 
 
 def biased(fit: TrackingFit) -> list[tuple[str, float, float]]:

@@ -6,9 +6,8 @@ from matplotlib.figure import Figure
 
 from bristle.arrays import Array
 from bristle.identification.results import Joint, TrackingFit
-from bristle.page.style import new_figure, styled, title
+from bristle.page.style import new_figure, styled, thinned, title
 from bristle.page.wording import axis
-from bristle.questions.joint_report.static_figures import thinned
 
 SPAN = 3.0
 """Longest piece of a run drawn over time, s."""

@@ -5,9 +5,9 @@ from typing import Any
 from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
-from bristle.page.wording import MISSING, measured, number, pretty, span
+from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
 from bristle.questions.joint_report import dynamic_tables
-from bristle.questions.joint_report.dynamic import FITS, bias_text, biased, fit_doubts, fits, reached
+from bristle.questions.joint_report.dynamic import bias_text, biased, fit_doubts, fits, reached
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
 
 

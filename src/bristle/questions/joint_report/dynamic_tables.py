@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import pandas as pd
 
 from bristle.identification.results import Joint
-from bristle.questions.joint_report.dynamic import fits, split
+from bristle.page.wording import split
+from bristle.questions.joint_report.dynamic import fits
 from bristle.questions.joint_report.frame import identified, with_truth
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bristle.identification.results import Estimate, Joint
 from bristle.model.parameters import Lugre
-from bristle.questions.joint_report.dynamic import fits, split
+from bristle.page.wording import split
+from bristle.questions.joint_report.dynamic import fits
 
 if TYPE_CHECKING:
     import pandas as pd

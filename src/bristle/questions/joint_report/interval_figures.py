@@ -14,8 +14,8 @@ from bristle.arrays import Array
 from bristle.identification.results import Estimate, Joint, Uncertainty
 from bristle.page.columns import shown
 from bristle.page.style import LINES, decimal_log, new_figure, styled, title
-from bristle.page.wording import direction, pretty, span, symbol
-from bristle.questions.joint_report.dynamic import FITS, fits, split
+from bristle.page.wording import FITS, direction, pretty, span, split, symbol
+from bristle.questions.joint_report.dynamic import fits
 
 WAYS = ("covariance", "profile", "bootstrap")
 _COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))

@@ -5,15 +5,7 @@ from collections.abc import Iterator
 
 from bristle.identification.results import Estimate, Joint, PreslidingFit
 from bristle.model.parameters import Kind, unit
-from bristle.page.wording import direction, number, pretty
-
-METHODS = {
-    "printed": "(14) as printed, T₁ / x₁",
-    "corrected": "inverse of (14)",
-    "edges": "count edge to count edge",
-    "samples": "all samples",
-}
-"""The four ways to sigma_0, as tables and legends name them."""
+from bristle.page.wording import METHODS, direction, number, pretty
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:

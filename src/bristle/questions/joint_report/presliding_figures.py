@@ -12,10 +12,8 @@ from bristle.data.slow_loading import Loading, Loop
 from bristle.identification.results import Joint, PreslidingFit
 from bristle.model.functions import loading_displacement
 from bristle.model.vectorize import evaluate
-from bristle.page.style import new_figure, styled, title
-from bristle.page.wording import axis, direction, shortened
-from bristle.questions.joint_report.presliding import METHODS
-from bristle.questions.joint_report.static_figures import MOST_POINTS, thinned
+from bristle.page.style import MOST_POINTS, new_figure, styled, thinned, title
+from bristle.page.wording import METHODS, axis, direction, shortened
 
 MOST_LOOPS = 3
 """Closed cycles drawn; the others stand in the table, which the caption says."""

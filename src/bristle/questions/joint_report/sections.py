@@ -1,17 +1,16 @@
 """What each section of the page shows: one function per section, results -> the values that its template names."""
 
-import platform
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import metadata
 from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
 
-from bristle import __version__
 from bristle.identification.results import Joint, StaticFit
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
+from bristle.page.page import versions
+from bristle.page.style import MOST_POINTS
 from bristle.page.wording import direction, measured, pretty, slugs, span
 from bristle.questions.joint_report import (
     dynamic_section,
@@ -27,8 +26,6 @@ from bristle.questions.joint_report.dynamic import doubts as moving_doubts
 from bristle.questions.joint_report.dynamic_tables import table_1
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.presliding import doubts, whole_doubts
-
-_LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "matplotlib", "pint", "pydantic", "jinja2")
 
 
 def page(
@@ -51,11 +48,6 @@ def page(
     }
 
 
-def versions(seed: int | None) -> dict[str, Any]:
-    """By what a page was made."""
-    return {"version": __version__, "versions": _versions(), "seed": seed}
-
-
 def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, Any]:
     return {
         "joint": joint,
@@ -76,8 +68,8 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "shared": _shared(joint),
         "doubts": _doubts(joint),
         "next": next_measurements(joint),
-        "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > static_figures.MOST_POINTS,
-        "most_points": static_figures.MOST_POINTS,
+        "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > MOST_POINTS,
+        "most_points": MOST_POINTS,
         "banded": any(band(fit.velocity[:1], fit) is not None for d, fit in joint.static.items() if d != "shared"),
     }
 
@@ -189,11 +181,3 @@ def _parameter_doubts(d: str, fit: StaticFit) -> Iterable[tuple[str, str]]:
     said = set(fit.doubts)
     for name, e in fit.parameters.items():
         yield from ((f"{direction(d)} {name}", doubt) for doubt in e.doubts if doubt not in said)
-
-
-def _versions() -> list[tuple[str, str]]:
-    return [
-        ("bristle", __version__),
-        ("Python", platform.python_version()),
-        *((x, metadata.version(x)) for x in _LIBRARIES),
-    ]

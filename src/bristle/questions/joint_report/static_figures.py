@@ -12,7 +12,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.identification.results import Joint, Profile, StaticFit
 from bristle.model.parameters import Kind, Lugre, unit
-from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, title
+from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, pretty, shortened
 from bristle.questions.joint_report.curves import band, curve
 
@@ -20,8 +20,6 @@ FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of the paper's Fig. 1."""
 FIG_1_V_S = (0.036, 0.072, 0.144)
 """Assumed: the paper shows three distinct v_s and names none. The middle one is the gripper's in Table 1."""
-MOST_POINTS = 600
-"""Points drawn per direction; denser data are thinned evenly, which the caption says."""
 
 
 _SHADES: dict[str, dict[str, Any]] = {
@@ -109,11 +107,6 @@ def _fitted_points(ax: Axes, joint: Joint, fit: StaticFit, look: Look, label: st
         if chosen.any():
             named = f"fitted {label}{suffix}" if label else None
             ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
-
-
-def thinned(n: int, most: int = MOST_POINTS) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Indices of at most `most` of n points, evenly spread."""
-    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.intp)) if n else np.zeros(0, dtype=np.intp)
 
 
 def _rejected(ax: Axes, joint: Joint) -> None:

@@ -17,8 +17,8 @@ from bristle.identification.results import (
     TrackingFit,
 )
 from bristle.model.parameters import unit
-from bristle.page.wording import WORK, percent, printable
-from bristle.questions.joint_report.dynamic import FITS, bias_text, biased, fits, reached
+from bristle.page.wording import FITS, WORK, percent, printable
+from bristle.questions.joint_report.dynamic import bias_text, biased, fits, reached
 from bristle.questions.joint_report.presliding import bias, choice, methods
 
 _CORRELATED = 0.5
@@ -79,7 +79,7 @@ def _estimate(e: Estimate) -> str:
     if e.value is None:
         return "not estimated"
     error = "" if (text := _number(e.standard_error)) == "none" else f" +/- {text}"
-    share = percent(e)
+    share = percent(e.value, e.standard_error)
     relative = "" if share is None else f" ({share:.2f} %)"
     interval = "no interval" if e.interval is None else f"[{_number(e.interval[0])}, {_number(e.interval[1])}]"
     return f"{e.value:<12.7g}{error}{relative} {e.unit}, 95 %: {interval}"

@@ -9,8 +9,8 @@ import pandas as pd
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
+from bristle.page.page import write_part
 from bristle.page.wording import pretty, slugs
-from bristle.questions.joint_report.page import write_part
 from bristle.questions.method_validation import figures
 from bristle.questions.method_validation.intervals import BOOTSTRAPPED, COVERED
 from bristle.questions.method_validation.results import FREE, SAME, Trial, Tried
@@ -20,7 +20,7 @@ from bristle.questions.method_validation.verdict import overall, verdict
 
 
 def write_trial(trial: Trial, folder: Path) -> Path:
-    """Write a trial as a page with figures and tables; returns the path of index.html. Raises as `page.write_report` does."""
+    """Write a trial as a page with figures and tables; returns the path of index.html. Raises as `write_page` does."""
     drawn, names = figures.showcase(trial), _names(trial)
     draw: dict[str, Any] = {
         "resolution": (lambda: figures.resolution_figure(trial), "error of the plain grid over its resolution")
@@ -42,7 +42,9 @@ def write_trial(trial: Trial, folder: Path) -> Path:
         "coverage": coverage(trial),
         "resolution": resolution(trial),
     }
-    return write_part(folder, "trial.html", section(trial, drawn, names), draw, frames)
+    return write_part(
+        folder, "bristle.questions.method_validation", "trial.html", section(trial, drawn, names), draw, frames
+    )
 
 
 def text(trial: Trial, *, each: bool) -> Iterator[str]:

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre, unit
-from bristle.page.style import WIDTH, new_figure, styled, title
+from bristle.page.style import WIDTH, new_figure, styled, thinned, title
 from bristle.page.wording import axis, number, pretty, shortened, symbol
-from bristle.questions.joint_report.static_figures import thinned
 from bristle.questions.sensitivity.local import Tornado
 from bristle.questions.sensitivity.study import Expected, Exploration
 

@@ -12,8 +12,8 @@ import pandas as pd
 from bristle.identification.fisher import names_of
 from bristle.model.parameters import Lugre, unit
 from bristle.page.columns import shown
+from bristle.page.page import write_part
 from bristle.page.wording import number, pretty, slugs, symbol
-from bristle.questions.joint_report.page import write_part
 from bristle.questions.sensitivity import figures
 from bristle.questions.sensitivity.formulas import LATEX, Formulas, abbreviated, formulas, written
 from bristle.questions.sensitivity.local import claimed, ranked
@@ -51,7 +51,7 @@ def write_sensitivity(x: Exploration, folder: Path) -> Path:
     if x.sobol is not None:
         drawn_sobol = partial(sobol_figure, x.sobol, x.kind, name=x.name, simulated=x.simulated)
         draw["sobol"] = (drawn_sobol, f"Sobol indices of {x.name}")
-    return write_part(folder, "sensitivity.html", context(x), draw, frames(x))
+    return write_part(folder, "bristle.questions.sensitivity", "sensitivity.html", context(x), draw, frames(x))
 
 
 def frames(x: Exploration) -> dict[str, Frame]:

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 
 from bristle.identification.results import Estimate
 from bristle.page.columns import shown
-from bristle.page.wording import measured, number, printable, shortened, slugs
-from bristle.questions.joint_report.dynamic import split
-from bristle.questions.joint_report.page import write_part
+from bristle.page.page import write_part
+from bristle.page.wording import measured, number, printable, shortened, slugs, split
 from bristle.questions.session_comparison.figures import forest_figure
 from bristle.questions.session_comparison.results import Change, Comparison
 
@@ -76,7 +75,7 @@ def write_comparison(compared: Comparison, folder: Path, title: str) -> Path:
         "drawn": _DRAWN,
         "joints": [_joint(compared, joint, slug) for joint, slug in zip(joints, slugs(joints), strict=True)],
     }
-    return write_part(folder, "compare.html", context, drawn, frames)
+    return write_part(folder, "bristle.questions.session_comparison", "compare.html", context, drawn, frames)
 
 
 def _joint(compared: Comparison, joint: str, slug: str) -> dict[str, Any]:

@@ -11,8 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from bristle.arrays import Array
-from bristle.data.experiment.yaml_file import check_name, check_regular, short
-from bristle.errors import InputError
+from bristle.errors import InputError, check_name, check_regular, short
 from bristle.identification.results import Estimate
 from bristle.identification.results_schema import Bound, FitJson, JointJson, ParameterJson, ResultsJson, TrackingJson
 from bristle.page.wording import printable, shortened

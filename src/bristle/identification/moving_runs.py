@@ -1,0 +1,92 @@
+"""Moving runs as every fit of them takes them: directions, regressors, inertia, and what is refused before any is fitted."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
+from bristle.data.experiment.schema import Inertia
+from bristle.data.record import Record
+from bristle.errors import InputError
+
+
+def _needed(record: Record, name: str) -> Array:
+    values: Array | None = getattr(record, name)
+    if values is None:
+        raise InputError(f"{record.file}: the fit needs {name}, which this run does not have; add it under signals")
+    return values
+
+
+def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
+    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises InputError where the record lacks what one needs."""
+    columns: dict[str, Array] = {}
+    if "inertia" in regressors:
+        columns["inertia"] = _needed(record, "acceleration")
+    if "offset" in regressors:
+        columns["offset"] = np.ones(record.time.size)
+    if "gravity" in regressors:
+        columns |= gravity(_needed(record, "position"))
+    return columns
+
+
+def gravity(position: Array) -> dict[str, Array]:
+    """The two columns of a gravity torque, gravity_sin sin(q) + gravity_cos cos(q); position in rad, (n,)."""
+    return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
+
+
+DIRECTIONS = {"+": 1.0, "-": -1.0}
+
+
+def regressors(experiment: Experiment) -> tuple[str, ...]:
+    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
+    asked: tuple[str, ...] | None = experiment.fit.regressors
+    if asked is None:
+        asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
+    fixed, _ = inertia(experiment)
+    return tuple(r for r in asked if r != "inertia" or fixed is None)
+
+
+def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
+    """Raise InputError where the drive's torque (n,) opposes the velocity (n,): friction opposes motion, so its sign is wrong."""
+    if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
+        raise InputError(
+            f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
+            "scale: -1 under signals, or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
+        )
+
+
+def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
+    """Raise InputError where the torque of moving runs opposes their velocity."""
+    velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
+    refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
+
+
+def refuse_mixed_rates(records: Sequence[Record]) -> None:
+    """Raise InputError where moving runs were sampled at different rates: one decimation filter serves them all."""
+    steps = {r.file: r.step for r in records}
+    first, last = min(steps, key=lambda f: steps[f]), max(steps, key=lambda f: steps[f])
+    if steps[last] > 1.05 * steps[first]:
+        raise InputError(
+            f"runs: tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
+            "fit them in experiments of their own, or resample one"
+        )
+
+
+def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, ...]:
+    """`both`, or those in which the records move."""
+    moving = (d for d, sign in DIRECTIONS.items() if any((_of(r, "velocity") * sign > 0).any() for r in records))
+    return tuple(moving) if experiment.fit.directions == "separate" else ("both",)
+
+
+def inertia(experiment: Experiment) -> tuple[float | None, Inertia | None]:
+    """The inertia where it is fixed, and where it is known with an error."""
+    known = experiment.inertia
+    if known is None:
+        return None, None
+    return (None, known) if known.standard_error else (known.value, None)
+
+
+def _of(record: Record, name: str) -> Array:
+    values: Array | None = getattr(record, name)
+    return np.zeros(0) if values is None else values

@@ -1,0 +1,184 @@
+"""One way to a page: a template with its context, figures and tables becomes index.html and the files beside it, written whole or not at all."""
+
+import platform
+from collections.abc import Callable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+from matplotlib.figure import Figure
+
+from bristle import __version__
+from bristle.errors import InputError
+from bristle.page import wording
+from bristle.page.output_folder import replace_files, write_bytes
+from bristle.page.spreadsheet import to_csv
+from bristle.page.style import inline, render, render_as, styled
+from bristle.page.wording import FITS, METHODS, free
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as the .svg or .png file that its path names.
+
+    Raises InputError for another suffix, and as `write_text` does.
+    """
+    kind = path.suffix.lower().lstrip(".")
+    if kind not in {"svg", "png"}:
+        raise InputError(f"{path}: figures are written as .svg or .png; end the name with one of them")
+    write_bytes(path, render_as(figure, kind))
+
+
+class Section(NamedTuple):
+    """What one question puts on the page of another, and the files that go with it."""
+
+    html: Markup
+    contents: Markup
+    """Its line in the list of contents."""
+    files: Mapping[str, bytes]
+    """By relative POSIX path."""
+
+
+@styled
+def write_part(
+    folder: Path,
+    package: str,
+    template: str,
+    context: Mapping[str, Any],
+    figures: Mapping[str, tuple[Callable[[], Figure | None], str]],
+    frames: Mapping[str, pd.DataFrame],
+) -> Path:
+    """Write a page of its own: index.html from a template, figures/ and tables/; returns the path of index.html. Raises as `write_page` does.
+
+    Args:
+        folder: made where it does not exist.
+        package: whose folder `templates` holds the template.
+        template: one that extends base.html; beside `context` it gets `figures`, an element of the page by name, without those that are None.
+        context: what else it names, `seed` among it, the seed of the random numbers or None.
+        figures: by the name of its file, what draws each, and how it is called for a reader who does not see it.
+        frames: each table by the name of its file.
+    """
+    files = tables_of(frames)
+    made = ((name, draw(), label) for name, (draw, label) in figures.items())
+    drawn = {name: element(figure, name, label, files) for name, figure, label in made if figure is not None}
+    return write_page(folder, package, template, {**versions(context["seed"]), **context, "figures": drawn}, files)
+
+
+def write_page(
+    folder: Path, package: str, template: str, context: Mapping[str, Any], files: Mapping[str, bytes]
+) -> Path:
+    """Write index.html, from a template of a package, and the files beside it; returns the path of index.html.
+
+    Everything is written before anything is moved to its place; only what bristle made there before is replaced.
+
+    Raises InputError where the folder is a file, or holds files in the way that bristle did not make, and OSError where it cannot be written; nothing
+    in it is then changed.
+    """
+    replace_files(folder, {**files, "index.html": encoded(html(package, template, context))})
+    return folder / "index.html"
+
+
+def tables_of(frames: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
+    """Tables as CSV files, by relative path."""
+    return {f"tables/{name}.csv": encoded(to_csv(frame)) for name, frame in frames.items()}
+
+
+def element(figure: Figure, name: str, label: str, files: dict[str, bytes]) -> Markup:
+    """A figure rendered into `files`, and as an element of the page; `label` names it for a reader who does not see it.
+
+    Where joints are called so that another figure has the name already, it gets a number.
+    """
+    name = free(name, lambda tried: f"figures/{tried}.svg" in files)
+    files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
+    return Markup(inline(files[f"figures/{name}.svg"], name, escape(wording.printable(label))))  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
+
+
+def html(package: str, template: str, context: Mapping[str, Any]) -> str:
+    """A template of a package, or of the kit, filled in; it may include and extend those of the kit."""
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("bristle.page")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"cell": _cell, "heading": _heading, "direction": wording.direction, "symbol": symbol_html}
+    return environment.get_template(template).render(context)
+
+
+def symbol_html(name: str) -> Markup:
+    """A parameter's symbol as HTML: alpha_0 -> α with subscript 0."""
+    text = wording.symbol(name)
+    for character, plain in zip("₀₁₂ₛ", "012s", strict=True):
+        text = text.replace(character, f"_{plain}")
+    parts = text.split("_", 1)
+    if len(parts) == 1 or parts[0] not in {"α", "σ", "v"}:
+        return escape(name)
+    return Markup("<i>{}</i><sub>{}</sub>{}").format(parts[0], parts[1][:1], parts[1][1:])
+
+
+_HEADINGS = {
+    "standard_error": "standard error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
+    "upper": "95 % to", "plain_grid": "plain grid", "without_stick_slip": "without stick-slip", "huber": "Huber",
+    "without_standard_error": "its standard error", "difference_in_se": "difference (standard errors)", "grid": "refined grid",
+    "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
+    "start": "from row", "stop": "to row", "from_median_percent": "from the median (%)", "recommended": "use it?",
+    "of": "joint", "at_4_s": "at 4 s", "at_20_s": "at 20 s", "gains_of_1": "gains of 1 (%)", "begun": "begun at",
+    "inertia_feed_forward": "inertia feed-forward", "adapted": "adapted (%)",
+    "stage_value": "its own stage", "tracking_value": "moving runs", "joint_value": "joint fit",
+}  # fmt: skip  # a table of words
+
+
+def _heading(column: str) -> str:
+    return _HEADINGS.get(column, column)
+
+
+_DIGITS = {"difference_in_se": 2, "difference": 2, "error_percent": 3, "standard_error": 3, "from_median_percent": 3}
+
+
+def _cell(value: Any, column: str) -> str | Markup:
+    """How one value of a table's column stands in the page."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return wording.MISSING
+    if isinstance(value, float):
+        return wording.number(value, _DIGITS.get(column, 5))
+    if column == "parameter":
+        return symbol_html(str(value))
+    return _CELLS.get(column, str)(str(value))
+
+
+def _named(key: str) -> str:
+    """A method or a fit by its name; any other word as it is."""
+    return {**METHODS, **FITS}.get(key, key)
+
+
+_CELLS: dict[str, Callable[[str], str]] = {
+    "unit": wording.pretty,
+    "direction": lambda d: d if d == "shared" else wording.direction(d),
+    **dict.fromkeys(("method", "fit", "source"), _named),
+}
+
+
+def encoded(text: str) -> bytes:
+    """Text in UTF-8; what UTF-8 cannot hold as Python writes it."""
+    return text.encode("utf-8", "backslashreplace")
+
+
+_LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "matplotlib", "pint", "pydantic", "jinja2")
+
+
+def versions(seed: int | None) -> dict[str, Any]:
+    """By what a page was made."""
+    return {"version": __version__, "versions": _versions(), "seed": seed}
+
+
+def _versions() -> list[tuple[str, str]]:
+    return [
+        ("bristle", __version__),
+        ("Python", platform.python_version()),
+        *((x, metadata.version(x)) for x in _LIBRARIES),
+    ]
