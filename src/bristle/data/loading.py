@@ -26,6 +26,8 @@ _FLOOR = 5.0
 """... and this many times the deviation that counts alone give its speed."""
 _HELD = 0.9
 """Of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not."""
+_MOST_COUNTS = 1e7
+"""In a piece; a fine encoder has some thousands."""
 _SHORTEST = 8
 """Samples in a piece."""
 _SLIDES = (0.05, 0.8)
@@ -119,6 +121,7 @@ def find_loadings(
         slide = _slides_at(torque_along, position_along - position_along[0], sign * speed[piece], limit, breakaway)
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
         inside = slice(0, slide)
+        _refuse_fine(record.file, position_along[inside], quantum)
         edges, at = _edges(position_along[inside], quantum)
         found.append(
             Loading(
@@ -223,6 +226,14 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
         raise InputError(
             f"{file}: the joint slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
             "a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
+        )
+
+
+def _refuse_fine(file: str, position: Array, quantum: float) -> None:
+    if quantum and position.size and np.ptp(position) / quantum > _MOST_COUNTS:
+        raise InputError(
+            f"{file}: the position spans {np.ptp(position) / quantum:.3g} counts of {quantum:.3g} (SI) below breakaway; "
+            "expected the size of one count of the encoder; check encoder_resolution"
         )
 
 

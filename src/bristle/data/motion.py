@@ -12,6 +12,8 @@ ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
 _PAD = 15
 """Least samples by which a stretch is continued, mirrored about its ends, before it is filtered; else as many as the cut-off's period has."""
+LOWEST = 1e-6
+"""Cut-off of the low pass over the sampling rate."""
 SHORTEST = 16
 """Samples that a stretch without a gap must have to be filtered."""
 
@@ -55,9 +57,17 @@ def usable(record: Record, cutoff: float) -> float:
 
 
 def smoothed(record: Record, values: Array, cutoff: float) -> Array:
-    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap."""
+    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap.
+
+    Raises InputError where the cut-off is so far below the sampling rate that the filter's own rounding hides the signal.
+    """
     from scipy.signal import butter, sosfiltfilt
 
+    if cutoff * record.step < LOWEST:
+        raise InputError(
+            f"{record.file}: a cut-off of {cutoff:g} Hz is too low for a sampling rate of {1 / record.step:.4g} Hz; expected at least "
+            f"{LOWEST / record.step:.3g} Hz; check the cut-offs under fit, and the unit of time"
+        )
     sections = butter(ORDER, cutoff, fs=1 / record.step, output="sos")
     reach = max(_PAD, round(1 / (record.step * cutoff)))
     # scipy-stubs cannot tell which of the layouts `butter` returns

@@ -22,6 +22,8 @@ from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shap
 
 _KERNEL_TAIL = 1e-8
 """Where the smoothing kernel is cut, relative to its peak."""
+_DROWNS = 1e9
+"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
 SEEN = 1.5
 """Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
 Tables = tuple[Array, ...]
@@ -196,7 +198,7 @@ def from_records(
     extra = {name: np.concatenate([own[name] for own in columns]) for name in columns[0]}
     problem = _build(velocity, torque, directions, extra, smooth)
     if inertia is not None:
-        known = smooth @ (inertia * np.concatenate([_needed(r, "acceleration") for r in records]))
+        known = smooth @ np.concatenate([inertial(r, inertia) for r in records])
         problem = replace(problem, torque=problem.torque - known, known=known)
     time = smooth @ np.concatenate([r.time - r.time[0] for r in records])
     has_position = all(r.position is not None for r in records)
@@ -251,6 +253,17 @@ def _build(
 
 def _moves(velocity: Array, direction: str) -> Array:
     return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
+
+
+def inertial(record: Record, inertia: float) -> Array:
+    """Torque of a known inertia in a moving run, N*m, (n,). Raises InputError where it leaves nothing of the measured torque."""
+    torque = inertia * _needed(record, "acceleration")
+    own, measured = float(np.abs(torque).max()), float(np.abs(_needed(record, "torque")).max())
+    if own > _DROWNS * measured > 0:
+        raise InputError(
+            f"{record.file}: an inertia of {inertia:.3g} takes {own:.3g} off a torque of {measured:.3g} at most (SI); check its unit"
+        )
+    return torque
 
 
 def _needed(record: Record, name: str) -> Array:
