@@ -142,6 +142,7 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
 TURN = 2 * np.pi * 0.1 * STEPS
+LOADED = 0.3 * np.sin(2 * np.pi * STEPS / 3)
 SLIDING = 0.3 * np.sin(2 * np.pi * 0.5 * STEPS)
 
 
@@ -178,6 +179,11 @@ def whole_joint(options: str) -> dict[str, str]:
         "signals:\n", f"adapt: {{{options}}}\nfit: {{decimation: 2}}\nsignals:\n  time: {{column: t, unit: s}}\n"
     )
     return {"e.yaml": signals.replace("points", "tracking"), "data.csv": "t,v,tau\n" + "".join(rows)}
+
+
+def option(fit: str, files: Mapping[str, str]) -> dict[str, str]:
+    """An experiment with an option of the fit."""
+    return {**files, "e.yaml": f"{files['e.yaml']}fit: {{{fit}}}\n"}
 
 
 AGAIN = "  - {files: data.csv, experiment: points}\n"
@@ -218,7 +224,22 @@ BAD = [
     *bad("pipe as data", ALL, "data.csv: is a pipe", {"data.csv": PIPE}),
     *bad("control character in the name", READ, r"joint.name: the text 'wri\x1b[2Jst' holds U+001B", yaml_with("wrist", r"wri\e[2Jst")),
     *bad("change of direction in the name", [IDENTIFY], r"joint.name: the text 'wri\u202est' holds U+202E", yaml_with("wrist", "wri\u202est")),
-    *bad("lone surrogate in a label", READ, r"runs.0.load: got '\ud800'; expected string", yaml_with("points}", r'points, load: "\ud800"}')),
+    *bad("lone surrogate in a label", READ, r"runs.0.load: the text '\ud800' holds U+D800", yaml_with("points}", r'points, load: "\ud800"}')),
+    *bad("infinite inertia", READ, "e.yaml: inertia: got '1e400 kg*m**2'", yaml_with("signals:", "inertia: 1e400 kg*m**2\nsignals:")),
+    *bad("sigma_0 fixed at zero", READ, "e.yaml: fit.fixed: sigma_0: got 0", yaml_with("signals:", "fit: {fixed: {sigma_0: 0 N*m/rad}}\nsignals:")),
+    *bad("torque of another world", READ, "data.csv: torque reaches 1.96e-162 (SI)", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: 1e-25")
+         | {"data.csv": "v,tau\n0.1,1.96e-137\n0.2,1e-137\n"}),
+    *bad("torque far too large", READ, "data.csv: torque reaches 1e+160 (SI)", {"data.csv": "v,tau\n0.1,1e160\n0.2,1\n"}),
+    *bad("velocity far too small", READ, "data.csv: velocity reaches 2e-160 (SI)", {"data.csv": "v,tau\n1e-160,1\n2e-160,2\n"}),
+    *bad("steps of no time", READ, "data.csv: time spans 0 s to 3e-19 s in steps of 1e-19 s", ramp([0, 1e-19, 2e-19, 3e-19], [1, 2, 3, 4])),
+    *bad("cut-off far too low", FIT, "data.csv: a cut-off of 1e-29 Hz is too low", option("presliding_cutoff: 1e-29 Hz", slow(LOADED / 100, LOADED))),
+    *bad(
+        "count far too small", FIT, "counts of encoder_resolution, more than any encoder has",
+        {**slow(LOADED / 100, LOADED), "e.yaml": slow(LOADED / 100, LOADED)["e.yaml"] + "encoder_resolution: 1e-27 rad\n"},
+    ),
+    *bad("inertia that drowns the torque", FIT, "data.csv: an inertia of 1e+29 takes", {
+        **whole_joint("period: 1 ms"), "e.yaml": whole_joint("period: 1 ms")["e.yaml"] + "inertia: 1e29 kg*m**2\n"}),
+    *bad("row of data in the header", ALL, "data.csv: line 2 stands between names", {"data.csv": "v,tau,a,b\n0,stop,off,x\n1,2,3,4\n2,3,4,5\n"}),
     *bad("glob of nothing", READ, "e.yaml: runs: files 'log_*.csv' matches no file", yaml_with("data.csv", "log_*.csv")),
     *bad(
         "long line", ALL, "data.csv: has a line longer than 64 bytes",
@@ -344,6 +365,40 @@ def test_bad_input_gets_one_sentence(
     assert "Traceback" not in ran.out + ran.err
     assert len(ran.said[0]) < 600
     assert tree(tmp_path) == before
+
+
+@pytest.mark.parametrize("factor", [1e-18, 1e18])
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_units_far_off_are_fitted_without_a_word(tmp_path: Path, column: int, factor: float) -> None:
+    """A ramp whose time, velocity or torque is that many times too large or small is fitted, or refused in a sentence; never with a warning."""
+    rng = np.random.default_rng(0)
+    speed = np.repeat([0.02, 0.05, 0.1, 0.3, 0.5, 0.8, -0.02, -0.05, -0.1, -0.3, -0.5, -0.8], 500)
+    speed += 1e-4 * rng.standard_normal(speed.size)
+    columns = [np.arange(speed.size) / 100, speed, 0.2 * np.sign(speed) + 0.1 * speed]
+    columns[column] = columns[column] * factor
+    rows = zip(*(values.tolist() for values in columns), strict=True)
+    (tmp_path / "e.yaml").write_text(ramp([0], [0])["e.yaml"])
+    (tmp_path / "data.csv").write_text("t,v,tau\n" + "".join(f"{t!r},{v!r},{tau!r}\n" for t, v, tau in rows))
+    ran = run("identify", tmp_path / "e.yaml")
+    assert ran.code == (2 if column == 0 else 0)
+    assert len(ran.said) == (1 if column == 0 else 0)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "fixed: {alpha_0: 1 N*m, alpha_1: 1 N*m, alpha_2: 1 N*m*s/rad, v_s: 1 rad/s, sigma_0: 1 N*m/rad, sigma_1: 1 N*m*s/rad, inertia: 1 kg*m**2}",
+        "fixed: {alpha_0: 1e29 N*m}",
+        "v_s_range: [1e-29 rad/s, 1e29 rad/s]",
+    ],
+)
+def test_options_far_off_are_taken_without_a_warning(tmp_path: Path, options: str) -> None:
+    """Values beyond reason, and nothing left to fit, end in a result."""
+    for name, text in whole_joint("period: 1 ms").items():
+        (tmp_path / name).write_text(
+            text.replace("fit: {decimation: 2}", f"fit: {{decimation: 2, {options}}}"), encoding="utf-8"
+        )
+    assert run("identify", tmp_path / "e.yaml").code == 0
 
 
 def test_bad_inputs_are_all_there() -> None:

@@ -11,7 +11,7 @@ GROUND = {"arrays", "errors", "progress"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
 BELOW = {
-    **dict.fromkeys(GROUND, set[str]()),
+    **{name: set[str]() for name in GROUND},
     "model": set[str](),
     "estimation": set[str](),
     "data": {"model", "estimation"},

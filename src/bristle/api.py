@@ -60,7 +60,7 @@ class Results:
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and what they let doubt."""
-        from bristle.questions.joint_report.interval_figures import uncertainty
+        from bristle.questions.joint_report.interval_tables import uncertainty
 
         return uncertainty(self.joints)
 

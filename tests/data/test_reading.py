@@ -365,7 +365,7 @@ def test_any_unit_is_taken_or_refused(unit: str) -> None:
         ("t,q\n" + ",\n" * 100_000, "t", "has a header and no row"),
         ("t,q\n0,1\n" * 2 + "1" * 500_000 + "x,1\n", "t", "row 3 of column 't' holds|row 2 of column 't' holds"),
         ("t,q\n0," + "9" * 305 + "\n1,2\n", "q", "line 2 stands between"),
-        ("t,q\n0,1\n1," + "9" * 400 + "\n", "q", "row 2 of column 'q' holds '999"),
+        ("t,q\n0,1\n1," + "9" * 400 + "\n", "q", "row 2 of column 'q' holds 999"),
         ("t,q\n" + '"' * 500_000 + ",1\n", "t", "is not a table of numbers"),
         (",".join(f"column {k}" for k in range(5000)) + "\n" + ",".join(["1"] * 5000) + "\n", "x", "there are: column 0"),
         ("t,q\n0,1\n", "x" * 100_000, "no column named 'xxx"),

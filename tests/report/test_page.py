@@ -110,7 +110,7 @@ def crowded(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Elements]:
         patch.setattr(page, "_DRAW", {"curve": static_figures.curve_figure})
         drawn = {"curve": static_figures.stribeck_figure}
         patch.setattr("bristle.questions.joint_report.interval_figures.figures", lambda _: drawn)
-        patch.setattr(page, "render", lambda figure: (render_as(figure, "svg"), b""))  # a PNG holds no name
+        patch.setattr("bristle.page.page.render", lambda figure: (render_as(figure, "svg"), b""))  # a PNG holds no name
         folder = tmp_path_factory.mktemp("crowded")
         page.write_report([gripper(name) for name in NAMES], folder, title=NAMES[12], seed=0)
     assert len(list((folder / "figures").glob("*.svg"))) == 1 + 2 * len(NAMES)

@@ -16,7 +16,7 @@ from bristle.identification.static.fit import Where, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind
 from bristle.page.wording import MISSING
-from bristle.questions.joint_report import interval_figures, page, results_file
+from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
 from bristle.questions.joint_report.curves import curve
 
 from .conftest import TABLE_1
@@ -74,14 +74,14 @@ def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
 def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
     """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
     joint = built(fits(SPEEDS, 1e-4, kind), kind)
-    frame = interval_figures.uncertainty([joint, replace(joint, name="other")])
+    frame = interval_tables.uncertainty([joint, replace(joint, name="other")])
     assert list(frame["joint"].unique()) == ["wrist", "other"]
     own = frame[frame["joint"] == "wrist"].set_index("parameter")
     order = ("alpha_0", "alpha_1", "alpha_2", "v_s")
     assert tuple(own.loc[list(order), "unit"]) == UNITS[kind]
     for name in order:
         three = joint.static["+"].uncertainty[name]
-        for way in interval_figures.WAYS:
+        for way in interval_tables.WAYS:
             assert (own.loc[name, f"{way}_lower"], own.loc[name, f"{way}_upper"]) == getattr(three, way)
         assert own.loc[name, "value"] == joint.static["+"].parameters[name].value
     assert all(frame[c].dtype == float for c in frame.columns if c.endswith(("lower", "upper")))
@@ -90,17 +90,17 @@ def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -
 def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
     """A joint without fits, and no joint at all: the columns and no row, and no figure."""
     for joints in ([], [slide]):
-        frame = interval_figures.uncertainty(joints)
+        frame = interval_tables.uncertainty(joints)
         assert frame.empty
         assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
     assert interval_figures.figures(slide) == {}
-    assert interval_figures.section(slide)["tables"] == {}
+    assert interval_tables.section(slide)["tables"] == {}
 
 
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
     joint = changed(open_, "alpha_0", bootstrap=None, doubts=("No bootstrap: <b>few</b> blocks.",))
-    cells = {cell for row in interval_figures.section(joint)["tables"]["static"].rows for cell in row}
+    cells = {cell for row in interval_tables.section(joint)["tables"]["static"].rows for cell in row}
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)
     page.write_report([joint], tmp_path, title="t", seed=0)
@@ -130,13 +130,13 @@ def test_figures_have_a_panel_per_parameter_with_all_it_says(good: Joint) -> Non
     for ax, (name, own) in zip(axes, good.static["+"].uncertainty.items(), strict=True):
         assert re.search(r"\([^()]+\)$", ax.get_xlabel())
         lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
-        for way in interval_figures.WAYS:
+        for way in interval_tables.WAYS:
             assert lines[way] == pytest.approx(getattr(own, way))
         assert lines["cost (1: threshold)"] == pytest.approx(own.curve[0])
         value = good.static["+"].parameters[name].value
         assert any(line.get_xdata()[0] == value for line in ax.lines if len(line.get_xdata()) == 2)  # type: ignore[arg-type,index]
         low, high = ax.get_xlim()
-        assert all(low <= end <= high for way in interval_figures.WAYS for end in getattr(own, way))
+        assert all(low <= end <= high for way in interval_tables.WAYS for end in getattr(own, way))
 
 
 def test_open_intervals_are_drawn_within_a_finite_frame(open_: Joint) -> None:

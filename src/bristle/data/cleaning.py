@@ -16,6 +16,10 @@ from bristle.data.text_table import Table
 from bristle.errors import InputError
 
 _TURN = 2 * np.pi
+_LARGEST = 1e20
+"""No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it is a unit that is wrong."""
+_STEPS = (1e-12, 1e12)
+"""Seconds that a sampling interval may have."""
 _LATEST = 0.1
 """Of a run: a delay is shorter."""
 
@@ -119,7 +123,17 @@ def _scaled(table: Table, signals: Signals, context: Context) -> _Rows:
             else 1.0
         )
         data[name] = table.columns[key] * times
+        _refuse_absurd(name, data[name])
     return _Rows(data=data, number=np.arange(1, table.rows + 1), notes=list(table.notes))
+
+
+def _refuse_absurd(name: str, values: Array) -> None:
+    """Raises InputError where the largest value is none that a joint could have."""
+    largest = float(np.abs(values, where=np.isfinite(values), out=np.zeros(values.shape)).max(initial=0.0))
+    if largest and not 1 / _LARGEST < largest < _LARGEST:
+        raise InputError(
+            f"{name} reaches {largest:.3g} (SI) at most; expected between {1 / _LARGEST:g} and {_LARGEST:g}; check its unit and scale"
+        )
 
 
 def _drop_non_finite(rows: _Rows, table: Table, cleaning: Cleaning) -> None:
@@ -172,9 +186,9 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     """First samples of the stretches between gaps; the regularity of time is noted."""
     intervals = np.diff(rows.data["time"])
     step = float(np.median(intervals))
-    if not (np.isfinite(step) and step > 0):
+    if not _STEPS[0] < step < _STEPS[1]:
         raise InputError(
-            f"time spans {rows.data['time'][0]:.9g} s to {rows.data['time'][-1]:.9g} s; expected finite seconds; check the unit of time"
+            f"time spans {rows.data['time'][0]:.9g} s to {rows.data['time'][-1]:.9g} s in steps of {step:.3g} s; check the unit of time, or the rate"
         )
     wide = intervals > gap * step
     worst = float(np.abs(intervals[~wide] - step).max(initial=0.0)) / step

@@ -12,11 +12,10 @@ ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
 _PAD = 15
 """Least samples by which a stretch is continued, mirrored about its ends, before it is filtered; else as many as the cut-off's period has."""
+LOWEST = 1e-6
+"""Cut-off of the low pass over the sampling rate."""
 SHORTEST = 16
 """Samples that a stretch without a gap must have to be filtered."""
-
-_LOWEST = 1e-6
-"""Of the sampling rate: a lower cut-off makes a filter whose state is not computable in double precision, and longer than any run."""
 
 
 def estimate_motion(record: Record, cutoff: float) -> Record:
@@ -60,14 +59,14 @@ def usable(record: Record, cutoff: float) -> float:
 def smoothed(record: Record, values: Array, cutoff: float) -> Array:
     """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap.
 
-    Raises InputError where the cut-off is so far below the sampling rate that no filter can be computed.
+    Raises InputError where the cut-off is so far below the sampling rate that the filter's own rounding hides the signal.
     """
     from scipy.signal import butter, sosfiltfilt
 
-    if not cutoff * record.step > _LOWEST:
+    if cutoff * record.step < LOWEST:
         raise InputError(
-            f"{record.file}: a low pass of {cutoff:.3g} Hz is too far below the sampling rate, {1 / record.step:.3g} Hz; "
-            "check the unit of time, or raise the cut-off under fit"
+            f"{record.file}: a cut-off of {cutoff:g} Hz is too low for a sampling rate of {1 / record.step:.4g} Hz; expected at least "
+            f"{LOWEST / record.step:.3g} Hz; check the cut-offs under fit, and the unit of time"
         )
     sections = butter(ORDER, cutoff, fs=1 / record.step, output="sos")
     reach = max(_PAD, round(1 / (record.step * cutoff)))

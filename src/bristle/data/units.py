@@ -13,7 +13,7 @@ from bristle.errors import InputError, short
 if TYPE_CHECKING:
     import pint
 
-LARGEST = 1e60
+LARGEST = 1e30
 """No quantity is larger in SI, or smaller but for zero: squares of such numbers, and their inverses, still are numbers."""
 _LONGEST = 200
 """Characters of a quantity, and of a unit: what is matched is short."""

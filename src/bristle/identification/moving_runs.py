@@ -11,7 +11,8 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 
 
-def _needed(record: Record, name: str) -> Array:
+def needed(record: Record, name: str) -> Array:
+    """A signal of the record by its name, (n,). Raises InputError where the run does not have it."""
     values: Array | None = getattr(record, name)
     if values is None:
         raise InputError(f"{record.file}: the fit needs {name}, which this run does not have; add it under signals")
@@ -22,11 +23,11 @@ def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]
     """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises InputError where the record lacks what one needs."""
     columns: dict[str, Array] = {}
     if "inertia" in regressors:
-        columns["inertia"] = _needed(record, "acceleration")
+        columns["inertia"] = needed(record, "acceleration")
     if "offset" in regressors:
         columns["offset"] = np.ones(record.time.size)
     if "gravity" in regressors:
-        columns |= gravity(_needed(record, "position"))
+        columns |= gravity(needed(record, "position"))
     return columns
 
 
@@ -35,6 +36,8 @@ def gravity(position: Array) -> dict[str, Array]:
     return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
 
 
+_DROWNS = 1e9
+"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
 DIRECTIONS = {"+": 1.0, "-": -1.0}
 
 
@@ -90,3 +93,14 @@ def inertia(experiment: Experiment) -> tuple[float | None, Inertia | None]:
 def _of(record: Record, name: str) -> Array:
     values: Array | None = getattr(record, name)
     return np.zeros(0) if values is None else values
+
+
+def inertial(record: Record, inertia: float) -> Array:
+    """Torque of a known inertia in a moving run, N*m, (n,). Raises InputError where it leaves nothing of the measured torque."""
+    torque = inertia * needed(record, "acceleration")
+    own, measured = float(np.abs(torque).max()), float(np.abs(needed(record, "torque")).max())
+    if own > _DROWNS * measured > 0:
+        raise InputError(
+            f"{record.file}: an inertia of {inertia:.3g} takes {own:.3g} off a torque of {measured:.3g} at most (SI); check its unit"
+        )
+    return torque

@@ -135,7 +135,7 @@ def _scatter(problem: Tracking, values: Mapping[str, float], minimum: Minimum) -
     )
     errors = np.full(length.size, np.inf)
     errors[seen] = np.sqrt(spread)
-    widening = float(np.median(ratio[named]))
+    widening = float(np.median(ratio[named])) if named.any() else 1.0
     return errors, covariance, max(n / float(stretch[named].max(initial=1.0)) - p, 1.0), widening
 
 

@@ -19,7 +19,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.separable import Block
 from bristle.identification.decimation import decimator
-from bristle.identification.moving_runs import extra_columns
+from bristle.identification.moving_runs import extra_columns, inertial
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_into
 
@@ -192,7 +192,7 @@ def tracking(
             raise InputError(
                 f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
             )
-        known = 0.0 if inertia is None or record.acceleration is None else inertia * record.acceleration
+        known = 0.0 if inertia is None else inertial(record, inertia)
         for part in stretches(record):
             smooth, _ = decimator([np.array([part.stop - part.start])], decimation, record.file)
             motions.append(

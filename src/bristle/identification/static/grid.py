@@ -313,6 +313,8 @@ def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, floa
         inner = solve_at(problem, list(np.exp(u)))
         return inner.cost / scale, -2 * (inner.jacobian[:, -len(v_s) :].T @ inner.residuals) * np.exp(u) / scale
 
+    if not v_s:  # no direction has a peak
+        return []
     scale = solve_at(problem, v_s).cost or 1.0
     found = minimize(
         cost_and_slope,

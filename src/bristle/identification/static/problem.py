@@ -18,7 +18,7 @@ from scipy import sparse
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.identification.decimation import decimator
-from bristle.identification.moving_runs import _needed, extra_columns
+from bristle.identification.moving_runs import extra_columns, inertial, needed
 from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shape_slope
 from bristle.model.vectorize import evaluate
 
@@ -188,17 +188,17 @@ def from_records(
         InputError: where a stretch is too short for the filter, with the length it needs.
     """
     smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
-    velocity = np.concatenate([_needed(r, "velocity") for r in records])
-    torque = np.concatenate([_needed(r, "torque") for r in records])
+    velocity = np.concatenate([needed(r, "velocity") for r in records])
+    torque = np.concatenate([needed(r, "torque") for r in records])
     columns = [extra_columns(regressors, record) for record in records]
     extra = {name: np.concatenate([own[name] for own in columns]) for name in columns[0]}
     problem = _build(velocity, torque, directions, extra, smooth)
     if inertia is not None:
-        known = smooth @ (inertia * np.concatenate([_needed(r, "acceleration") for r in records]))
+        known = smooth @ np.concatenate([inertial(r, inertia) for r in records])
         problem = replace(problem, torque=problem.torque - known, known=known)
     time = smooth @ np.concatenate([r.time - r.time[0] for r in records])
     has_position = all(r.position is not None for r in records)
-    position = smooth @ np.concatenate([_needed(r, "position") for r in records]) if has_position else np.zeros(0)
+    position = smooth @ np.concatenate([needed(r, "position") for r in records]) if has_position else np.zeros(0)
     return problem, (time, position), dropped
 
 

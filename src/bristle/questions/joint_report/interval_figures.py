@@ -1,23 +1,19 @@
-"""Every interval three ways - covariance, profile, bootstrap - as one table, and one figure per parameter."""
+"""Every interval three ways - covariance, profile, bootstrap: one figure per fit, a panel per parameter."""
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from scipy.interpolate import PchipInterpolator
 
 from bristle.arrays import Array
-from bristle.identification.results import Estimate, Joint, Uncertainty
-from bristle.page.columns import shown
+from bristle.identification.results import Joint
 from bristle.page.style import LINES, decimal_log, new_figure, styled, title
-from bristle.page.wording import FITS, direction, pretty, span, split, symbol
-from bristle.questions.joint_report.dynamic import fits
+from bristle.page.wording import FITS, direction, pretty, symbol
+from bristle.questions.joint_report.interval_tables import WAYS, Row, rows
 
-WAYS = ("covariance", "profile", "bootstrap")
 _COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
 _HEIGHT = 2.6
 """Inches for each row of panels."""
@@ -26,55 +22,6 @@ _TOP = 2.4
 _BINS = 24
 _FEW = 20
 """Points of a profile below which they are drawn as such, with a curve through them."""
-
-
-class Row(NamedTuple):
-    """One parameter of one fit."""
-
-    fit: str
-    """`static`, `presliding`, `tracking` or `joint`."""
-    direction: str
-    parameter: str
-    estimate: Estimate
-    three: Uncertainty
-
-
-def rows(joint: Joint) -> Iterator[Row]:
-    """Every parameter whose interval is known three ways, fit by fit."""
-    for d, static in joint.static.items():
-        yield from (Row("static", d, name, static.parameters[name], u) for name, u in static.uncertainty.items())
-    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
-        yield from (Row("presliding", d, name, slow.sigma_0, u) for name, u in slow.uncertainty.items())
-    for kind, moving in fits(joint).items():
-        yield from (Row(kind, *split(name), moving.parameters[name], u) for name, u in moving.uncertainty.items())
-
-
-def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
-    """One row per fit and parameter: the value, and lower and upper end by each way; nan where a way has none."""
-    ends = [f"{way}_{end}" for way in WAYS for end in ("lower", "upper")]
-    found = [
-        (
-            joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
-            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(x.three.doubts),
-        )
-        for joint in joints
-        for x in rows(joint)
-    ]  # fmt: skip  # one row, one line
-    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "doubts"]
-    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
-
-
-def section(joint: Joint) -> dict[str, Any]:
-    """What the template names: a table per fit with each interval in one cell, by the fit's name, and which fits have none."""
-    columns = ["parameter", "value", *WAYS, "unit", "doubts"]
-    found: dict[str, list[tuple[Any, ...]]] = {}
-    for x in rows(joint):
-        name = x.parameter + (x.direction if x.direction in {"+", "-"} else "")
-        ends = (span(getattr(x.three, way)) for way in WAYS)
-        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(x.three.doubts))
-        found.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
-    tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
-    return {"tables": tables, "missing": [FITS[kind] for kind, fit in fits(joint).items() if not fit.uncertainty]}
 
 
 def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:

@@ -14,7 +14,6 @@ from bristle.page.style import MOST_POINTS
 from bristle.page.wording import direction, measured, pretty, slugs, span
 from bristle.questions.joint_report import (
     dynamic_section,
-    interval_figures,
     models_section,
     presliding_section,
     static_figures,
@@ -63,7 +62,7 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "models": models_section.section(joint),
         "presliding": presliding_section.section(joint),
         "tracking": dynamic_section.section(joint),
-        "uncertainty": interval_figures.section(joint),
+        "uncertainty": interval_tables.section(joint),
         "complete": _complete(joint),
         "shared": _shared(joint),
         "doubts": _doubts(joint),

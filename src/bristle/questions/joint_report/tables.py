@@ -11,7 +11,7 @@ from bristle.model.parameters import unit
 from bristle.page.wording import WORK
 from bristle.questions.joint_report.dynamic_tables import consistency, table_1, tracking, tracking_hold_out
 from bristle.questions.joint_report.frame import estimates, with_truth
-from bristle.questions.joint_report.interval_figures import uncertainty
+from bristle.questions.joint_report.interval_tables import uncertainty
 from bristle.questions.joint_report.models_section import models
 from bristle.questions.joint_report.presliding import methods
 
