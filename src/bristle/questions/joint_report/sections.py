@@ -14,6 +14,7 @@ from bristle.page.style import MOST_POINTS
 from bristle.page.wording import direction, measured, pretty, slugs, span
 from bristle.questions.joint_report import (
     dynamic_section,
+    interval_tables,
     models_section,
     presliding_section,
     static_figures,
