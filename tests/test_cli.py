@@ -213,7 +213,7 @@ BAD = [
     *bad("pipe as data", ALL, "data.csv: is a pipe", {"data.csv": PIPE}),
     *bad("control character in the name", READ, r"joint.name: the text 'wri\x1b[2Jst' holds U+001B", yaml_with("wrist", r"wri\e[2Jst")),
     *bad("change of direction in the name", [IDENTIFY], r"joint.name: the text 'wri\u202est' holds U+202E", yaml_with("wrist", "wri\u202est")),
-    *bad("lone surrogate in a label", READ, r"runs.0.load: got '\ud800'; expected string", yaml_with("points}", r'points, load: "\ud800"}')),
+    *bad("lone surrogate in a label", READ, r"runs.0.load: the text '\ud800' holds U+D800", yaml_with("points}", r'points, load: "\ud800"}')),
     *bad("infinite inertia", READ, "e.yaml: inertia: got '1e400 kg*m**2'", yaml_with("signals:", "inertia: 1e400 kg*m**2\nsignals:")),
     *bad("sigma_0 fixed at zero", READ, "e.yaml: fit.fixed: sigma_0: got 0", yaml_with("signals:", "fit: {fixed: {sigma_0: 0 N*m/rad}}\nsignals:")),
     *bad("torque of another world", READ, "data.csv: torque reaches 1.96e-162 (SI)", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: 1e-25")
