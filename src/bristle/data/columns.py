@@ -53,11 +53,8 @@ def numeric(value: Any, key: Key) -> Array:
     """A vector of numbers, or the column `key.index` of a matrix, as floats."""
     while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
         value = value.flat[0]
-    if hasattr(value, "toarray"):  # a sparse array, which only a MAT-file holds
-        bounded(float(np.prod(value.shape, dtype=np.float64)))
-        with reading("MAT-file", "save it again"):
-            value.check_format(full_check=True)  # an index outside of it would crash
-            value = value.toarray()
+    if hasattr(value, "toarray"):
+        raise InputError(f"column {key} is a sparse array; in MATLAB save full({key.column}) in its place")
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "iufb":
         what = f", but {_words(value)}" if isinstance(value, np.ndarray) else ""
         raise InputError(f"column {key} holds no plain array of numbers{what}; expected one real number per sample")

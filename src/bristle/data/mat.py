@@ -1,7 +1,6 @@
 """Columns from MATLAB files of version 4 to 7, by variable or dotted path."""
 
 import re
-import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,18 +9,13 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, is_vector, numeric, reading
+from bristle.data.mat_check import check_version_4, check_version_5
 from bristle.errors import InputError, short, short_list
 
 _LONGEST = 1000
 """Characters of a dotted path."""
 _PART = re.compile(r"[A-Za-z]\w*|\{[0-9]{1,9}\}|\([0-9]{1,9}\)")
 _PATH = re.compile(r"[A-Za-z]\w*(?:\.[A-Za-z]\w*|\{[0-9]{1,9}\}|\([0-9]{1,9}\))*")
-_SIZES = (8, 4, 4, 2, 2, 1)
-"""Bytes of a number in a file of version 4, by the digit of its type that says its precision."""
-_SPARSE = 2
-"""The last digit of the type of a sparse variable there."""
-_TYPES = 5000
-"""A type is less; one that seems larger has its bytes in the other order."""
 
 
 def mat_names(path: Path) -> tuple[str, ...]:
@@ -56,7 +50,7 @@ def _load_mat(path: Path, names: Sequence[str] | None) -> dict[str, Any]:
 
 
 def _check_version(path: Path) -> None:
-    """Refuse version 7.3, and a file of version 4 that does not lead from variable to variable: SciPy could follow it for ever."""
+    """Refuse version 7.3, and what would hang or crash SciPy."""
     from scipy.io.matlab import matfile_version
 
     with path.open("rb") as file:
@@ -67,25 +61,7 @@ def _check_version(path: Path) -> None:
         )
     with reading("MAT-file of version 4 to 7", "in MATLAB save it with save(file, '-v7', ...)"):
         major, _ = matfile_version(path)
-    if major == 0:
-        _check_version_4(path)
-
-
-def _check_version_4(path: Path) -> None:
-    """Raises InputError unless each variable of a file of version 4 ends inside it."""
-    size, at = path.stat().st_size, 0
-    with path.open("rb") as file:
-        order = "<" if 0 <= int.from_bytes(file.read(4), "little", signed=True) <= _TYPES else ">"
-        while at < size:
-            file.seek(at)
-            kind, rows, columns, imaginary, name = struct.unpack(f"{order}5i", file.read(20).ljust(20, b"\xff"))
-            precision = kind // 10 % 10
-            if min(kind, rows, columns, name - 1) < 0 or precision >= len(_SIZES):
-                raise InputError("is damaged, or no MAT-file of version 4 to 7; save it again")
-            parts = 1 if kind % 10 == _SPARSE or not imaginary else 2
-            at += 20 + name + rows * columns * _SIZES[precision] * parts
-    if at > size:
-        raise InputError("is damaged: it ends inside a variable; save it again")
+    (check_version_4 if major == 0 else check_version_5)(path)
 
 
 def _root(key: Key) -> str:
