@@ -18,7 +18,9 @@ from types import TracebackType
 from .inputs import good_results
 
 SECONDS, BYTES = 20, 2 * 2**30
-"""What one input may take."""
+"""What one input may take, in time of the processor."""
+_PATIENCE = 4.0
+"""Times that: a command that waits, and does not work, is ended then; beside other jobs one that works may take longer than its own time."""
 _READERS = (
     "data",
     "questions/session_comparison/results_file.py",
@@ -73,7 +75,7 @@ def _waited(child: int) -> tuple[int, float, float]:
     pid = 0
     while not pid:
         pid, status, used = os.wait4(child, os.WNOHANG)
-        if not pid and time.monotonic() - begun > 1.5 * SECONDS:
+        if not pid and time.monotonic() - begun > _PATIENCE * SECONDS:
             os.kill(child, signal.SIGKILL)
             pid, status, used = os.wait4(child, 0)
         elif not pid:
