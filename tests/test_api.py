@@ -85,11 +85,11 @@ def test_table_holds_every_estimate(clean: Results) -> None:
     """The table has a row for each joint, direction and parameter, in order, and the numbers of the estimates."""
     frame = clean.to_frame()
     rows = [
-        (joint.name, direction, name, e.value, e.unit, e.standard_error, *(e.interval or ()), "; ".join(e.doubts))
+        (joint.name, direction, name, e.value, e.unit, e.standard_error, *(e.interval or ()), "; ".join(map(str, e.doubts)))
         for joint in clean.joints
         for direction, fit in joint.static.items()
         for name, e in fit.parameters.items()
-    ]
+    ]  # fmt: skip  # a row, one line
     assert list(frame.columns) == COLUMNS
     assert [tuple(row) for row in frame.itertuples(index=False)] == rows
     assert len(rows) == 8

@@ -262,7 +262,7 @@ BAD = [
         "no/x.",
     ),
     *bad("output is a folder", [("identify", "e.yaml", "-o", "out"), ("new", "data.csv", "-o", "out")], "out: is ", {"out": FOLDER}),
-    *bad("output is the log", [("identify", "e.yaml", "-o", "data.csv"), ("inspect", "e.yaml", "-o", "data.csv")], "data.csv: is there already"),
+    *bad("output is the log", [("identify", "e.yaml", "-o", "data.csv")], "data.csv: is there already"),
     *bad("output is the experiment", [("identify", "e.yaml", "-o", "e.yaml")], "e.yaml: is there already"),
     *bad("torque of the wrong sign", FIT, "e.yaml: the torque opposes the velocity", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: -1")),
     *bad(
@@ -304,7 +304,7 @@ BAD = [
     *bad("full disk", [REPORT], "out: No space left", patch=both(undrawn, full_disk(5))),
     *bad("full disk, second report", [REPORT], "out: No space left", MADE, patch=both(undrawn, full_disk(5))),
     *bad("full disk", [IDENTIFY], "out.json: No space left", patch=full_disk(0)),
-    *bad("full disk, second result", [IDENTIFY], "out.json: No space left", {"out.json": OWN}, patch=full_disk(0)),
+    *bad("result in the way", [IDENTIFY], "out.json: is there already; move it, or name another file", {"out.json": OWN}),
     *bad("full disk", [INSPECT], "out.png: No space left", patch=full_disk(0)),
     *bad("full disk", [NEW], "draft.yaml: No space left", patch=full_disk(0)),
     *bad("rate below zero", [ADAPT], "e.yaml: adapt: gamma: got -1", adapting("gamma: [-1, 20]")),

@@ -4,6 +4,7 @@ import pytest
 
 import bristle
 from bristle.api import Results
+from bristle.diagnostics import Kind
 from bristle.identification.results import Estimate
 from bristle.model.parameters import Lugre
 
@@ -43,7 +44,7 @@ def test_presliding_finds_the_stiffness(results: Results) -> None:
             fit = joint.presliding.fits[d]
             inside += holds(fit.edges, p.sigma_0) + holds(fit.samples, p.sigma_0)
             assert fit.edges.value == pytest.approx(p.sigma_0, rel=0.05)
-            assert "A prior, not an estimate" in fit.sigma_1.doubts[0]
+            assert fit.sigma_1.doubts[0].kind is Kind.PRIOR
     assert inside >= 12
 
 
@@ -58,7 +59,7 @@ def test_the_joint_fit_completes_table_1(results: Results) -> None:
         )
         assert all(held.relative_error < 2 for held in fit.hold_out)
         assert len(fit.hold_out) == 1
-        assert sum(c.verdict == "They agree." for c in joint.consistency) >= 8
+        assert sum(c.verdict.kind is Kind.STAGE_AGREES for c in joint.consistency) >= 8
     assert inside >= 40
 
 
@@ -66,5 +67,5 @@ def test_cycles_close_or_are_said_to_drift(results: Results) -> None:
     """Each joint's second slow cycle is a hysteresis loop, or a doubt says how far it drifts; at least two joints show a loop."""
     shown = [joint.presliding for joint in results.joints if joint.presliding]
     assert len(shown) == 4
-    assert all(bool(p.loops) != any("do not close" in doubt for doubt in p.doubts) for p in shown)
+    assert all(bool(p.loops) != any(doubt.kind is Kind.OPEN_CYCLES for doubt in p.doubts) for p in shown)
     assert sum(bool(p.loops) for p in shown) >= 2

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError
 from bristle.identification.identify import Measured, identify_joint, measure
 from bristle.identification.results import Joint
@@ -44,11 +45,21 @@ class Results:
     """Seconds spent, by name; no part of the result."""
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """Every doubt about every joint, each with the joint's name and direction."""
-        of_joints = [f"{joint.name}: {doubt}" for joint in self.joints for doubt in joint.doubts]
-        of_fits = [f"{joint.name} {what}: {doubt}" for joint in self.joints for what, doubt in _of_fits(joint)]
+    def warnings(self) -> tuple[tuple[str, Diagnostic], ...]:
+        """Every diagnostic of every joint and its fits, each with the joint's name and the stage that it is about."""
+        of_joints = [(joint.name, doubt) for joint in self.joints for doubt in joint.doubts]
+        of_fits = [(f"{joint.name} {what}", doubt) for joint in self.joints for what, doubt in _of_fits(joint)]
         return (*of_joints, *of_fits)
+
+    @property
+    def serious(self) -> tuple[tuple[str, Diagnostic], ...]:
+        """Those of `warnings` that are critical, or call for caution; notes are not."""
+        return tuple((where, doubt) for where, doubt in self.warnings if doubt.severity is not Severity.NOTE)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """`warnings` as sentences."""
+        return tuple(f"{where}: {doubt}" for where, doubt in self.warnings)
 
     def to_json(self) -> str:
         """`results.json` of schema bristle-results/1."""
@@ -91,9 +102,9 @@ class Results:
         )
 
 
-def _of_fits(joint: Joint) -> Iterator[tuple[str, str]]:
+def _of_fits(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
     """Each doubt about a stage of a joint, with the stage's name."""
-    stages: dict[str, tuple[str, ...]] = {d: fit.doubts for d, fit in joint.static.items()}
+    stages: dict[str, tuple[Diagnostic, ...]] = {d: fit.doubts for d, fit in joint.static.items()}
     if joint.presliding is not None:
         stages["presliding"] = joint.presliding.doubts
         stages |= {f"presliding {d}": fit.doubts for d, fit in joint.presliding.fits.items()}

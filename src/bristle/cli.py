@@ -1,6 +1,6 @@
 """The command line: the only print, the only argv, the only exit code.
 
-0 a result was written, doubts included; 1 our own defect; 2 bad input; 3 doubts, with --strict; 130 interrupted.
+0 a result was written, doubts included; 1 our own defect; 2 bad input; 3 critical warnings or cautions, with --strict; 130 interrupted.
 """
 
 import io
@@ -40,9 +40,18 @@ def _optional(none: str) -> Any:
     return typer.Argument(metavar="[EXPERIMENT]", help=f"The experiment file; none: {none}.", show_default=False)
 
 
+def _path(text: str) -> Path:
+    """Where something is to be written; an empty path, which a variable of the shell that is not set leaves, would be the folder one is in."""
+    if not text:
+        raise typer.BadParameter("got an empty path; name a file or a folder, or . for the folder you are in")
+    return Path(text)
+
+
 def _lands(what: str) -> Any:
     """The option that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
-    return typer.Option("-o", "--output", metavar="DIR", help=f"Where the page lands [default: reports/NAME{what}].")
+    return typer.Option(
+        "-o", "--output", parser=_path, metavar="DIR", help=f"Where the page lands [default: reports/NAME{what}]."
+    )
 
 
 _Experiment = Annotated[
@@ -52,7 +61,9 @@ _Uncertainty = Annotated[
     bool,
     typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
 ]
-_Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where there is any doubt.")]
+_Strict = Annotated[
+    bool, typer.Option("--strict", help="Exit with 3 where a warning is critical or calls for caution.")
+]
 
 
 @app.callback(invoke_without_command=True)
@@ -81,7 +92,9 @@ def report(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Where the report lands [default: reports/NAME]."),
+        typer.Option(
+            "-o", "--output", parser=_path, metavar="DIR", help="Where the report lands [default: reports/NAME]."
+        ),
     ] = None,
     uncertainty: _Uncertainty = False,
     strict: _Strict = False,
@@ -110,7 +123,8 @@ def report(
 def identify(
     experiment: _Experiment,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write results.json here as well.")
+        Path | None,
+        typer.Option("-o", "--output", parser=_path, metavar="FILE", help="Write results.json here as well."),
     ] = None,
     uncertainty: _Uncertainty = False,
     strict: _Strict = False,
@@ -140,7 +154,9 @@ def inspect(
     experiment: _Experiment,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Draw the segments into this .png or .svg file."),
+        typer.Option(
+            "-o", "--output", parser=_path, metavar="FILE", help="Draw the segments into this .png or .svg file."
+        ),
     ] = None,
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
@@ -148,10 +164,13 @@ def inspect(
     from bristle.questions.joint_report.console import segments as lines
 
     _check(output)
+    if output is not None:
+        from bristle.page.page import figure_kind, save_figure
+
+        figure_kind(output)
     measured = run(experiment)
     _print(lines(measured))
     if output is not None:
-        from bristle.page.page import save_figure
         from bristle.questions.joint_report.static_figures import inspect_figure
 
         records = [recorded.record for recorded in measured.runs]
@@ -235,7 +254,8 @@ def compare(
         Path, typer.Argument(metavar="B", help="results.json of the second session.", show_default=False)
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Write a page with a figure and tables here.")
+        Path | None,
+        typer.Option("-o", "--output", parser=_path, metavar="DIR", help="Write a page with a figure and tables here."),
     ] = None,
 ) -> None:
     """Compare two sessions: which parameters changed beyond their joint uncertainty.
@@ -244,13 +264,13 @@ def compare(
     """
     from bristle import compare as run
     from bristle import write_comparison
-    from bristle.page.output_folder import check_folder
+    from bristle.page.output_folder import check_folder, resolved
     from bristle.questions.session_comparison.page import text
 
     if output is not None:
         check_folder(output)
         for session in (first, second):
-            if session.resolve().parent == output.resolve():
+            if resolved(session).parent == resolved(output):
                 raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
     compared = run(first, second)
     _print(text(compared))
@@ -304,10 +324,17 @@ def plan(
     experiment: _Experiment,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Write the references that a controller plays here, CSV."),
+        typer.Option(
+            "-o",
+            "--output",
+            parser=_path,
+            metavar="FILE",
+            help="Write the references that a controller plays here, CSV.",
+        ),
     ] = None,
     page: Annotated[
-        Path | None, typer.Option("--page", metavar="DIR", help="Write a page with figures and tables here.")
+        Path | None,
+        typer.Option("--page", parser=_path, metavar="DIR", help="Write a page with figures and tables here."),
     ] = None,
     velocities: Annotated[
         int, typer.Option("--velocities", metavar="N", help="Runs at constant velocity in each direction.")
@@ -323,15 +350,15 @@ def plan(
     """
     from bristle import plan as run
     from bristle import write_plan
-    from bristle.page.output_folder import check_folder, staged
+    from bristle.page.output_folder import check_apart, check_folder, staged
     from bristle.questions.experiment_design.page import text
     from bristle.questions.experiment_design.tables import to_csv
 
     _check(output)
     if page is not None:
         check_folder(page)
-    if page is not None and output is not None and output.resolve() in (page.resolve(), *page.resolve().parents):
-        raise InputError(f"{output}: is in the way of the page in {page}; name another file or folder")
+    if page is not None and output is not None:
+        check_apart(output, page)
     with shown() as progress:
         planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
     _print([text(planned)])
@@ -349,7 +376,10 @@ def new(
         Path, typer.Argument(metavar="DATA", help="A data file: CSV, Parquet, MAT or NPZ.", show_default=False)
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the draft here instead of printing it.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", parser=_path, metavar="FILE", help="Write the draft here instead of printing it."
+        ),
     ] = None,
 ) -> None:
     """Draft a commented experiment file from a data file."""
@@ -484,8 +514,7 @@ def _complain(line: str) -> None:
 
 
 def _finish(results: "Results", strict: bool) -> None:
-    from bristle.questions.joint_report.console import doubts
-
-    if strict and results.doubts:
-        _complain(f"{doubts(len(results.doubts))} (--strict)")
+    count = len(results.serious) if strict else 0
+    if count:
+        _complain(f"{count} warning{'' if count == 1 else 's'}, critical or for caution (--strict)")
         raise typer.Exit(3)

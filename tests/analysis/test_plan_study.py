@@ -316,7 +316,7 @@ def test_declared_limits_are_kept(tmp_path: Path) -> None:
 
 
 def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
-    """The page, its figures and tables are written, with the references; a second run replaces these by the same, for it knows its own file."""
+    """The page, its figures and tables are written, with the references; a second run leaves the same."""
     ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
     assert "for v_s" in ran.out
@@ -383,11 +383,11 @@ def test_bad_input_is_refused(tmp_path: Path, options: str, arguments: tuple[str
 
 
 def test_foreign_files_stay(tmp_path: Path) -> None:
-    """A file that bristle did not make is not written over, and said before anything is planned."""
+    """A file with other bytes is not written over, and one sentence says so."""
     (tmp_path / "next.csv").write_text("time,position\n0,0\n")
     ran = planned(tmp_path)
     assert ran.code == 2
-    assert "bristle did not make it" in ran.said[0]
+    assert "is there already" in ran.said[0]
     assert (tmp_path / "next.csv").read_text() == "time,position\n0,0\n"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
 from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.diagnostics import Kind
 from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model.parameters import Lugre, Pair, unit
 from bristle.simulation import edro
@@ -54,7 +55,7 @@ def tracked(values: Mapping[str, float], share: float = 0.02, **changes: Any) ->
             name: Estimate(value=x, unit=unit(name.rstrip("+-")), standard_error=float(s))
             for (name, x), s in zip(values.items(), np.sqrt(np.diag(matrix)), strict=True)
         },
-        rms=1e-4, relative_error=1.0, n=3, outcome="The fit converged inside every bound.", starts=1, reached=1, condition=9.0,
+        rms=1e-4, relative_error=1.0, n=3, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=9.0,
         names=tuple(values), covariance=matrix, velocity=np.array([-1.0, 0.5, FASTEST]),
     )  # fmt: skip  # a list of values
     return replace(own, **changes)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.estimation.interval_comparison import FACTOR, PARTED, doubts
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.interval_comparison import FACTOR, doubts
 from bristle.identification.results import Uncertainty
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
@@ -39,14 +40,17 @@ def test_one_wider_than_the_factor_is_named_with_its_side(
     for side, (low, high) in sides.items():
         own = [(value - size, value + size)] * 3
         own[which] = (value - low * size, value + high * size)
-        (said,) = doubts(value, *own)
-        assert said.startswith(f"{PARTED} {side} the estimate (covariance ")
+        (doubt,) = doubts(value, *own)
+        assert doubt.kind is Kind.INTERVALS_DIFFER
+        said = str(doubt)
+        assert said.startswith(f"The intervals part {side} the estimate (covariance ")
         assert said.count(" to ") >= 3
         assert "profile" in said
         assert "bootstrap" in said
 
 
 PLAIN = (9.0, 11.0)
+FIVE = Kind.POINTS_FOR_PARAMETERS(points=5, parameters=4)
 
 
 @pytest.mark.parametrize(
@@ -55,16 +59,17 @@ PLAIN = (9.0, 11.0)
         ((9.0, 13.0), PLAIN, None, "the profile is skewed"),
         ((9.0, np.inf), PLAIN, None, "nothing limits the parameter"),
         ((0.0, 12.0), PLAIN, None, "the profile is skewed"),
-        (PLAIN, (7.0, 13.0), "5 points for 4 parameters", "5 points for 4 parameters are few to resample"),
+        (PLAIN, (7.0, 13.0), FIVE, "5 points for 4 parameters are few to resample"),
         (PLAIN, (7.0, 13.0), None, "not as evenly and independently scattered"),
         (None, (7.0, 13.0), None, "not as evenly and independently scattered"),
     ],
 )
 def test_the_reason_is_the_one_that_applies(
-    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: str | None, reason: str
+    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: Diagnostic | None, reason: str
 ) -> None:
     """An open profile, a skewed one, few points, or uneven residuals: each has its own words, in that order."""
-    (said,) = doubts(10.0, PLAIN, profile, bootstrap, few=few)
+    (doubt,) = doubts(10.0, PLAIN, profile, bootstrap, few=few)
+    said = str(doubt)
     assert reason in said
     assert "nan" not in said
     assert ("None" in said) is False
@@ -141,7 +146,7 @@ def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
         assert_sound(found, three)
         if found.problem.peaks:
             kept += 1
-            words = " ".join(doubt for name in ("alpha_1", "v_s") for doubt in three[name].doubts)
+            words = " ".join(str(doubt) for name in ("alpha_1", "v_s") for doubt in three[name].doubts)
             said += "the profile is skewed" in words or "nothing limits" in words
             open_ += bool(np.isinf(three["alpha_1"].profile or ()).any())
     assert kept >= 8
@@ -159,7 +164,7 @@ def test_at_a_bound_the_intervals_are_one_sided() -> None:
         if "alpha_2" in found.solution.at_bound:
             hits += 1
             assert [interval[0] for interval in (own.covariance, own.profile) if interval] == [0, 0]
-            assert own.doubts == ("At its physical bound of zero: the intervals are one-sided.",)
+            assert own.doubts == (Kind.INTERVALS_AT_BOUND(),)
     assert 1 <= hits <= 3
 
 
@@ -169,5 +174,5 @@ def test_few_points_are_called_few() -> None:
     for seed in range(10):
         found, three = fitted(np.geomspace(0.2 * GRIPPER.v_s, 0.8, 6), 5e-5, seed)
         assert_sound(found, three)
-        words += [doubt for own in three.values() for doubt in own.doubts]
+        words += [str(doubt) for own in three.values() for doubt in own.doubts]
     assert any("6 points for 4 parameters are few to resample" in doubt for doubt in words)

@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
+from bristle.diagnostics import Kind
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
 from bristle.identification.presliding.stiffness import Level, printed_bias
 from bristle.identification.results import PreslidingFit
@@ -123,7 +124,7 @@ def test_within_one_count_there_is_a_bound_and_no_number() -> None:
         assert e.interval is not None
         assert 0 < e.interval[0] < GRIPPER.sigma_0
         assert e.interval[1] == np.inf
-        assert "within the encoder's noise" in e.doubts[0]
+        assert e.doubts[0].kind is Kind.WITHIN_NOISE
     assert fit.sigma_1.value is None
 
 
@@ -136,10 +137,10 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
     assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * fit.edges.value), rel=1e-12)
     assert fit.sigma_1.value is not None
     assert fit.sigma_1.standard_error == pytest.approx(0.05 * fit.sigma_1.value, rel=0.1)
-    assert "A prior, not an estimate" in fit.sigma_1.doubts[0]
+    assert fit.sigma_1.doubts[0].kind is Kind.PRIOR
     absent = fit_presliding(loadings, LEVEL, None, "revolute").sigma_1
     assert absent.value is None
-    assert "no inertia is known" in absent.doubts[0]
+    assert absent.doubts[0] == Kind.NO_SIGMA_1(why=Kind.NO_INERTIA())
 
 
 def slid(name: str, level: float) -> Record:
@@ -154,7 +155,7 @@ def test_an_outlier_among_breakaways_is_named() -> None:
     records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
     result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
     assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
-    assert next(d for d in result.doubts if "outlier" in d).startswith("b.csv is an outlier")
+    assert str(next(d for d in result.doubts if d.kind is Kind.OUTLIER)).startswith("b.csv is an outlier")
     assert result.fits["+"].level_source.startswith("breakaway")
 
 
@@ -162,7 +163,7 @@ def test_without_a_level_there_is_no_sigma_0() -> None:
     """Below breakaway and with no other run, g0 is not known: no fit, and the sentence that says what to add."""
     result = identify_presliding([run(1e-5, 0.5)], {}, None, FitOptions(), 1e-5, "revolute")
     assert not result.fits
-    assert any("No sigma_0 in direction +" in doubt and "add ramp runs" in doubt for doubt in result.doubts)
+    assert Kind.NO_SIGMA_0(direction="+") in result.doubts
 
 
 def test_a_run_without_loading_is_refused() -> None:

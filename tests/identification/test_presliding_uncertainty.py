@@ -7,6 +7,7 @@ from scipy.optimize import minimize_scalar
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
+from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import Level, by_edges, of_loading, stiffness
@@ -131,7 +132,8 @@ def test_a_lower_bound_is_all_there_is() -> None:
     """Where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn."""
     own, level = loadings(0), Level(G0, 0.01 * G0, "")
     estimates = stiffness(own, level, "revolute")
-    hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, doubts=("a finer encoder is needed",))
+    finer = Kind.WITHIN_NOISE(edges=Kind.ONE_EDGE(), least=2.0, unit="N*m/rad")
+    hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, doubts=(finer,))
     bound = estimates["edges"].__class__(value=None, unit="", interval=(2.0, np.inf), doubts=hidden.doubts)
     three = stiffness_uncertainty(own, level, "edges", bound)
     assert three.profile == (2.0, np.inf)

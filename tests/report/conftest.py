@@ -13,6 +13,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import (
     Crosscheck,
     Estimate,
@@ -65,7 +66,7 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
         relative_error=float(100 * np.sqrt(cost) / np.linalg.norm(torque)),
         n=v.size,
         outcome=Outcome.CONVERGED,
-        doubts=("Only 2 of 14 points lie below v_s; measure slower.",) if direction == "+" else (),
+        doubts=(Kind.FEW_BELOW_V_S(below=2, points=14, direction="+"),) if direction == "+" else (),
         hold_out=(HoldOut(file="held.csv", relative_error=1.25),),
         names=NAMES,
         covariance=covariance,
@@ -102,14 +103,14 @@ def segments(fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
     kept = [
         Segment(
             file=f"run_{k}.csv", start=100, stop=900, velocity=float(v), torque=float(T), standard_error=NOISE if k else None,
-            accepted=True, stick_slip=k == 1, doubts=("It sticks and slips.",) if k == 1 else (), labels={"load": "1 kg"},
+            accepted=True, stick_slip=k == 1, doubts=(Kind.STICK_SLIP(swing=0.4, resting=0.1),) if k == 1 else (), labels={"load": "1 kg"},
         )
         for fit in fits.values()
         for k, (v, T) in enumerate(zip(fit.velocity, fit.torque, strict=True))
     ]  # fmt: skip  # one point, one line
     wild = Segment(
         file="wild.csv", start=0, stop=20, velocity=30.0, torque=2.0, standard_error=0.1, accepted=False,
-        reasons=("Too short: 0.02 s; 0.2 s or more would be let in.",),
+        reasons=(Kind.TOO_SHORT(duration=0.02, asked=Kind.DURATION_ASKED(asked=0.2), option="0.02", alone=True),),
     )  # fmt: skip  # as above
     return (*kept, wild)
 
@@ -119,7 +120,7 @@ def checked(fit: StaticFit) -> Crosscheck:
     cost = fit.profile.best_cost if fit.profile else 0.0
     return Crosscheck(
         cost_grid=cost, cost_full=cost, starts=8, reached=7, parameters={n: e.value or 0.0 for n, e in fit.parameters.items()},
-        difference_in_se=dict.fromkeys(fit.parameters, 1e-7), verdict="Grid and full nonlinear fit agree.",
+        difference_in_se=dict.fromkeys(fit.parameters, 1e-7), verdict=Kind.ROUTES_AGREE(worst=1e-7, reached=7, starts=8),
     )  # fmt: skip  # as above
 
 
@@ -151,6 +152,14 @@ def gripper(name: str = "gripper rotation") -> Joint:
 
 QUANTUM = 2e-4
 """One count of the encoder that saw the loadings, rad."""
+FEW = Kind.FEW_COUNTS(edges=60, loadings=3)
+PRIOR = Kind.PRIOR(ratio=0.1, source="the experiment file")
+UNKNOWN_REST = Kind.WHOLE_COUNT()
+
+
+def outlier(file: str) -> Diagnostic:
+    """The doubt about a loading that breaks away too early."""
+    return Kind.OUTLIER(file=file, torque=0.02, runs=2, direction="+", median=0.025)
 
 
 def loading(direction: str, phase: float, file: str, breakaway: float | None = None) -> Loading:
@@ -168,17 +177,17 @@ def loading(direction: str, phase: float, file: str, breakaway: float | None = N
 
 def slow_fit(direction: str) -> PreslidingFit:
     """sigma_0 of one direction from three loadings, as if the edges had found the truth, the samples a little more, and (14) half of it."""
-    p, doubts = TABLE_1[direction], ("The interval is that of an unknown rest position.",)
+    p, doubts = TABLE_1[direction], (UNKNOWN_REST,)
     s, half = p.sigma_0, p.sigma_0 / 2
     stiffness = Estimate(value=s, unit=unit("sigma_0"), standard_error=0.01 * s, interval=(0.98 * s, 1.02 * s))
     first = Estimate(value=half, unit=unit("sigma_0"), interval=(0.9 * half, 10 * half), doubts=doubts)
     return PreslidingFit(
         direction=direction, printed=first, corrected=replace(first, value=1.1 * half), edges=stiffness, samples=replace(stiffness, value=1.05 * s),
-        sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), standard_error=1e-4, doubts=("A prior, not an estimate.",)),
+        sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), standard_error=1e-4, doubts=(PRIOR,)),
         recommended="edges", level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source="the static fit", quantum=QUANTUM, counts=60,
         bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
         loadings=tuple(loading(direction, phase, f"slow_{k}.csv") for k, phase in enumerate((0.1, 0.45, 0.8))),
-        doubts=("Few encoder counts.",) if direction == "+" else (),
+        doubts=(FEW,) if direction == "+" else (),
     )  # fmt: skip  # as above
 
 
@@ -199,7 +208,7 @@ def loaded(name: str = "gripper rotation", file: str = "slow_2.csv") -> Joint:
         breakaway={"+": torque},
         breakaways=(loading("+", 0.3, file, 0.02), loading("+", 0.6, "slow_3.csv", 0.025)),
         loops=tuple(closed_cycle(file, loss) for loss in (3e-5, 4e-5, 5e-5, 6e-5)),
-        doubts=(f"{file} is an outlier: it breaks away at 0.02.",),
+        doubts=(outlier(file),),
     )
     return replace(gripper(name), presliding=slow)
 
@@ -212,18 +221,17 @@ def only(joint: Joint, **changes: Any) -> Joint:
 
 def nothing_seen(direction: str = "+") -> PreslidingFit:
     """A fit of data without encoder counts in which the joint did not move: no sigma_0, but a lower bound."""
-    bound = Estimate(
-        value=None, unit="N*m/rad", interval=(12.5, float("inf")), doubts=("It stays within the encoder's noise.",)
-    )
+    noise = Kind.WITHIN_NOISE(edges=Kind.EDGES(edges=0), least=12.5, unit="N*m/rad")
+    bound = Estimate(value=None, unit="N*m/rad", interval=(12.5, float("inf")), doubts=(noise,))
     return replace(
         slow_fit(direction), printed=bound, corrected=bound, edges=bound, samples=bound, recommended="samples",
-        sigma_1=Estimate(value=None, unit="N*m*s/rad", doubts=("Absent: there is no sigma_0.",)), quantum=0.0, counts=0, doubts=(),
+        sigma_1=Estimate(value=None, unit="N*m*s/rad", doubts=(Kind.NO_SIGMA_1(why=Kind.NO_STIFFNESS()),)), quantum=0.0, counts=0, doubts=(),
     )  # fmt: skip  # a list of changes
 
 
 def bare() -> Joint:
     """A prismatic joint of which nearly nothing is known: no value, no error, infinite bounds, nan."""
-    doubts = ("Too few points.",)
+    doubts = (Kind.TOO_FEW_POINTS(points=0, parameters=2, least=3),)
     missing = Estimate(value=None, unit="N", doubts=doubts)
     wide = Estimate(value=1.0, unit="N*s/m", standard_error=float("nan"), interval=(-float("inf"), float("inf")))
     nothing = StaticFit(

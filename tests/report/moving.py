@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Consistency, Crosscheck, Estimate, HoldOut, Joint, TrackingFit
 from bristle.model.parameters import unit
 
@@ -13,8 +14,12 @@ from .conftest import TABLE_1, loaded
 
 VALUES = {f"{name}{d}": value for d, p in TABLE_1.items() for name, value in p._asdict().items()} | {"inertia": 1.3e-3}
 """The true parameters by their names in a fit of moving runs."""
-DIFFER = "They differ by more than chance; distrust the static stage first, which knows it less well."
-UNSEEN = "Not identifiable from this motion: its standard error is over ten times its value."
+AGREE = Kind.STAGE_AGREES()
+DIFFER = Kind.DISTRUST_STAGE(stage="static")
+NOT_SHOWN = Kind.STAGE_UNSEEN()
+UNSEEN = Kind.UNSEEN_FAR()
+CORRELATED = Kind.CORRELATED(lag_one=0.62, widened=2.1)
+IPOPT = Kind.IPOPT_AGREES(worst=1e-6, reached=2, starts=2)
 STRETCH = 701
 """Equations of the first stretch."""
 REVERSAL = 5.0
@@ -37,14 +42,14 @@ def tracked(factor: float = 1.0, **changes: Any) -> TrackingFit:
     correlation[0, 1] = correlation[1, 0] = -0.9
     fit = TrackingFit(
         parameters={name: estimate(name, factor) for name in VALUES}, rms=4e-4, relative_error=1.25, n=velocity.size,
-        outcome="The fit converged inside every bound.", starts=4, reached=3, condition=8.9, names=tuple(VALUES),
+        outcome=Kind.CONVERGED(), starts=4, reached=3, condition=8.9, names=tuple(VALUES),
         covariance=correlation * np.outer(errors, errors), time=np.concatenate([first, second]), velocity=velocity, measured=torque,
         residuals=4e-4 * np.sin(np.arange(velocity.size)), starts_of_runs=(0, STRETCH), hold_out=(HoldOut(file="held.csv", relative_error=1.5),),
     )  # fmt: skip  # a list of values
     return replace(fit, **changes)
 
 
-def compared(parameter: str, difference: float | None, verdict: str, stage: str = "static") -> Consistency:
+def compared(parameter: str, difference: float | None, verdict: Diagnostic, stage: str = "static") -> Consistency:
     """A parameter of a stage beside the moving runs."""
     value = VALUES[parameter]
     seen = difference is not None
@@ -58,7 +63,7 @@ def checked() -> Crosscheck:
     """The same problem solved another way."""
     return Crosscheck(
         cost_grid=1.0, cost_full=1.0, starts=2, reached=2, parameters={"alpha_0+": 0.0194}, difference_in_se={"alpha_0+": 1e-6},
-        verdict="Gauss-Newton and IPOPT agree.",
+        verdict=IPOPT,
     )  # fmt: skip  # as above
 
 
@@ -73,14 +78,12 @@ def without(fit: TrackingFit, *names: str) -> TrackingFit:
 def moving(name: str = "gripper rotation", file: str = "held.csv") -> Joint:
     """The gripper with every stage: alone the moving runs do not show alpha_1-, alpha_0- differs between stages, counts bias sigma_0+ alone."""
     held = (HoldOut(file=file, relative_error=1.5),)
-    alone = tracked(
-        1.05, hold_out=held, doubts=("Residuals are correlated.",), bias={"sigma_0+": -0.02, "sigma_0-": 1e-4}
-    )
+    alone = tracked(1.05, hold_out=held, doubts=(CORRELATED,), bias={"sigma_0+": -0.02, "sigma_0-": 1e-4})
     both = tracked(1.01, hold_out=held, starts=1, reached=1, relative_error=1.3, check=checked())
     return replace(
         loaded(name), tracking=without(alone, "alpha_1-"), joint_fit=both,
         consistency=(
-            compared("alpha_0+", 0.5, "They agree."), compared("alpha_0-", -3.2, DIFFER),
-            compared("alpha_1-", None, "The moving data do not show it."), compared("sigma_0+", 1.0, "They agree.", "presliding"),
+            compared("alpha_0+", 0.5, AGREE), compared("alpha_0-", -3.2, DIFFER),
+            compared("alpha_1-", None, NOT_SHOWN), compared("sigma_0+", 1.0, AGREE, "presliding"),
         ),
     )  # fmt: skip  # as above

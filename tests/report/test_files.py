@@ -80,6 +80,7 @@ HASH = hashlib.sha256(b"mine").hexdigest()
         (f"{HASH}  {output_folder.MANIFEST}\n", "is no list"), (f"{HASH}  .\n", "is no list"), (f"{HASH}  \0\n", "is no list"),
         ("index.html\n", "is no list"),
         (f"{HASH[1:]}  index.html\n", "is no list"), (f"{HASH} index.html\n", "is no list"), ("\n", "is no list"), ("\udcff\udcfe\n", "is no list"),
+        *((f"{HASH}  {name}\n", "is no list") for name in ("precious", "notes.txt", "figures/a.txt", "figures/a/b.svg", "Index.html")),
         (f"{HASH}  index.html", "is cut off"), ("\0" * 100, "is cut off"), ("\n" * 2_000_000, "is no list"),
     ],
 )  # fmt: skip  # a table
@@ -89,7 +90,8 @@ def test_a_manifest_that_is_none_is_refused(tmp_path: Path, manifest: str, why: 
     (tmp_path / "out").mkdir()
     text = manifest.replace("{here}", str(tmp_path))
     (tmp_path / "out" / output_folder.MANIFEST).write_bytes(text.encode("utf-8", "surrogateescape"))
-    (tmp_path / "out" / "index.html").write_bytes(b"mine")
+    for name in ("index.html", "precious", "notes.txt"):
+        (tmp_path / "out" / name).write_bytes(b"mine")
     before = _tree(tmp_path)
     refused(tmp_path / "out", rf"\.bristle-manifest: {why}.*; move or remove the folder .*, or name another")
     assert _tree(tmp_path) == before
@@ -122,7 +124,7 @@ def test_other_seconds_are_no_change(tmp_path: Path) -> None:
         output_folder.replace_files(tmp_path, NEW)
 
 
-@pytest.mark.parametrize("after", range(6))
+@pytest.mark.parametrize("after", range(8))
 def test_an_interrupted_move_is_still_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     """Wherever the renames stop, the next call knows old and new files as bristle's, and replaces them."""
     output_folder.replace_files(tmp_path, OLD)
@@ -228,7 +230,7 @@ def _fill_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     monkeypatch.setattr(output_folder, "_write", full)
 
 
-@pytest.mark.parametrize("after", range(4))
+@pytest.mark.parametrize("after", range(5))
 def test_a_full_disk_leaves_the_old_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     """Whichever write fails, the folder is as it was: no new file, no temporary one."""
     output_folder.replace_files(tmp_path, OLD)
@@ -249,30 +251,139 @@ def test_a_full_disk_leaves_no_new_folder(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 def test_text_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An older file survives a failed write; lone surrogates, as in odd file names, do not stop one."""
+    """A failed write leaves nothing; lone surrogates, as in odd file names, do not stop one."""
     path = tmp_path / "results.json"
     output_folder.write_text(path, '"\udc80"')
     assert path.read_bytes() == b'"\\udc80"'
-    path.write_text(OWN)
     _fill_disk(monkeypatch, 0)
-    with pytest.raises(OSError, match="No space left"):
-        output_folder.write_text(path, "new")
-    assert _tree(tmp_path) == {"results.json": OWN.encode()}
+    with pytest.raises(OSError, match=r"other\.json"):
+        output_folder.write_text(tmp_path / "other.json", "new")
+    assert _tree(tmp_path) == {"results.json": b'"\\udc80"'}
 
 
-def test_only_what_bristle_made_is_replaced(tmp_path: Path) -> None:
-    """Results and figures that bristle wrote may be written again; a log, an experiment file or a foreign figure may not."""
+def test_no_file_is_replaced(tmp_path: Path) -> None:
+    """Whatever holds other bytes is refused and stays, though it looks like bristle's own; the very same bytes are no change."""
     figure = new_figure(2.0)
     figure.subplots().plot([0, 1])
-    for name, data in {"r.json": OWN.encode(), "f.png": render(figure)[1], "f.svg": render(figure)[0]}.items():
+    svg, png = render(figure)
+    header = b"time (s),experiment,run,position reference (rad),measured\n"
+    for name, data in {"r.json": OWN.encode(), "f.png": png, "f.svg": svg, "log.csv": header, "empty": b""}.items():
         (tmp_path / name).write_bytes(data)
-        output_folder.write_bytes(tmp_path / name, b"new")
-        assert (tmp_path / name).read_bytes() == b"new"
-    for name in ("log.csv", "e.yaml", "f.png"):
-        (tmp_path / name).write_text("t,q\n0,1 of bristle\n")
-        with pytest.raises(ValueError, match="is there already, and bristle did not make it"):
-            output_folder.write_text(tmp_path / name, "new")
-        assert (tmp_path / name).read_text() == "t,q\n0,1 of bristle\n"
+        before = (tmp_path / name).stat()
+        output_folder.write_bytes(tmp_path / name, data)
+        for new in (b"new", data[:-1] + b"\0"):
+            with pytest.raises(InputError, match=f"{name}: is there already; move it, or name another file"):
+                output_folder.write_bytes(tmp_path / name, new)
+        assert (tmp_path / name).read_bytes() == data
+        assert (tmp_path / name).stat().st_mtime_ns == before.st_mtime_ns
+
+
+def test_a_file_that_came_meanwhile_stays(tmp_path: Path) -> None:
+    """What another made while a page was written is not replaced either."""
+    path = tmp_path / "next.csv"
+    with pytest.raises(InputError, match="is there by now"), output_folder.staged(path, b"new"):
+        path.write_bytes(b"mine")
+    assert _tree(tmp_path) == {"next.csv": b"mine"}
+
+
+def _forbid(monkeypatch: pytest.MonkeyPatch, *folders: Path) -> None:
+    """These folders cannot be written, whoever runs the tests."""
+    access = os.access
+
+    def told(path: Path, mode: int) -> bool:
+        return access(path, mode) and not any(path.samefile(folder) for folder in folders)
+
+    monkeypatch.setattr(os, "access", told)
+
+
+@pytest.mark.parametrize("part", [".", "tables", "figures"])
+def test_a_folder_that_cannot_be_written_is_told_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    """A report's folder, or one in it, by the name the user gave: before the report is made, and again before the first move; nothing changes."""
+    monkeypatch.chdir(tmp_path)
+    new = {**NEW, "tables/t.csv": b"new t"}
+    output_folder.replace_files(Path("out"), {**OLD, "tables/t.csv": b"t"})
+    before = _tree(tmp_path)
+    _forbid(monkeypatch, tmp_path / "out" / part)
+    where = "" if part == "." else f"the folder {Path('out') / part} "
+    why = rf"^out: {where}cannot be written; name another folder, or change its permissions$"
+    with pytest.raises(InputError, match=why):
+        output_folder.check_folder(Path("out"))
+    with pytest.raises(InputError, match=why):
+        output_folder.replace_files(Path("out"), new)
+    with pytest.raises(InputError, match=r"mine\.csv: the folder out.* cannot be written; name another file, or"):
+        output_folder.check_file(Path("out") / part / "mine.csv")
+    assert _tree(tmp_path) == before
+
+
+def test_a_folder_that_cannot_be_made_is_told_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The nearest one that exists is named as the user gave it."""
+    monkeypatch.chdir(tmp_path)
+    Path("above").mkdir()
+    Path("link").symlink_to("above")
+    _forbid(monkeypatch, tmp_path / "above")
+    refused(
+        Path("link/a/b"),
+        "^link/a/b: the folder link cannot be written; name another folder, or change its permissions$",
+    )
+    assert not list(Path("above").iterdir())
+
+
+@pytest.mark.parametrize("old", [{}, OLD], ids=["first", "second"])
+@pytest.mark.parametrize("at", range(10))
+@pytest.mark.parametrize("error", [errno.EACCES, errno.EIO])
+def test_a_rename_that_fails_is_undone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: Mapping[str, bytes], at: int, error: int
+) -> None:
+    """Whichever rename fails, every file and folder is as it was, and the next report lands."""
+    out, new = tmp_path / "out", {**NEW, "tables/t.csv": b"new t"}
+    if old:
+        output_folder.replace_files(out, old)
+    before, folders = _tree(tmp_path), sorted(tmp_path.rglob("*"))
+    failed = False
+    with monkeypatch.context() as patch:
+        rename, count = Path.replace, 0
+
+        def fail(path: Path, target: Path) -> Path:
+            nonlocal count, failed
+            count += 1
+            if count == at + 1:
+                failed = True
+                raise OSError(error, os.strerror(error), str(path))
+            return rename(path, target)
+
+        patch.setattr(Path, "replace", fail)
+        with contextlib.suppress(InputError, OSError):
+            output_folder.replace_files(out, new)
+            assert not failed
+    if failed:
+        assert _tree(tmp_path) == before
+        assert sorted(tmp_path.rglob("*")) == folders
+    output_folder.replace_files(out, new)
+    assert _tree(out) == {**new, output_folder.MANIFEST: listing(new)}
+    assert not (out / "aside").exists()
+
+
+@pytest.mark.parametrize("path", ["loop", "loop/out", "loop/a/out"])
+def test_links_in_a_circle_are_one_sentence(tmp_path: Path, path: str) -> None:
+    """As a folder, above one, and above a file."""
+    (tmp_path / "loop").symlink_to("pool")
+    (tmp_path / "pool").symlink_to("loop")
+    refused(tmp_path / path, "in a circle|symbolic link to no folder")
+    for check in (output_folder.resolved, lambda p: output_folder.check_apart(p, tmp_path)):
+        with pytest.raises(InputError, match="in a circle; name another"):
+            check(tmp_path / path)
+    with pytest.raises(InputError, match=r"symbolic link|is no folder; name another|does not exist"):
+        output_folder.check_file(tmp_path / path)
+
+
+def test_a_name_that_no_report_has_is_our_own_defect(tmp_path: Path) -> None:
+    """What could not be known again as bristle's own is never written."""
+    with pytest.raises(ValueError, match="is no name of a report's file") as caught:
+        output_folder.replace_files(tmp_path, {"notes.txt": b""})
+    assert not isinstance(caught.value, InputError)
+    assert not list(tmp_path.iterdir())
 
 
 def test_bad_paths_are_refused_in_one_sentence(tmp_path: Path) -> None:

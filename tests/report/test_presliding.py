@@ -10,12 +10,25 @@ from typing import Any
 import jsonschema
 import numpy as np
 
+from bristle.diagnostics import Kind
 from bristle.identification.results import Joint, Presliding
 from bristle.page.wording import METHODS
 from bristle.questions.joint_report import page, presliding, results_file, sections, tables
 from bristle.questions.joint_report.next_measurements import next_measurements
 
-from .conftest import QUANTUM, TABLE_1, closed_cycle, loaded, nothing_seen, only, slow_fit
+from .conftest import (
+    FEW,
+    PRIOR,
+    QUANTUM,
+    TABLE_1,
+    UNKNOWN_REST,
+    closed_cycle,
+    loaded,
+    nothing_seen,
+    only,
+    outlier,
+    slow_fit,
+)
 
 GOLDEN = Path(__file__).parent / "presliding_report.txt"
 
@@ -79,7 +92,7 @@ def test_json_says_why_what_does_not_exist_is_null(slow: Joint) -> None:
 
 def test_json_holds_the_doubts_of_the_runs_as_a_whole(slow: Joint) -> None:
     """What no direction owns stands among the joint's doubts."""
-    assert read(slow)["doubts"] == ["slow_2.csv is an outlier: it breaks away at 0.02."]
+    assert read(slow)["doubts"] == [str(outlier("slow_2.csv"))]
 
 
 # tables and text
@@ -178,10 +191,10 @@ def test_every_doubt_is_listed_and_counted(slow: Joint) -> None:
     """Doubts of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about; the verdict counts them."""
     part = sections.page([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}})["joints"][0]  # type: ignore[dict-item] # no drawing here
     listed = {sentence: where for where, sentence in part["doubts"]}
-    assert listed["Few encoder counts."] == "presliding (+)"
-    assert listed["slow_2.csv is an outlier: it breaks away at 0.02."] == "presliding"
-    assert listed["A prior, not an estimate."] == "presliding (+) sigma_1, presliding (−) sigma_1"
-    assert "presliding (+) sigma_0 printed" in listed["The interval is that of an unknown rest position."]
+    assert listed[str(FEW)] == "presliding (+)"
+    assert listed[str(outlier("slow_2.csv"))] == "presliding"
+    assert listed[str(PRIOR)] == "presliding (+) sigma_1, presliding (−) sigma_1"
+    assert "presliding (+) sigma_0 printed" in listed[str(UNKNOWN_REST)]
     counts = {fit["direction"]: fit["doubts"] for fit in part["summary"]["fits"]}
     assert counts == {"+": 1, "-": 0, "presliding (+)": 3, "presliding (−)": 2}
 
@@ -200,7 +213,8 @@ def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> Non
 
 def test_nothing_but_a_doubt_still_makes_a_section(slow: Joint, tmp_path: Path) -> None:
     """Runs that gave no fit, no breakaway and no loop say what is missing."""
-    empty = Presliding(fits={}, breakaway={}, doubts=("No sigma_0 in direction +: add ramp runs.",))
+    missing = Kind.NO_SIGMA_0(direction="+")
+    empty = Presliding(fits={}, breakaway={}, doubts=(missing,))
     text = written(replace(slow, presliding=empty), tmp_path / "out")
-    assert text.count("No sigma_0 in direction +: add ramp runs.") == 3
+    assert text.count(str(missing)) == 3
     assert "Breakaway</h3>" not in text

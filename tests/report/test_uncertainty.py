@@ -11,10 +11,11 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Joint, StaticFit, Uncertainty
 from bristle.identification.static.fit import Where, fit_static
 from bristle.identification.static.problem import from_points
-from bristle.model.parameters import Kind
+from bristle.model.parameters import Kind as JointKind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
 from bristle.questions.joint_report.curves import curve
@@ -24,19 +25,19 @@ from .conftest import TABLE_1
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
 
 
-def fits(velocity: Array, noise: float, kind: Kind = "revolute", seed: int = 1) -> Mapping[str, StaticFit]:
+def fits(velocity: Array, noise: float, kind: JointKind = "revolute", seed: int = 1) -> Mapping[str, StaticFit]:
     """The fit of simulated points."""
     torque = curve(velocity, TABLE_1["+"]) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     directions = ("+",) if velocity.min() > 0 else ("+", "-")
     return fit_static(from_points(velocity, torque, directions), FitOptions(), kind, Where())[0]
 
 
-def built(static: Mapping[str, StaticFit], kind: Kind = "revolute", name: str = "wrist") -> Joint:
+def built(static: Mapping[str, StaticFit], kind: JointKind = "revolute", name: str = "wrist") -> Joint:
     """A simulated joint of these fits and nothing else."""
     return Joint(name=name, kind=kind, inputs=(), segments=(), static=static, crosscheck={}, simulated=True)
 
 
-def changed(joint: Joint, name: str, **parts: tuple[float, float] | tuple[str, ...] | None) -> Joint:
+def changed(joint: Joint, name: str, **parts: tuple[float, float] | tuple[Diagnostic, ...] | None) -> Joint:
     """The joint with other intervals of one parameter."""
     fit = joint.static["+"]
     own: Uncertainty = replace(fit.uncertainty[name], **parts)  # type: ignore[arg-type]
@@ -71,7 +72,7 @@ def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
+def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: JointKind) -> None:
     """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
     joint = built(fits(SPEEDS, 1e-4, kind), kind)
     frame = interval_tables.uncertainty([joint, replace(joint, name="other")])
@@ -99,7 +100,8 @@ def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
 
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
-    joint = changed(open_, "alpha_0", bootstrap=None, doubts=("No bootstrap: <b>few</b> blocks.",))
+    none = Kind.NO_BOOTSTRAP(few="<b>few</b> blocks", least=9)
+    joint = changed(open_, "alpha_0", bootstrap=None, doubts=(none,))
     cells = {cell for row in interval_tables.section(joint)["tables"]["static"].rows for cell in row}
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)

@@ -21,9 +21,13 @@ _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({_NUMBER}) ?(.*)")
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
 _ERROR = re.compile(rf"({_NUMBER}) ?\)? ?(.*)")
-_UNIT = re.compile(r"[\w%µΩ\s*/^()+-]{1,64}")
+_UNIT = re.compile(r"[\w%µΩ\s*/^()-]{1,64}")
 _POWER = re.compile(r"(?:\*\*|\^)(?!\s*-?\d(?!\d|\s*(?:\*\*|\^)))")
 """A power that is not one digit, or a power of a power: pint would compute it, however large."""
+_RAISED = re.compile(r"[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
+_PLAIN_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")
+"""A power of a bracket, in which another one may stand."""
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
@@ -158,8 +162,9 @@ def _parse(unit: str) -> "pint.Unit":
     if len(unit) > _LONGEST:
         raise InputError(bad)
     text = re.sub(r"(?<=[^\W\d])[-·⋅.](?=[^\W\d])", "*", unit.strip().replace("°", "deg"))
+    text = _RAISED.sub(lambda digits: "**" + digits[0].translate(_PLAIN_DIGITS), text)
     text = "dimensionless" if text in ("1", "-") else text.replace("%", "percent")
-    if not _UNIT.fullmatch(text) or _POWER.search(text):
+    if not _UNIT.fullmatch(text) or _POWER.search(text) or len(_OF_BRACKET.findall(text)) > 1:
         raise InputError(bad)
     try:
         return _registry().parse_units(text)

@@ -5,6 +5,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 
 _WINDOW = 5.0
 """Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
@@ -56,8 +57,8 @@ def standard_error(x: Array) -> float | None:
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
 
 
-def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[str, ...]:
-    """A sentence for each trend of the residuals over time or velocity, a ripple over position, a difference between directions: beyond noise.
+def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Diagnostic, ...]:
+    """A diagnostic for each trend of the residuals over time or velocity, a ripple over position, a difference between directions: beyond noise.
 
     F tests against a constant, of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni
     corrected for their number; residuals that are correlated in the order given count for fewer. Significant is p < 0.01 after correction.
@@ -71,26 +72,23 @@ def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Ar
     n = residuals.size
     trends = {"time": time, "velocity": velocity, "position": position}
     known = {name: x for name, x in trends.items() if x.size == n and n >= 8 and np.ptp(x) > 0}
-    bases = {f"trend over {name}": _parabola(x) for name, x in known.items()}
+    tests: list[tuple[Kind, dict[str, float | str], Array]] = [
+        (Kind.RESIDUAL_TREND, {"over": name}, _parabola(x)) for name, x in known.items()
+    ]
     count = min(n // 4, _HARMONICS) if "position" in known else 0
     if count:
-        period, bases["ripple over position"] = _strongest_harmonic(residuals, known["position"], count)
+        period, basis = _strongest_harmonic(residuals, known["position"], count)
+        tests.append((Kind.RESIDUAL_RIPPLE, {"period": period}, basis))
     both = "velocity" in known and velocity.min() < 0 < velocity.max()
     looks, found = len(known) + count + both, []
     if both:  # a symmetric curve that is not: what it leaves is even in velocity
         p, share = _f_test(residuals, np.stack([np.ones(n), np.abs(velocity)]), about_mean=False)
         if p * looks < _SIGNIFICANT:
-            found.append(
-                f"Friction differs between the directions (p = {p * looks:.1g}, corrected for {looks} looks): that holds {share:.0%} of the "
-                "residuals' variance; fit them apart (directions: separate)."
-            )
-    for what, basis in bases.items():
+            found.append(Kind.DIRECTIONS_DIFFER(p=p * looks, looks=looks, share=share))
+    for kind, what, basis in tests:
         p, share = _f_test(residuals, basis)
         if p * looks < _SIGNIFICANT:
-            where = f"{what}, of period {period:.3g}," if what.startswith("ripple") else what
-            found.append(
-                f"Residuals have a {where} (p = {p * looks:.1g}, corrected for {looks} looks) that holds {share:.0%} of their variance."
-            )
+            found.append(kind(**what, p=p * looks, looks=looks, share=share))
     return tuple(found)
 
 

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL
 
@@ -91,9 +92,9 @@ def block_bootstrap(
     return found._replace(steps=found.steps / size)
 
 
-def too_few(blocks: str) -> str:
-    """The doubt that there is no bootstrap, for so many blocks, in words."""
-    return f"No bootstrap: {blocks} are too few to draw from; {FEW} are needed."
+def too_few(blocks: Diagnostic) -> Diagnostic:
+    """What says that there is no bootstrap, for so few blocks."""
+    return Kind.NO_BOOTSTRAP(few=blocks, least=FEW)
 
 
 def block_length(scores: Array) -> int:

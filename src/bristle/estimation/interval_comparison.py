@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from bristle.diagnostics import Diagnostic, Kind
+
 FACTOR = 1.5
 """Reaches to one side of an estimate that differ by more than this factor part."""
 _ROUNDING = 1e-9
-PARTED = "The intervals part"
-"""How the sentence begins."""
 Interval = tuple[float, float] | None
 
 
@@ -17,9 +17,9 @@ def doubts(
     bootstrap: Interval,
     *,
     at_bound: bool = False,
-    few: str | None = None,
-) -> tuple[str, ...]:
-    """A sentence where the reaches of the three intervals to one side of the estimate differ by more than `FACTOR`, with the reason; else none.
+    few: Diagnostic | None = None,
+) -> tuple[Diagnostic, ...]:
+    """A diagnostic where the reaches of the three intervals to one side of the estimate differ by more than `FACTOR`, with the reason; else none.
 
     Args:
         value: the estimate.
@@ -27,7 +27,7 @@ def doubts(
         profile: as in `Uncertainty`.
         bootstrap: as in `Uncertainty`.
         at_bound: whether the estimate lies at its physical bound, where a covariance means little.
-        few: what there are few of, as `9 points`; None where there are enough.
+        few: what there are few of; None where there are enough.
     """
     known = {"covariance": covariance, "profile": profile, "bootstrap": bootstrap}
     reaches = {
@@ -38,8 +38,8 @@ def doubts(
     ]
     if at_bound or not sides:
         return ()
-    ends = ", ".join(f"{name} {_ends(*known[name])}" for name in reaches)  # type: ignore[misc]  # those are not None
-    return (f"{PARTED} {' and '.join(sides)} the estimate ({ends}): {_reason(reaches, few)}.",)
+    ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)
+    return (Kind.INTERVALS_DIFFER(sides=tuple(sides), ends=ends, reason=_reason(reaches, few)),)
 
 
 def _part(reaches: list[float], value: float) -> bool:
@@ -47,16 +47,12 @@ def _part(reaches: list[float], value: float) -> bool:
     return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)
 
 
-def _reason(reaches: dict[str, tuple[float, float]], few: str | None) -> str:
+def _reason(reaches: dict[str, tuple[float, float]], few: Diagnostic | None) -> Diagnostic:
     below, above = reaches.get("profile", (1.0, 1.0))
     if not np.isfinite([below, above]).all():
-        return "the cost stays low to the end of the range, so nothing limits the parameter on that side"
+        return Kind.COST_STAYS_LOW()
     if _part([below, above], 0.0):
-        return "the profile is skewed, which a covariance cannot show; believe the profile"
+        return Kind.PROFILE_SKEWED()
     if few:
-        return f"{few} are few to resample; believe the profile"
-    return "the residuals are not as evenly and independently scattered as the covariance and the profile take them to be; believe the widest"
-
-
-def _ends(low: float, high: float) -> str:
-    return f"{low:.4g} to {high:.4g}"
+        return Kind.FEW_TO_RESAMPLE(few=few)
+    return Kind.UNEVEN_RESIDUALS()

@@ -12,7 +12,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.record import freeze
-from bristle.identification.dynamic.fit import in_words
+from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout_jacobian
@@ -127,6 +127,8 @@ def gram(jacobian: Array, noise: float | Array) -> Array:
 
 def covariance(matrix: Array) -> tuple[Array, Array]:
     """Standard errors (p,), infinite where nothing is seen, and the correlation (p, p) of estimates with information F, (p, p)."""
+    if not np.isfinite(matrix).all():  # beyond what numbers hold: nothing is said
+        return np.full(len(matrix), np.inf), np.eye(len(matrix))
     size = np.sqrt(np.diag(matrix))
     seen = size > 0
     values, vectors = np.linalg.eigh(_scaled(matrix, size))
@@ -150,7 +152,7 @@ def directions(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
         if value < _HARDLY * values[-1]:
             share = np.abs(vector) / np.abs(vector).max()
             order = [k for k in np.argsort(-share, kind="stable") if share[k] > _PART]
-            said.append(in_words([(names[kept[k]], float(vector[k])) for k in order]))
+            said.append(str(hardly_seen([(names[kept[k]], float(vector[k])) for k in order])))
     return tuple(said)
 
 

@@ -10,10 +10,10 @@ from time import perf_counter
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.constant_velocity.acceptance import POSITION_DIFFERS
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left, unit_mistake
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import track
 from bristle.identification.model_selection import of_moving, of_points
@@ -151,7 +151,7 @@ def identify_joint(
 
 def _static(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[str, ...]]:
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
     """Static fits and their cross-checks from the points, or else from the moving runs; and doubts about what was left out."""
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
@@ -227,11 +227,15 @@ def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
     return _given_points(run.record) if run.kind == "points" else ()
 
 
+_STILL = 1e-12
+"""Of the fastest point: a slower one is at rest, and its velocity rounding."""
+
+
 def _given_points(record: Record) -> tuple[Segment, ...]:
     velocity, torque = record.velocity, record.torque
     if velocity is None or torque is None:
         raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
-    resting = "At rest: the friction torque of a joint at rest is not a function of its velocity; leave such rows out."
+    moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
     return tuple(
         Segment(
             file=record.file,
@@ -240,12 +244,12 @@ def _given_points(record: Record) -> tuple[Segment, ...]:
             velocity=float(v),
             torque=float(t),
             standard_error=None,
-            accepted=bool(v != 0),
-            reasons=() if v != 0 else (resting,),
+            accepted=bool(moves),
+            reasons=() if moves else (Kind.POINT_AT_REST(),),
             labels=record.labels,
             position=None if record.position is None else float(record.position[k]),
         )
-        for k, (v, t) in enumerate(zip(velocity, torque, strict=True))
+        for k, (v, t, moves) in enumerate(zip(velocity, torque, moving, strict=True))
     )
 
 
@@ -366,40 +370,36 @@ def _input(record: Record) -> Input:
     )
 
 
-def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[str, ...]:
+def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:
     experiment, doubts = measured.experiment, []
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for found in measured.segments for s in found)
-        why = f"none of its {tried} candidate segments was kept" if tried else "it was not measured"
-        doubts.append(f"Nothing is known of direction {other}: {why}.")
+        why = Kind.NONE_KEPT(tried=tried) if tried else Kind.NOT_MEASURED()
+        doubts.append(Kind.DIRECTION_UNKNOWN(direction=other, why=why))
     doubts += _segment_doubts(measured)
     if not from_points and experiment.fit.directions == "separate":
-        doubts.append("With separate directions an offset cannot be told from the two Coulomb terms; it is left out.")
+        doubts.append(Kind.OFFSET_LEFT_OUT())
     unused = [run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out]
     if unused:
-        doubts.append(f"Held-out presliding runs are not used: {', '.join(unused)}.")
+        doubts.append(Kind.HELD_OUT_UNUSED(files=tuple(unused)))
     if experiment.truth and not experiment.simulated:
-        doubts.append("A truth is given, but the data are not declared simulated.")
+        doubts.append(Kind.TRUTH_UNDECLARED())
     return tuple(doubts)
 
 
-def _segment_doubts(measured: Measured) -> list[str]:
+def _segment_doubts(measured: Measured) -> list[Diagnostic]:
     """What kept segments let doubt, counted: each is listed with its segment."""
     kept = measured.points(hold_out=False)
     doubts = []
-    differ = sum(any(d.startswith(POSITION_DIFFERS) for d in s.doubts) for s in kept)
+    differ = sum(any(d.kind is Kind.POSITION_DIFFERS for d in s.doubts) for s in kept)
     if differ:
         looks = Counter(filter(None, (unit_mistake(run.record) for run in measured.runs))).most_common(1)
-        hint = f" It looks like {looks[0][0]}." if looks else ""
-        doubts.append(
-            f"Position and velocity disagree in {differ} of {len(kept)} kept segments; the slope of the position counts.{hint}"
-        )
-    others = sum(any(not d.startswith((POSITION_DIFFERS, "Stick-slip")) for d in s.doubts) for s in kept)
+        hint = Kind.LOOKS_LIKE(what=looks[0][0]) if looks else ""
+        doubts.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept), looks=hint))
+    others = sum(any(d.kind not in {Kind.POSITION_DIFFERS, Kind.STICK_SLIP} for d in s.doubts) for s in kept)
     if others:
-        doubts.append(
-            f"{others} of {len(kept)} kept segments have a torque to doubt; each says why in the list of segments."
-        )
+        doubts.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
     return doubts
 
 

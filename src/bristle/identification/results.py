@@ -11,6 +11,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import freeze
 from bristle.data.slow_loading import Loading, Loop
+from bristle.diagnostics import Diagnostic
 from bristle.model.parameters import Kind, Lugre
 
 
@@ -36,7 +37,7 @@ class Estimate:
     unit: str
     standard_error: float | None = None
     interval: tuple[float, float] | None = None
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +54,7 @@ class Uncertainty:
     """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1 at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0))
     """The parameter in resampled data, (b,)."""
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""
@@ -108,7 +109,7 @@ class StaticFit:
     """100 * norm(residual) / norm(torque), percent."""
     n: int
     outcome: Outcome
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[str, ...] = ()
     """The free parameters, in the order of `covariance`."""
@@ -161,8 +162,7 @@ class Crosscheck:
     parameters: Mapping[str, float]
     difference_in_se: Mapping[str, float]
     """(full - grid) in standard errors of the grid fit."""
-    verdict: str
-    """One sentence."""
+    verdict: Diagnostic
     agrees: bool = True
     """Whether both found the same cost."""
 
@@ -199,7 +199,7 @@ class PreslidingFit:
     bias_spread: float
     """Its standard deviation over them."""
     loadings: tuple[Loading, ...]
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """The recommended sigma_0's interval three ways, under `sigma_0`."""
 
@@ -219,7 +219,7 @@ class Presliding:
     breakaways: tuple[Loading, ...] = ()
     """The loadings that broke away."""
     loops: tuple[Loop, ...] = ()
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,14 +232,13 @@ class TrackingFit:
     relative_error: float
     """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
     n: int
-    outcome: str
-    """One sentence."""
+    outcome: Diagnostic
     starts: int
     reached: int
     """How many starts ended within 1e-6 relative of the lowest cost."""
     condition: float
     """Of the Jacobian with columns of unit length."""
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[str, ...] = ()
     """The free parameters, in the order of `covariance`."""
@@ -298,7 +297,7 @@ class Consistency:
     joint_error: float | None
     difference: float | None
     """(tracking - stage) in combined standard errors."""
-    verdict: str
+    verdict: Diagnostic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -373,7 +372,7 @@ class Joint:
     consistency: tuple[Consistency, ...] = ()
     models: tuple[ModelComparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
     truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""
     simulated: bool = False

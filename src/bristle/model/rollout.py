@@ -241,7 +241,8 @@ def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: 
     v0, v1, h = nodes.v[steps], nodes.v[steps + 1], nodes.h if isinstance(nodes.h, float) else nodes.h[steps]
     a, b = evaluate(functions.step(), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
     forgotten = np.clip(1 - a, 1e-9, 1 - 1e-15)
-    way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)
+    with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
+        way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)
     slow, fast = np.abs(v0), np.abs(v1)
     fraction: Array = way * (slow + fast) / (slow + np.sqrt(slow**2 + (fast**2 - slow**2) * way))
     return fraction

@@ -23,12 +23,19 @@ from bristle.page.wording import FITS, METHODS, free
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure as the .svg or .png file that its path names.
 
-    Raises InputError for another suffix, and as `write_text` does.
+    Raises InputError as `figure_kind` and `write_text` do.
     """
+    write_bytes(path, render_as(figure, figure_kind(path)))
+
+
+def figure_kind(path: Path) -> str:
+    """The format, svg or png, that a figure's path names. InputError where it names another, or nothing else."""
+    if path.name.lower() in {".svg", ".png"}:
+        raise InputError(f"{path}: has no name before its {path.name}; name a file, as figure{path.name.lower()}")
     kind = path.suffix.lower().lstrip(".")
     if kind not in {"svg", "png"}:
         raise InputError(f"{path}: figures are written as .svg or .png; end the name with one of them")
-    write_bytes(path, render_as(figure, kind))
+    return kind
 
 
 class Section(NamedTuple):

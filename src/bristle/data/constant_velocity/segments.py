@@ -12,6 +12,7 @@ from bristle.data.constant_velocity.acceptance import Thresholds, doubts, reason
 from bristle.data.constant_velocity.changepoints import Stretch, stretches
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import residual_doubts
 
@@ -46,9 +47,9 @@ class Segment:
     standard_error: float | None
     """Standard error of the mean torque, corrected for autocorrelation, N*m; None where it cannot be known."""
     accepted: bool
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Diagnostic, ...] = ()
     """Why it was rejected, and what would have let it in."""
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
     """Why it is kept but not trusted fully (stick-slip)."""
     stick_slip: bool = False
     time: float | None = None
@@ -94,7 +95,7 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
         records: the runs that they were cut from.
         thresholds: as given.
     """
-    counts = Counter(reason.split(":")[0] for s in segments for reason in s.reasons)
+    counts = Counter(reason.kind.title for s in segments for reason in s.reasons)
     eaten = "; ".join(f"{kind.lower()}: {count}" for kind, count in counts.most_common()) or "no samples"
     message = f"No segment at constant velocity is left of {len(segments)} candidates in {len(records)} runs (rejected as {eaten})."
     longest = max((s for s in segments if s.reasons), key=lambda s: (-len(s.reasons), s.stop - s.start), default=None)
@@ -133,7 +134,7 @@ def _segment(record: Record, stretch: Stretch, usual: Scale, thresholds: Thresho
     against = reasons(e, usual, thresholds)
     if longer is not None:
         against = (
-            f"Settling: it is an edge of the plateau in rows {longer.start}-{longer.stop}, which is kept apart; a hold of its own would let it in.",
+            Kind.SETTLING(start=longer.start, stop=longer.stop),
             *against,
         )
     middle = (record.time[stretch.start] + record.time[stretch.stop - 1]) / 2 - record.time[0]

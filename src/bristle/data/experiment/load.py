@@ -212,7 +212,12 @@ def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
 
 
 def _glob(pattern: str, folder: Path) -> list[str]:
-    return glob.glob(pattern, root_dir=folder, recursive=True)  # noqa: PTH207  # Path.glob takes no absolute pattern
+    if "**" not in pattern:
+        return glob.glob(pattern, root_dir=folder)  # noqa: PTH207  # Path.glob takes no absolute pattern
+    root = Path(pattern).anchor  # and glob.glob follows links, in circles where they go so
+    base = Path(root) if root else folder
+    found = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
+    return [f"{root}{path}" for path in found if not any(p.startswith(".") and p != ".." for p in path.parts)]
 
 
 def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:

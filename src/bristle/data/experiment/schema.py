@@ -23,6 +23,10 @@ class Inertia:
     standard_error: float | None = None
 
 
+_SUREST = 1e-9
+"""Of an inertia: a smaller error is none, and its weight would drown the data in rounding."""
+
+
 def read_inertia(value: object, info: ValidationInfo) -> object:
     """Read `x` (fixed) or `x ± s` (a prior), each with its unit."""
     if isinstance(value, Inertia):
@@ -30,6 +34,10 @@ def read_inertia(value: object, info: ValidationInfo) -> object:
     number, error = units.plus_minus(value, si("inertia", info.context))
     if not number > 0:
         raise InputError(f"got {short(value)}; expected a positive inertia")
+    if error is not None and error < _SUREST * number:
+        raise InputError(
+            f"got {short(value)}; expected an error of at least {_SUREST:g} of the inertia, or none at all"
+        )
     return Inertia(value=number, standard_error=error)
 
 
@@ -125,7 +133,7 @@ class FitOptions(Model):
     """None: none for ramp and points, inertia (and offset, if symmetric) for tracking."""
     v_s_range: tuple[Speed, Speed] | None = None
     """Stribeck velocities that are searched, rad/s; None: from the data."""
-    grid: Annotated[int, Field(ge=8, le=10_000)] = 32
+    grid: Annotated[int, Field(ge=8, le=2_000)] = 32
     plain_grid: Annotated[int, Field(ge=8, le=100_000)] = 500
     position_cutoff: Hertz = 100.0
     """Low pass of position before it is differentiated, tracking runs, Hz."""

@@ -3,7 +3,16 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    StrictInt,
+    StrictStr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from bristle.data import units
 from bristle.data.experiment.yaml_file import Model
@@ -12,7 +21,16 @@ from bristle.model.parameters import Kind, unit
 
 DRIVE = ("torque", "voltage", "current")
 """The three ways to log what the drive does; a run has exactly one of them."""
-Column = StrictInt | StrictStr
+
+
+def _counted_from_zero(column: int | str) -> int | str:
+    if isinstance(column, int) and column < 0:
+        raise InputError(f"got {column}; expected a name or a number counted from 0")
+    return column
+
+
+Column = Annotated[StrictInt | StrictStr, AfterValidator(_counted_from_zero)]
+"""Name, or number counted from 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,13 +81,6 @@ class Signal(Model):
     scale: float | str = 1.0
     delay: Annotated[float, quantity("s")] = 0.0
     """How much later than the other signals it was logged, s; negative where it was logged early."""
-
-    @field_validator("column")
-    @classmethod
-    def _counted_from_zero(cls, column: int | str) -> int | str:
-        if isinstance(column, int) and column < 0:
-            raise InputError(f"got {column}; expected a name or a number counted from 0")
-        return column
 
     def factor(self, name: str, context: Context) -> float:
         """What logged values are multiplied by to be in SI. Raises InputError where the unit does not fit."""

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import solver
 from bristle.identification.dynamic.fit import Tracked
 from bristle.identification.dynamic.problem import Tracking
@@ -66,11 +67,11 @@ def _compared(found: Tracked, cost: float, costs: Array, full: Mapping[str, floa
     }
     worst = max(map(abs, difference.values()), default=0.0)
     agrees = abs(lowest - cost) <= _SAME * cost
-    ended = f"{reached} of {costs.size} starts of the second reached the lowest cost."
+    told = Kind.IPOPT_LOWER if lowest < cost else Kind.IPOPT_HIGHER
     verdict = (
-        f"Gauss-Newton on the rollout and IPOPT on the whole chain agree: the largest difference is {worst:.2g} standard errors. {ended}"
+        Kind.IPOPT_AGREES(worst=worst, reached=reached, starts=costs.size)
         if agrees
-        else f"IPOPT found {'a lower' if lowest < cost else 'no such low'} cost ({lowest:.6g} against {cost:.6g}); distrust the fit. {ended}"
+        else told(lowest=lowest, cost=cost, reached=reached, starts=costs.size)
     )
     return Crosscheck(
         cost_grid=cost,

@@ -9,6 +9,7 @@ from bristle.arrays import Array
 from bristle.control.sensors import quantise
 from bristle.data.differentiation import derivative, estimate_motion, smoothed, usable
 from bristle.data.record import Record
+from bristle.diagnostics import Kind
 from bristle.identification.dynamic.fit import Tracked
 from bristle.identification.dynamic.problem import Tracking, is_start, modelled
 from bristle.identification.dynamic.unknowns import fit
@@ -92,10 +93,7 @@ def _corrected(found: TrackingFit, bias: Mapping[str, float], scatter: Mapping[s
         if abs(bias[name]) > e.standard_error:
             large.append(name)
         parameters[name] = _shifted(e, bias[name], scatter[name])
-    said = (
-        f"Encoder counts biased {', '.join(large)} by more than a standard error; the bias was taken off, but a finer encoder is better, "
-        "or fit.predict: position, which simulates the motor and differentiates nothing."
-    )
+    said = Kind.COUNT_BIAS(names=tuple(large))
     return replace(
         found, parameters=parameters, bias=dict(bias), doubts=(*found.doubts, said) if large else found.doubts
     )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one
 from bristle.estimation.covariance import condition, student
 from bristle.identification.dynamic.missing_terms import lacking
@@ -21,12 +22,12 @@ from bristle.identification.dynamic.multistart import (
 from bristle.identification.dynamic.problem import Tracking, is_start, parameters, residuals
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, bounds, fit, scales
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
-from bristle.model.parameters import Kind, Lugre, is_passive, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Lugre, is_passive, unit
 
 SEED = 0
 STARTS = 6
 """One from the other stages, the others at random about it."""
-_SUM = "If v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen."
 _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
 _TRIES = 30
@@ -37,7 +38,6 @@ _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
 _WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
-_NOT_SEEN = "Not identifiable from this motion"
 
 
 class Tracked(NamedTuple):
@@ -52,7 +52,7 @@ class Tracked(NamedTuple):
 def fit_tracking(
     problem: Tracking,
     start: Mapping[str, float],
-    kind: Kind,
+    kind: JointKind,
     held: Sequence[tuple[str, Tracking]] = (),
     starts: int = STARTS,
     seed: int = SEED,
@@ -125,23 +125,23 @@ def _settled(
     return problem, judged, bent
 
 
-def _judged_estimates(problem: Tracking, judged: Judged, kind: Kind, bent: Mapping[str, float]) -> dict[str, Estimate]:
+def _judged_estimates(
+    problem: Tracking, judged: Judged, kind: JointKind, bent: Mapping[str, float]
+) -> dict[str, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
     estimates = _estimates(problem, judged, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
     for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
         if name in estimates:
-            estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, _SUM))
+            estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, Kind.ONLY_SUM_SEEN()))
     return estimates | {name: _without(estimates[name]) for name in _weak(estimates)}
 
 
-def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> str:
+def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> Diagnostic:
     if not converged:
-        return "The fit did not converge; its numbers are not to be trusted."
-    bound = [n for n, e in estimates.items() if any(d.startswith("At its physical bound") for d in e.doubts)]
-    return (
-        f"The fit converged, with {', '.join(bound)} at a bound." if bound else "The fit converged inside every bound."
-    )
+        return Kind.NOT_CONVERGED()
+    bound = tuple(n for n, e in estimates.items() if any(d.kind is Kind.AT_BOUND for d in e.doubts))
+    return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
 
 
 def _weighted(problem: Tracking, judged: Judged) -> tuple[Tracking, bool]:
@@ -166,12 +166,12 @@ def _weak(estimates: Mapping[str, Estimate]) -> list[str]:
 
 
 def _is_weak(e: Estimate) -> bool:
-    return any(doubt.startswith(_NOT_SEEN) for doubt in e.doubts)
+    return any(doubt.kind in NOT_IDENTIFIABLE for doubt in e.doubts)
 
 
 def _without(e: Estimate) -> Estimate:
     """What is left of an estimate that the motion does not show: its interval, and the reason."""
-    said = e.doubts if _is_weak(e) else (f"{_NOT_SEEN}: what it goes with is not.",)
+    said = e.doubts if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
     return replace(e, value=None, standard_error=None, doubts=said)
 
 
@@ -192,15 +192,15 @@ def _bent(problem: Tracking, values: Mapping[str, float]) -> dict[str, float]:
     return found
 
 
-def _refused(name: str, kind: Kind) -> Estimate:
-    why = f"{_NOT_SEEN}: with v_s near the fastest speed the term would be a bend over the whole range and not a drop at low speed."
+def _refused(name: str, kind: JointKind) -> Estimate:
+    why = Kind.UNSEEN_BEND()
     return Estimate(value=None, unit=unit(name.rstrip("+-"), kind), interval=(0.0, float("inf")), doubts=(why,))
 
 
-def _named(unseen: Mapping[str, Estimate]) -> list[str]:
-    said = [f"{_NOT_SEEN}: {', '.join(unseen)}."] if unseen else []
-    refused = any("a bend over the whole range" in doubt for e in unseen.values() for doubt in e.doubts)
-    return [*said, f"Of alpha_0 and alpha_1: {_SUM[0].lower()}{_SUM[1:]}"] if refused else said
+def _named(unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
+    said = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
+    refused = any(doubt.kind is Kind.UNSEEN_BEND for e in unseen.values() for doubt in e.doubts)
+    return [*said, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else said
 
 
 def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
@@ -224,7 +224,7 @@ def _starts(problem: Tracking) -> tuple[int, ...]:
     return tuple(int(k) for k, m in zip(first, problem.motions, strict=True) if not m.goes_on)
 
 
-def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estimate]:
+def _estimates(problem: Tracking, judged: Judged, kind: JointKind) -> dict[str, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
     scale = scales(problem, judged.values)
     out = {}
@@ -235,7 +235,7 @@ def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estim
         if is_start(name):
             continue
         bare, value = name.rstrip("+-"), judged.values[name]
-        doubts: list[str] = []
+        doubts: list[Diagnostic] = []
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
                 low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
@@ -248,9 +248,9 @@ def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estim
             if bare.startswith(("alpha", "sigma", "inertia")):
                 low = max(low, 0.0)
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
-                doubts.append("At its physical bound of zero: the interval is one-sided.")
+                doubts.append(Kind.AT_BOUND())
         if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
-            doubts.append(f"{_NOT_SEEN}: its standard error is {_percent(relative)} its value.")
+            doubts.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
         out[name] = Estimate(
             value=value,
             unit=unit(bare, kind),
@@ -261,22 +261,16 @@ def _estimates(problem: Tracking, judged: Judged, kind: Kind) -> dict[str, Estim
     return out
 
 
-def _percent(share: float) -> str:
-    return f"{share:.0%} of" if share < 10 else "over ten times"
-
-
-def _doubts(judged: Judged, rows: Array, unseen: Mapping[str, Estimate]) -> tuple[str, ...]:
+def _doubts(judged: Judged, rows: Array, unseen: Mapping[str, Estimate]) -> tuple[Diagnostic, ...]:
     found = []
     if judged.minimum.steps == 0:
-        found.append("The fit did not move from its start; it may lie on a bound or in a flat place.")
+        found.append(Kind.DID_NOT_MOVE())
     if not judged.minimum.converged:
-        found.append("The fit ran out of steps before it settled.")
+        found.append(Kind.OUT_OF_STEPS())
     if judged.stretch > sqrt(2):
-        found.append(
-            f"Residuals are correlated (lag one {lag_one(rows):.2f}): standard errors are widened by {judged.stretch:.1f} for it."
-        )
+        found.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=judged.stretch))
     if judged.reached < judged.starts / 2:
-        found.append(f"Only {judged.reached} of {judged.starts} starts reached the lowest cost.")
+        found.append(Kind.FEW_STARTS(reached=judged.reached, starts=judged.starts))
     return (*found, *_unseen(judged, unseen))
 
 
@@ -285,8 +279,8 @@ def _seen(judged: Judged) -> list[int]:
     return [k for k, n in enumerate(judged.names) if not is_start(n) and judged.scaled_errors[k] < np.inf]
 
 
-def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
-    """The directions in parameter space that the data hardly see, in words."""
+def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
+    """The directions in parameter space that the data hardly see."""
     keep = _seen(judged)
     jacobian = judged.minimum.jacobian[:, keep]
     jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
@@ -298,40 +292,38 @@ def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[str]:
                 (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
             if any(name in unseen or not name.startswith(("alpha", "v_s", "sigma")) for name, _ in members):
-                said.append(in_words(members))
+                said.append(hardly_seen(members))
     said += [
-        f"Nothing is seen of {n}: the torque does not depend on it in this motion."
+        Kind.NOTHING_SEEN(name=n)
         for k, n in enumerate(judged.names)
         if judged.scaled_errors[k] == np.inf and not is_start(n)
     ]
     return said
 
 
-def in_words(members: Sequence[tuple[str, float]]) -> str:
-    """What data say of a direction of parameters that they hardly see; its members are names with their shares of it. One sentence."""
+def hardly_seen(members: Sequence[tuple[str, float]]) -> Diagnostic:
+    """What data say of a direction of parameters that they hardly see; its members are names with their shares of it."""
     if len(members) == 1:
-        return f"The data hardly see {members[0][0]}."
+        return Kind.HARDLY_SEEN(name=members[0][0])
     up = [n for n, w in members if w * members[0][1] > 0]
     down = [n for n, w in members if w * members[0][1] < 0]
     if not down:
-        return f"The data see {' and '.join(up)} only against one another: raising them together changes nothing."
-    return f"The data see {' and '.join([*up, *down])} only as a sum: raising {' and '.join(up)} and lowering {' and '.join(down)} changes nothing."
+        return Kind.ONLY_AGAINST(up=tuple(up))
+    return Kind.ONLY_AS_SUM(all=(*up, *down), up=tuple(up), down=tuple(down))
 
 
-def _physics(problem: Tracking, values: Mapping[str, float], unseen: Mapping[str, Estimate]) -> list[str]:
+def _physics(problem: Tracking, values: Mapping[str, float], unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
     """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
     said = []
     p = parameters(problem, values)
     sets = {"": p} if isinstance(p, Lugre) else dict(zip(problem.tags, p, strict=True))
     J = {**problem.fixed, **values}.get("inertia")
     for d, own in sets.items():
-        where = f" in direction {d}" if d else ""
         if not is_passive(own) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
-            said.append(
-                f"Not passive{where}: alpha_2 = {own.alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {own.sigma_1 * own.alpha_1 / own.alpha_0:.3g}."
-            )
+            least = own.sigma_1 * own.alpha_1 / own.alpha_0
+            said.append(Kind.NOT_PASSIVE(direction=d, alpha_2=own.alpha_2, least=least))
         if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (own.sigma_1 + own.alpha_2) / (2 * sqrt(J * own.sigma_0))
             if not 0.02 < ratio < 5:
-                said.append(f"The damping ratio in presliding{where} would be {ratio:.2g}; 0.1 to 1 is usual.")
+                said.append(Kind.ODD_DAMPING(direction=d, ratio=ratio))
     return said

@@ -6,11 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.identification.dynamic.multistart import Judged
 from bristle.identification.dynamic.problem import Tracking, modelled
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import unit
 
 _SURE = 4.0
 """Standard errors from zero, beyond which it is said."""
@@ -18,8 +20,8 @@ _SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
 
 
-def lacking(problem: Tracking, judged: Judged, kind: Kind) -> list[str]:
-    """Doubts, one sentence each, about a shift in time between torque and motion, and about an inertia that was given and not fitted.
+def lacking(problem: Tracking, judged: Judged, kind: JointKind) -> list[Diagnostic]:
+    """What is doubted: a shift in time between torque and motion, and about an inertia that was given and not fitted.
 
     One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first order.
     """
@@ -35,15 +37,10 @@ def lacking(problem: Tracking, judged: Judged, kind: Kind) -> list[str]:
         samples = abs(more.value) / float(np.median(np.concatenate([m.step for m in motions])))
         when = "earlier" if more.value > 0 else "later"
         said.append(
-            f"The torque fits better when taken {abs(more.value):.2g} s ({samples:.2g} samples) {when} than now, which would explain "
-            f"{more.share:.0%} of what is left: check the time stamps, or add {more.value:.2g} s to the delay of its signal and look again "
-            "(a voltage held until the next sample is half a sample early, its delay negative)."
+            Kind.TORQUE_DELAYED(seconds=abs(more.value), samples=samples, when=when, share=more.share, delay=more.value)
         )
     if more := found.get("inertia"):
-        apart = f"{more.value:+.3g} +/- {more.error:.2g} {unit('inertia', kind)}"
-        said.append(
-            f"The inertia that was given is doubted: with {apart} on top of it the moving runs fit better; leave inertia out to have it fitted."
-        )
+        said.append(Kind.INERTIA_DOUBTED(more=more.value, error=more.error, unit=unit("inertia", kind)))
     return said
 
 

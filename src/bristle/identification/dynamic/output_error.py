@@ -28,6 +28,8 @@ _FREE = 16
 """Parameters by which the state is differentiated: a pair of sets, and the loads."""
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = ("inertia", "offset", "gravity_sin", "gravity_cos")
+_EQUATIONS = 4
+"""In a window, at the least: its position, velocity and deflection at the start are unknown."""
 _SHORTEST = 16
 """Samples in a window."""
 _RING = 1.0
@@ -120,6 +122,11 @@ def _windows(
     if record.position is None or drive is None:
         raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
     size = max(round(horizon / record.step), _SHORTEST)
+    if size < _EQUATIONS * decimation:
+        raise InputError(
+            f"{record.file}: fit.horizon: a window of {size} samples holds {size // decimation} equations of {decimation} samples; expected at least "
+            f"{_EQUATIONS}, more than it has unknowns at its start: raise fit.horizon, or lower fit.decimation"
+        )
     bounds = [k for k in range(0, whole.time.size, size) if whole.time.size - k >= _SHORTEST]
     found = []
     for first in bounds:

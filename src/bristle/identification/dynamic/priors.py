@@ -9,6 +9,7 @@ import numpy as np
 from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
@@ -237,7 +238,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
         for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
             own, both = alone.parameters[name], joint.parameters[name]
             if own.value is None or own.standard_error is None:
-                verdict, difference = "The moving data do not show it.", None
+                verdict, difference = Kind.STAGE_UNSEEN(), None
             else:
                 difference = (own.value - value) / float(np.hypot(error, own.standard_error))
                 verdict = _verdict(
@@ -260,24 +261,20 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     return tuple(found)
 
 
-def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[str]:
+def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Diagnostic]:
     """What the stages' disagreement lets doubt about the joint fit."""
     said = []
     apart = [c.parameter for c in agree if c.difference is not None and abs(c.difference) > _APART]
     if apart:
-        said.append(f"The moving runs and the other stages differ by more than chance in {', '.join(apart)}.")
+        said.append(Kind.STAGES_DIFFER(names=tuple(apart)))
     if joint.relative_error > _WORSE * alone.relative_error:
-        said.append(
-            f"The joint fit explains the moving runs much worse than they can be explained, {joint.relative_error:.3g} % against "
-            f"{alone.relative_error:.3g} %: the stages do not fit together."
-        )
+        said.append(Kind.STAGES_DO_NOT_FIT(joint=joint.relative_error, alone=alone.relative_error))
     return said
 
 
-def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> str:
+def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> Diagnostic:
     if abs(difference) <= _APART:
-        return "They agree."
+        return Kind.STAGE_AGREES()
     if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
-        return "They differ by more than chance, and neither is much surer: see the doubts of both."
-    wider = "the moving data" if own_share > stage_share else f"the {stage} stage"
-    return f"They differ by more than chance; distrust {wider} first, which knows it less well."
+        return Kind.STAGE_DIFFERS()
+    return Kind.DISTRUST_MOVING() if own_share > stage_share else Kind.DISTRUST_STAGE(stage=stage)

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.levenberg_marquardt import minimise
@@ -42,10 +43,6 @@ _FAR, _GROWTH = 6, 4.0
 _STEEP = 1e3
 """Stands for the statistic's root where nothing can be computed."""
 
-_OPEN = "No finite interval by the profile: with the others fitted anew, every value that a motion can show, on that side, fits about as well."
-_ROUGH = "The profile is hard to follow here, fits along it ran out of steps: its ends are rough."
-_LOST = "The profile is hard to follow here: the search for an end was given up, so a side that is open may have one."
-
 
 class Profiled(NamedTuple):
     """One parameter's profile, in its unit."""
@@ -54,7 +51,7 @@ class Profiled(NamedTuple):
     """A side that the profile leaves open is infinite, or the bound of zero."""
     curve: Array
     """As in `Uncertainty`, (2, k)."""
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Diagnostic, ...] = ()
 
 
 class _Better(Exception):  # noqa: N818  # a way out of a search that became pointless
@@ -215,7 +212,7 @@ def profile_moving(
             out[name] = Profiled((found.values[name],) * 2, np.array([[found.values[name]], [0.0]]))
             continue
         if not np.isfinite(reach):
-            out[name] = Profiled(widest(name), np.zeros((2, 0)), (f"Nothing is seen of it: {_OPEN}",))
+            out[name] = Profiled(widest(name), np.zeros((2, 0)), (Kind.PROFILE_UNSEEN(open=Kind.PROFILE_OPEN()),))
             continue
         path = _Path(surface, j, reach**2 / float(naive[j]), [_Point(x, gram)], {float(x[j]): 0.0})
         try:
@@ -251,7 +248,7 @@ def _profiled(path: _Path, name: str, reach: float, size: float) -> Profiled:
     known = {own(x): root**2 for x, root in path.roots.items() if root < _STEEP}
     known |= {own(x): 1.0 for x in ends if x is not None}
     is_open = None in ends and (high == np.inf or low < 0 or name.startswith(LOGARITHMIC))
-    doubts = [_OPEN] if is_open and not path.lost else []
+    doubts = [Kind.PROFILE_OPEN()] if is_open and not path.lost else []
     if path.rough:
-        doubts.append(_LOST if path.lost else _ROUGH)
+        doubts.append(Kind.PROFILE_LOST() if path.lost else Kind.PROFILE_ROUGH())
     return Profiled((low, high), np.array(sorted(known.items())).T, tuple(doubts))

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import interval_comparison
 from bristle.estimation.block_bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
 from bristle.estimation.separable import projected
@@ -21,12 +22,6 @@ from bristle.identification.results import Estimate, TrackingFit, Uncertainty
 from bristle.progress import Progress
 
 _RESTARTS = 3
-_AGAIN = "A profile found a lower cost than the fit had: the fit was done again from there."
-_STILL = "Profiles still find lower costs after {} new fits: distrust this one."
-_AT_BOUND = (
-    "At its physical bound of zero: the intervals are one-sided, and there is no bootstrap, which knows no bounds."
-)
-_NOT_FITTED = "It was not fitted: there is nothing to profile or to draw."
 
 Again = Callable[[Mapping[str, float]], Tracked]
 """The fit done again, also from a start with every unknown in it."""
@@ -34,15 +29,15 @@ Again = Callable[[Mapping[str, float]], Tracked]
 
 def explored(found: Tracked, again: Again, progress: Progress | None = None) -> tuple[Tracked, Mapping[str, Profiled]]:
     """The profile of each parameter, and the fit: done again, and saying so, where a profile found a better optimum."""
-    said: tuple[str, ...] = ()
+    said: tuple[Diagnostic, ...] = ()
     for _ in range(_RESTARTS):
         profiles, better = profile_moving(found, progress)
         if better is None:
             break
-        found, said = again({**found.problem.fixed, **better}), (_AGAIN,)
+        found, said = again({**found.problem.fixed, **better}), (Kind.REFITTED(),)
     else:
         profiles, better = profile_moving(found, progress, heed=False)
-        said = (*said, _STILL.format(_RESTARTS))
+        said = (*said, Kind.STILL_LOWER(fits=_RESTARTS))
     return found._replace(fit=replace(found.fit, doubts=(*found.fit.doubts, *said))), profiles
 
 
@@ -64,12 +59,14 @@ def with_three_ways(
             steps = _steps(found, name, drawn, columns.index(name)) if name in columns else None
             three[name] = _three(found, name, e, profiles[name], steps, drawn.blocks)
         else:
-            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, doubts=(*e.doubts, _NOT_FITTED))
+            three[name] = Uncertainty(
+                covariance=None, profile=None, bootstrap=None, doubts=(*e.doubts, Kind.NOT_FITTED())
+            )
     parted = {name: replace(e, doubts=(*e.doubts, *_new(e, three[name]))) for name, e in fit.parameters.items()}
     return replace(fit, parameters=parted, uncertainty=three)
 
 
-def _new(e: Estimate, three: Uncertainty) -> tuple[str, ...]:
+def _new(e: Estimate, three: Uncertainty) -> tuple[Diagnostic, ...]:
     """What the three intervals let doubt of an estimate, and has not been said."""
     return () if e.value is None else tuple(doubt for doubt in three.doubts if doubt not in e.doubts)
 
@@ -83,10 +80,10 @@ def _three(
     low, high = ends.tolist()
     drawn = None if steps is None or blocks < FEW else moved(steps[0])
     at_bound = found.values[name] == 0
-    few = f"{blocks} blocks of independent residuals"
+    few = Kind.RESIDUAL_BLOCKS(blocks=blocks)
     doubts = profile.doubts
     if at_bound:
-        doubts = (*doubts, _AT_BOUND)
+        doubts = (*doubts, Kind.NO_BOOTSTRAP_AT_BOUND())
     elif blocks < FEW:
         doubts = (*doubts, too_few(few))
     bootstrap = None if drawn is None else (float(drawn[0]), float(drawn[1]))

@@ -8,14 +8,15 @@ import numpy as np
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop, find_loadings, find_loops
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.estimation.interval_comparison import PARTED
 from bristle.identification.presliding.stiffness import REACH, Level, count_edges, printed_bias, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Estimate, Presliding, PreslidingFit
 from bristle.model import functions
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import unit
 from bristle.model.vectorize import evaluate
 
 DAMPING_RATIO = 0.1
@@ -36,7 +37,7 @@ def identify_presliding(
     inertia: Level | None,
     options: FitOptions,
     resolution: float | None,
-    kind: Kind,
+    kind: JointKind,
 ) -> Presliding:
     """Everything that presliding runs show of a joint.
 
@@ -59,7 +60,7 @@ def identify_presliding(
             )
         found += own
     slid = [loading for loading in found if loading.breakaway is not None]
-    fits, breakaway, doubts = {}, {}, list[str]()
+    fits, breakaway, doubts = {}, {}, list[Diagnostic]()
     for direction in ("+", "-"):
         own_slid = [x for x in slid if x.direction == direction]
         if own_slid:
@@ -68,9 +69,7 @@ def identify_presliding(
     for direction in sorted({loading.direction for loading in found}):
         level = levels.get(direction) or _from_breakaway(breakaway, direction)
         if level is None:
-            doubts.append(
-                f"No sigma_0 in direction {direction}: it needs the torque at which the joint slides; add ramp runs, or load up to breakaway once."
-            )
+            doubts.append(Kind.NO_SIGMA_0(direction=direction))
             continue
         fits[direction] = fit_presliding([x for x in found if x.direction == direction], level, inertia, kind)
     cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
@@ -79,7 +78,7 @@ def identify_presliding(
     return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, doubts=tuple(doubts))
 
 
-def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | None, kind: Kind) -> PreslidingFit:
+def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | None, kind: JointKind) -> PreslidingFit:
     """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
 
     Args:
@@ -94,26 +93,19 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
     hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
     doubts = list(estimates["samples"].doubts) if hidden else []
     if 0 < counts < _FEW * len(loadings):
-        doubts.append(
-            f"Few encoder counts: {counts} edges in {len(loadings)} loadings; a finer encoder, or torque nearer to breakaway, would help."
-        )
+        doubts.append(Kind.FEW_COUNTS(edges=counts, loadings=len(loadings)))
     first = estimates["corrected"]
     if first.interval and (estimates["edges"].value or np.inf) < first.interval[0] / _YIELDS:
-        doubts.append(
-            "The joint moves much further than its first counts let expect: it slides, or this is no slow loading below breakaway."
-        )
+        doubts.append(Kind.YIELDS())
     best = "edges" if quantum > 0 else "samples"
     sigma_0 = estimates[best]
     u = np.array([max((sigma_0.value or 0.0) * quantum / level.value, 1e-9)])
     on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
     three = stiffness_uncertainty(loadings, level, best, sigma_0)
-    doubts += [doubt for doubt in three.doubts if doubt.startswith(PARTED)]
+    doubts += [doubt for doubt in three.doubts if doubt.kind is Kind.INTERVALS_DIFFER]
     reached = max(float(loading.torque.max()) for loading in loadings)
     if reached > level.value:
-        doubts.append(
-            f"The torque reaches {reached:.3g} without sliding, above g0 = {level.value:.3g} ({level.source}): g0 may be too low. "
-            f"Samples above {REACH:g} g0 are left out."
-        )
+        doubts.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
     return PreslidingFit(
         direction=loadings[0].direction,
         printed=estimates["printed"],
@@ -136,22 +128,22 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
     )
 
 
-def with_damping(found: Presliding, inertia: Level, kind: Kind) -> Presliding:
+def with_damping(found: Presliding, inertia: Level, kind: JointKind) -> Presliding:
     """The same with sigma_1 by (15) for an inertia that became known since."""
     fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in found.fits.items()}
     return replace(found, fits=fits)
 
 
-def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Estimate, list[str]]:
+def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tuple[Estimate, list[Diagnostic]]:
     """The median breakaway torque of some loadings, and its outliers by name."""
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
     if n == 1:
-        return Estimate(value=middle, unit=unit("torque", kind), doubts=("One run only: no error can be given.",)), []
+        return Estimate(value=middle, unit=unit("torque", kind), doubts=(Kind.SINGLE_RUN(),)), []
     error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
     reach = student(n - 1) * error
     doubts = [
-        f"{loading.file} is an outlier: it breaks away at {value:.4g}; the median of {n} runs in direction {direction} is {middle:.4g}."
+        Kind.OUTLIER(file=loading.file, torque=value, runs=n, direction=direction, median=middle)
         for loading, value in zip(slid, torque.tolist(), strict=True)
         if n > 2 and abs(value - middle) > _OUTLIER * middle
     ]
@@ -173,32 +165,26 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> Level 
     return None
 
 
-def _loop_doubts(loops: Sequence[Loop], drifts: Sequence[float]) -> list[str]:
+def _loop_doubts(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagnostic]:
     said = []
     few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
     if few:
-        span = f"{min(few)}" if min(few) == max(few) else f"{min(few)} to {max(few)}"
-        said.append(f"The hysteresis loops span only {span} encoder counts: their slopes and losses are coarse.")
+        one = min(few) == max(few)
+        said.append(
+            Kind.COARSE_LOOPS(counts=few[0]) if one else Kind.COARSE_LOOPS_BETWEEN(least=min(few), most=max(few))
+        )
     if drifts:
         most = max(drifts, key=abs)
-        said.append(
-            f"{len(drifts)} of {len(drifts) + len(loops)} hysteresis cycles do not close, by up to {most:+.0%} of their range, and are no loop: "
-            "the two directions' friction differs at these peaks, or the first cycle began from rest."
-        )
+        said.append(Kind.OPEN_CYCLES(open=len(drifts), cycles=len(drifts) + len(loops), most=most))
     return said
 
 
-def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: Kind) -> Estimate:
+def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: JointKind) -> Estimate:
     """(15): a prior from an assumed damping ratio, no estimate."""
-    if inertia is None or not sigma_0.value or sigma_0.value < 0:
-        why = (
-            "there is no sigma_0"
-            if inertia
-            else "no inertia is known: give inertia in the experiment file, or moving runs"
-        )
-        return Estimate(
-            value=None, unit=unit("sigma_1", kind), doubts=(f"Absent: (15) needs J and sigma_0, and {why}.",)
-        )
+    known = inertia is not None and inertia.value > 0
+    if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
+        why = Kind.NO_STIFFNESS() if known else Kind.NO_INERTIA()
+        return Estimate(value=None, unit=unit("sigma_1", kind), doubts=(Kind.NO_SIGMA_1(why=why),))
     value, by_sigma_0, by_J = (
         float(x) for x in evaluate(functions.presliding_damping(), sigma_0.value, inertia.value, DAMPING_RATIO)
     )
@@ -206,8 +192,5 @@ def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: Kind) -> Estimate:
         value=value,
         unit=unit("sigma_1", kind),
         standard_error=float(np.hypot(by_sigma_0 * (sigma_0.standard_error or 0.0), by_J * inertia.standard_error)),
-        doubts=(
-            f"A prior, not an estimate: (15) assumes a damping ratio of {DAMPING_RATIO:g} (J: {inertia.source}); "
-            "its error holds none of that assumption's.",
-        ),
+        doubts=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),),
     )

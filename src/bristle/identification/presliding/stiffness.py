@@ -17,11 +17,13 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL, student
 from bristle.identification.results import Estimate
 from bristle.model import functions
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import unit
 from bristle.model.vectorize import evaluate
 
 REACH = 0.8
@@ -53,7 +55,7 @@ class Piece:
     """Of the edges: one over the variance of U at constant noise in T."""
 
 
-def stiffness(loadings: Sequence[Loading], level: Level, kind: Kind) -> dict[str, Estimate]:
+def stiffness(loadings: Sequence[Loading], level: Level, kind: JointKind) -> dict[str, Estimate]:
     """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`; a lower bound where counts hide the motion.
 
     Args:
@@ -114,7 +116,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     )
 
 
-def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: Kind) -> dict[str, Estimate]:
+def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: JointKind) -> dict[str, Estimate]:
     """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
     width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
     pieces, less, more = (
@@ -127,18 +129,14 @@ def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: 
         absent = Estimate(
             value=None,
             unit=unit("sigma_0", kind),
-            doubts=("No encoder counts are seen: (14) and the count edges need them.",),
+            doubts=(Kind.NO_COUNTS(),),
         )
         samples = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
         return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
     bias, spread = by_phase(pieces, value, quantum)
     error = float(np.sqrt(error**2 + by_level**2 + spread**2))
-    doubt = (
-        f"Counts bias this estimate by about {bias / value:.1%}, more than its standard error."
-        if abs(bias) > error
-        else ""
-    )
-    samples = _estimate(value, error, freedom, kind, doubt)
+    doubts = (Kind.COUNTS_BIAS(share=bias / value),) if abs(bias) > error else ()
+    samples = _estimate(value, error, freedom, kind, doubts)
     value, error, freedom = by_edges(pieces)
     by_level = (by_edges(more)[0] - by_edges(less)[0]) / (2 * width) * level.standard_error
     return {
@@ -149,25 +147,27 @@ def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: 
     }
 
 
-def _estimate(value: float, error: float, freedom: float, kind: Kind, doubt: str = "") -> Estimate:
+def _estimate(
+    value: float, error: float, freedom: float, kind: JointKind, doubts: tuple[Diagnostic, ...] = ()
+) -> Estimate:
     reach = student(freedom) * error
-    wrong = "" if value > 0 else "Not positive: the displacement does not grow with the torque."
+    wrong = () if value > 0 else (Kind.NOT_POSITIVE(),)
     return Estimate(
         value=value,
         unit=unit("sigma_0", kind),
         standard_error=error,
         interval=(max(value - reach, 0.0), value + reach),
-        doubts=tuple(filter(None, (doubt, wrong))),
+        doubts=(*doubts, *wrong),
     )
 
 
 def _first_count(
-    loadings: Sequence[Loading], g0: float, quantum: float, kind: Kind, noise: float, *, corrected: bool
+    loadings: Sequence[Loading], g0: float, quantum: float, kind: JointKind, noise: float, *, corrected: bool
 ) -> Estimate:
     """(14), or its inverse, averaged over the loadings; the interval is that of a rest position anywhere in the count, and of noise in U."""
     T = np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
     if T.size == 0:
-        return Estimate(value=None, unit=unit("sigma_0", kind), doubts=("No displacement was measured below g0.",))
+        return Estimate(value=None, unit=unit("sigma_0", kind), doubts=(Kind.NOTHING_BELOW_G0(),))
     U = _unbent(T, g0)
     half = LEVEL / 2 if T.size == 1 else min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
     off = 1.96 * noise / float(np.sqrt(T.size))
@@ -177,9 +177,7 @@ def _first_count(
         value=float(np.mean(U if corrected else T)) / quantum,
         unit=unit("sigma_0", kind),
         interval=(low, high),
-        doubts=(
-            "Takes a whole count for the way to the first edge, of which any part may be true; the interval is that of an unknown rest position.",
-        ),
+        doubts=(Kind.WHOLE_COUNT(),),
     )
 
 
@@ -239,18 +237,15 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
     return float(np.mean(found)) - sigma_0, float(np.std(found))
 
 
-def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: Kind) -> Estimate:
+def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: JointKind) -> Estimate:
     """What is left where the joint moves by no more than the encoder's noise."""
     loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
     crossed = max(piece.edge_y.size for piece in pieces)
     least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
-    seen = f"{crossed} count edge{'' if crossed == 1 else 's'} in the longest loading"
+    edges = Kind.ONE_EDGE() if crossed == 1 else Kind.EDGES(edges=crossed)
     return Estimate(
         value=None,
         unit=unit("sigma_0", kind),
         interval=(least, float("inf")),
-        doubts=(
-            f"The displacement stays within the encoder's noise ({seen}): sigma_0 is at least {least:.3g} {unit('sigma_0', kind)}; "
-            "a finer encoder is needed for more.",
-        ),
+        doubts=(Kind.WITHIN_NOISE(edges=edges, least=least, unit=unit("sigma_0", kind)),),
     )

@@ -20,6 +20,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
+from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
 from bristle.estimation.block_bootstrap import (
     DRAWS,
@@ -93,7 +94,7 @@ def stiffness_uncertainty(
     profile = _pair(_natural(ends, inverse=inverse))
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
     drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
-    few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}"
+    few = (Kind.SAMPLE_BLOCKS if inverse else Kind.EDGE_BLOCKS)(blocks=drawn.blocks)
     bootstrap = _pair(_natural(_middle(line) + np.array(drawn.interval(0, error)), inverse=inverse))
     bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
     doubts = interval_comparison.doubts(

@@ -95,7 +95,8 @@ def variances_differ(residuals: Array, velocity: Array) -> bool:
         return False
     s = 2 * (speed - speed.min()) / np.ptp(speed) - 1
     basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]
-    share = float(np.sum((basis.T @ square) ** 2) / np.sum((square - square.mean()) ** 2))
+    total = float(np.sum((square - square.mean()) ** 2))
+    share = float(np.sum((basis.T @ square) ** 2)) / total if total > 0 else 0.0
     return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
 
 

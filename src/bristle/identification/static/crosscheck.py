@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.ipopt import solver
 from bristle.identification.results import Crosscheck
 from bristle.identification.static.compression import reduced
@@ -99,14 +100,13 @@ def crosscheck(
     )
 
 
-def _verdict(cost: float, full: float, difference: dict[str, float], reached: int, *, agrees: bool) -> str:
-    ended = f"{reached} of {STARTS} random starts of the full fit ended in its best minimum"
+def _verdict(cost: float, full: float, difference: dict[str, float], reached: int, *, agrees: bool) -> Diagnostic:
     if not agrees and full < cost:
-        return f"The full nonlinear fit found a lower cost than the grid ({full:.6g} against {cost:.6g}); trust neither before you know why. {ended}."
+        return Kind.FULL_FIT_LOWER(full=full, grid=cost, reached=reached, starts=STARTS)
     if not agrees:
-        return f"The grid found a lower cost than any start of the full nonlinear fit ({cost:.6g} against {full:.6g})."
+        return Kind.GRID_LOWER(grid=cost, full=full)
     worst = max(map(abs, difference.values()), default=0.0)
-    return f"Grid and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. {ended[0].upper()}{ended[1:]}."
+    return Kind.ROUTES_AGREE(worst=worst, reached=reached, starts=STARTS)
 
 
 def _scale(problem: Regression, torque_scale: float) -> Array:

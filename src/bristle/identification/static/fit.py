@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_doubts
 from bristle.identification.results import Crosscheck, Estimate, HoldOut, Outcome, StaticFit, Uncertainty
@@ -19,7 +20,8 @@ from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.stribeck_test import Inferred, infer
 from bristle.identification.static.uncertainty import three_ways
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import unit
 
 _FRICTION = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
@@ -38,7 +40,7 @@ class Where:
 def fit_static(
     problem: Regression,
     options: FitOptions,
-    kind: Kind,
+    kind: JointKind,
     where: Where,
     held: Sequence[tuple[str, Regression]] = (),
     timings: dict[str, float] | None = None,
@@ -78,7 +80,7 @@ def fit_static(
     return {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}, {label: checked}
 
 
-def estimate_static(problem: Regression, options: FitOptions, kind: Kind) -> Mapping[str, Estimate]:
+def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
     """The parameters alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
     return infer(problem, options, kind, options.v_s_range or default_range(problem.velocity)).parameters
 
@@ -87,17 +89,17 @@ def _parts(problem: Regression) -> tuple[str, ...]:
     return problem.directions if len(problem.directions) == 1 else (*problem.directions, "shared")
 
 
-def _too_few(problem: Regression) -> str:
+def _too_few(problem: Regression) -> Diagnostic | None:
     n, m = problem.linear.shape
     if n <= m:
-        return f"{n} points for {m} linear parameters: at least {m + 1} are needed; measure more speeds."
+        return Kind.TOO_FEW_POINTS(points=n, parameters=m, least=m + 1)
     scaled = problem.linear / np.maximum(np.linalg.norm(problem.linear, axis=0), 1e-300)
     if np.linalg.cond(scaled) > 1e8:
-        return "The points cannot tell the linear parameters apart (one speed only, or a regressor that never changes); measure at more speeds."
-    return ""
+        return Kind.INDISTINCT()
+    return None
 
 
-def _nothing(direction: str, problem: Regression, kind: Kind, why: str) -> StaticFit:
+def _nothing(direction: str, problem: Regression, kind: JointKind, why: Diagnostic) -> StaticFit:
     names = (*_FRICTION, *problem.linear_names[2 * len(problem.directions) :])
     parameters = {name: Estimate(value=None, unit=unit(name, kind), doubts=(why,)) for name in names}
     return StaticFit(
@@ -121,11 +123,16 @@ class _Beside:
     robust: Mapping[str, float]
     without: Mapping[str, Estimate]
     three: Mapping[str, Uncertainty]
-    doubts: tuple[str, ...]
+    doubts: tuple[Diagnostic, ...]
 
 
 def _beside(
-    problem: Regression, core: Inferred, options: FitOptions, kind: Kind, v_s_range: tuple[float, float], where: Where
+    problem: Regression,
+    core: Inferred,
+    options: FitOptions,
+    kind: JointKind,
+    v_s_range: tuple[float, float],
+    where: Where,
 ) -> _Beside:
     plain: dict[str, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
@@ -141,15 +148,13 @@ def _beside(
     without: Mapping[str, Estimate] = {}
     if where.stick_slip.any():
         rest = problem.rows(np.logical_not(where.stick_slip))
-        doubts.append(
-            f"{int(where.stick_slip.sum())} of {where.stick_slip.size} points stick and slip; the fit without them is shown beside."
-        )
-        if _too_few(rest):
-            doubts.append(f"Without the points that stick and slip nothing can be fitted. {_too_few(rest)}")
+        doubts.append(Kind.STICK_SLIP_POINTS(sticking=int(where.stick_slip.sum()), points=where.stick_slip.size))
+        if nothing := _too_few(rest):
+            doubts.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
             alone = infer(rest, options, kind, options.v_s_range or default_range(rest.velocity))
             without = alone.parameters
-            doubts += [f"Without the points that stick and slip: {doubt}" for doubt in alone.doubts]
+            doubts += [Kind.WITHOUT_STICK_SLIP(inner=doubt) for doubt in alone.doubts]
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], _equation_velocity(problem)[measured]
     doubts += residual_doubts(residuals, velocity, where.time, where.position)
@@ -185,11 +190,12 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
     keep = [k for k, name in enumerate(core.names) if name in own]
     torque = problem.friction(theta) if part != "shared" else problem.torque
     measured = problem.torque if problem.known is None else problem.torque + problem.known
+    norm = float(np.linalg.norm(measured[rows]))
     return StaticFit(
         direction=part,
         parameters={name: parameters[name] for name in order},
-        rms=float(np.sqrt(np.mean(residuals[rows] ** 2))),
-        relative_error=float(100 * np.linalg.norm(residuals[rows]) / np.linalg.norm(measured[rows])),
+        rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
+        relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
         outcome=_outcome(core, part, beside),
         doubts=beside.doubts,
@@ -212,10 +218,8 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
 
 def _with_doubts(estimate: Estimate, three: Uncertainty) -> Estimate:
     """The estimate with what its three intervals let doubt."""
-    new = (
-        doubt for doubt in three.doubts if not any(said.startswith("At its physical bound") for said in estimate.doubts)
-    )
-    return replace(estimate, doubts=(*estimate.doubts, *new))
+    at_bound = any(doubt.kind is Kind.AT_BOUND for doubt in estimate.doubts)
+    return estimate if at_bound else replace(estimate, doubts=(*estimate.doubts, *three.doubts))
 
 
 def _outcome(core: Inferred, part: str, beside: _Beside) -> Outcome:

@@ -249,14 +249,15 @@ class Projected:
         along_0, along_1 = (self.rest @ off_0)[:, None], (self.rest @ off_1)[None, :]
         length_0, length_1 = length_0[:, None], length_1[None, :]
         across = off_0.T @ off_1
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):  # where two peaks are one, and what follows is not taken
             determinant = length_0 * length_1 - across**2
             first = (along_0 * length_1 - along_1 * across) / determinant
             second = (along_1 * length_0 - along_0 * across) / determinant
+            both = first * along_0 + second * along_1
         alone_0 = np.maximum(along_0, 0.0) ** 2 / length_0
         alone_1 = np.maximum(along_1, 0.0) ** 2 / length_1
         inside = np.isfinite(determinant) & (determinant > 0) & (first > 0) & (second > 0)
-        gain = np.where(inside, first * along_0 + second * along_1, np.maximum(alone_0, alone_1))
+        gain = np.where(inside, both, np.maximum(alone_0, alone_1))
         without = (self.rest_cost - float(alone_1.max()), self.rest_cost - float(alone_0.max()))
         return np.maximum(self.rest_cost - gain, 0.0), without
 

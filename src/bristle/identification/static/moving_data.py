@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, regressors
 from bristle.identification.results import Crosscheck, StaticFit
@@ -18,7 +19,7 @@ from bristle.identification.static.problem import Regression
 
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[str, ...]]:
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
     """Static parameters and the declared regressors from moving runs, by linear least squares with the grid: fits, cross-checks, doubts.
 
     Raises InputError where a run lacks a signal, is too short, or its torque opposes its velocity.
@@ -56,7 +57,7 @@ def _above(problem: Regression, speed: float | None) -> tuple[Regression, NDArra
 
 def _left_out(
     experiment: Experiment, every: Regression, fast: NDArray[np.bool_], fits: Mapping[str, StaticFit]
-) -> tuple[str, ...]:
+) -> tuple[Diagnostic, ...]:
     """How the fit does on the slow equations that were left out of it."""
     if fast.all():
         return ()
@@ -67,7 +68,10 @@ def _left_out(
             values[name + (d if d in DIRECTIONS and len(every.directions) == 2 else "")] = e.value or 0.0
     theta = np.array([values.get(name, 0.0) or (1.0 if name.startswith("v_s") else 0.0) for name in every.names])
     return (
-        f"{int((~fast).sum())} of {fast.size} equations are slower than fit.moving_above, {experiment.fit.moving_above:.3g}, and were left out of "
-        f"the static fit; there its relative error is {slow.relative_error(theta):.0f} %: slow, and through reversals, the torque depends on the "
-        "bristles' history, which (9) does not hold.",
+        Kind.SLOW_LEFT_OUT(
+            slow=int((~fast).sum()),
+            equations=fast.size,
+            above=experiment.fit.moving_above,
+            error=slow.relative_error(theta),
+        ),
     )

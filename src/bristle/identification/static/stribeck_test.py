@@ -8,22 +8,23 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.identifiability import SEEN
 from bristle.identification.results import Estimate, Outcome, Profile
-from bristle.identification.static.doubts import fit_doubts, in_direction, is_closed
+from bristle.identification.static.doubts import fit_doubts, is_closed
 from bristle.identification.static.grid import Projected, Solution, descended, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import Profiled, others, profiled
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import unit
 
 SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1 is invented."""
-_AGAIN = "A profile found a lower cost than the grid had: the fit was done again from there."
 _NEAR = 40
 """Values of v_s around the minimum at which the profile is drawn."""
 
@@ -39,20 +40,20 @@ class Inferred:
     covariance: Array
     freedom: float
     outcome: Outcome
-    doubts: tuple[str, ...]
+    doubts: tuple[Diagnostic, ...]
     profiles: Mapping[str, Profile]
-    dropped: Mapping[str, str]
+    dropped: Mapping[str, Diagnostic]
     """Directions without a Stribeck term, with the reason."""
     profiled: Profiled
     student: Mapping[str, tuple[float, float]]
     """Intervals by the covariance, by name."""
 
 
-def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float]) -> Inferred:
+def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float]) -> Inferred:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval and its doubts on each parameter."""
-    solution, again = None, tuple[str, ...]()
+    solution, again = None, tuple[Diagnostic, ...]()
     if problem.torque.size <= len(problem.names):
-        reason = f"{problem.torque.size} points are too few for a Stribeck term; at least {len(problem.names) + 1} are needed."
+        reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
         dropped = dict.fromkeys(problem.peaks, reason)
     else:
         solution = solve(problem, v_s_range, options.grid)
@@ -66,7 +67,7 @@ def infer(problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple
     found = profiled(problem, solution, stretch)
     if found.shape.better is not None:
         solution = descended(problem, solution, found.shape.better.tolist(), v_s_range)
-        found, again = profiled(problem, solution, stretch), (_AGAIN,)
+        found, again = profiled(problem, solution, stretch), (Kind.REFITTED_FROM_GRID(),)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
     covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, stretch)
@@ -106,8 +107,8 @@ def _student(
 
 def _unsupported(
     problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
-) -> dict[str, str]:
-    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the sentence that says so."""
+) -> dict[str, Diagnostic]:
+    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
     stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
@@ -116,29 +117,18 @@ def _unsupported(
     for k, direction in enumerate(problem.peaks):
         off, length = projected.off(solution.grid, k)
         gain = max(solution.base_costs[k] - solution.cost, 0.0)
-        ratio = gain / max(solution.cost, noise) / stretch
+        ratio = gain / (max(solution.cost, noise) or 1.0) / stretch  # a torque of zero throughout has neither
         p = uncertainty.stribeck_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
-        why = ""
+        why = None
         if p > SUPPORTED:
-            why = f"noise alone would look as much like a peak in {100 * p:.0f} % of cases"
+            why = Kind.LIKE_NOISE(percent=100 * p)
         elif v_s[k] * SEEN > _fastest(problem, direction):
-            why = (
-                f"its v_s of {v_s[k]:.3g} would lie near the fastest speed, {_fastest(problem, direction):.3g}, so the term is a bend over the "
-                f"whole range and not a drop at low speed (speeds beyond {SEEN:g} v_s would tell)"
-            )
+            why = Kind.BEND(v_s=v_s[k], fastest=_fastest(problem, direction), seen=SEEN)
         elif v_s[k] < UNTOUCHED * _slowest(problem, direction):
-            why = (
-                f"its v_s of {v_s[k]:.3g} would lie below a third of the slowest speed, {_slowest(problem, direction):.3g}, so the term would "
-                "rest on that one speed (slower ones would tell)"
-            )
-        if why:
-            dropped[direction] = (
-                f"Stribeck not identifiable{in_direction(direction)}: {why}; Coulomb and viscous friction alone are fitted."
-            )
-            if options.v_s_range is not None:
-                dropped[direction] += (
-                    f" fit.v_s_range lets v_s be between {v_s_range[0]:.3g} and {v_s_range[1]:.3g} only."
-                )
+            why = Kind.ONE_SPEED(v_s=v_s[k], slowest=_slowest(problem, direction))
+        if why is not None:
+            asked = "" if options.v_s_range is None else Kind.RANGE_ASKED(low=v_s_range[0], high=v_s_range[1])
+            dropped[direction] = Kind.NO_STRIBECK(direction=direction, why=why, asked=asked)
     return dropped
 
 
@@ -200,7 +190,7 @@ def _estimates(
     covariance: Array,
     free: Array,
     intervals: Mapping[str, tuple[float, float]],
-    kind: Kind,
+    kind: JointKind,
 ) -> dict[str, Estimate]:
     """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
     errors = np.full(len(problem.names), np.nan)
@@ -209,17 +199,13 @@ def _estimates(
     for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
         plain_name = name.rstrip("+-")
         low, high = intervals[name]
-        doubts: tuple[str, ...] = ()
+        doubts: tuple[Diagnostic, ...] = ()
         if name in solution.at_bound:
-            doubts = ("At its physical bound of zero: the interval is one-sided.",)
+            doubts = (Kind.AT_BOUND(),)
         if plain_name == "alpha_1" and not is_closed(intervals[name.replace("alpha_1", "v_s")]):
-            doubts = (*doubts, "No finite interval: v_s has none, and alpha_1 rises with it.")
+            doubts = (*doubts, Kind.ALPHA_1_OPEN())
         if plain_name == "v_s" and not is_closed((low, high)):
-            doubts = (
-                *doubts,
-                "No finite interval: the data allow v_s "
-                + ("down to zero." if low == 0 else "without an upper limit."),
-            )
+            doubts = (*doubts, Kind.V_S_OPEN_BELOW() if low == 0 else Kind.V_S_OPEN_ABOVE())
         standard_error = None if name in solution.at_bound or not np.isfinite(error) else float(error)
         out[name] = Estimate(
             value=float(value),
@@ -232,7 +218,7 @@ def _estimates(
 
 
 def _outcome(
-    problem: Regression, solution: Solution, dropped: Mapping[str, str], v_s_range: tuple[float, float]
+    problem: Regression, solution: Solution, dropped: Mapping[str, Diagnostic], v_s_range: tuple[float, float]
 ) -> Outcome:
     if dropped and not problem.peaks:
         return Outcome.NO_STRIBECK

@@ -3,6 +3,7 @@
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
 from bristle.estimation.block_bootstrap import FEW, SHOWN, block_bootstrap
 from bristle.identification.results import Uncertainty
@@ -27,7 +28,7 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
     """
     n, names = found.problem.torque.size, found.problem.names
     spare = n - len(names)
-    few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
+    few = Kind.POINTS_FOR_PARAMETERS(points=n, parameters=len(names)) if spare < _FEW else None
     out = {}
     for name, (resampled, draws) in _resampled(found, v_s_range, seed).items():
         at_bound = name in found.solution.at_bound
@@ -35,12 +36,9 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
         covariance, profile = found.student[name], found.profiled.intervals[name]
         doubts = interval_comparison.doubts(value, covariance, profile, resampled, at_bound=at_bound, few=few)
         if at_bound:
-            doubts = ("At its physical bound of zero: the intervals are one-sided.",)
+            doubts = (Kind.INTERVALS_AT_BOUND(),)
         elif resampled is None:
-            doubts = (
-                *doubts,
-                f"No bootstrap: the residuals are correlated over so long that fewer than {FEW} blocks are left to draw.",
-            )
+            doubts = (*doubts, Kind.NO_BLOCKS(least=FEW))
         out[name] = Uncertainty(
             covariance=(0.0, covariance[1]) if at_bound else covariance,
             profile=profile,

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator
 
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Consistency, Joint, TrackingFit
 from bristle.page.wording import FITS, number, symbol
 
+_DIFFER = {Kind.STAGE_DIFFERS, Kind.DISTRUST_MOVING, Kind.DISTRUST_STAGE}
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
 
@@ -39,7 +41,7 @@ def reached(fit: TrackingFit) -> str:
 
 def differing(joint: Joint) -> list[Consistency]:
     """The comparisons in which stage and moving data differ by more than chance."""
-    return [x for x in joint.consistency if x.verdict.startswith("They differ")]
+    return [x for x in joint.consistency if x.verdict.kind in _DIFFER]
 
 
 def agreement(joint: Joint) -> str:
@@ -54,7 +56,7 @@ def agreement(joint: Joint) -> str:
     return f"{said}; the largest difference is {number(known[largest], 2)} standard errors ({symbol(largest)}){rest}."
 
 
-def doubts(joint: Joint) -> Iterator[tuple[str, str]]:
+def doubts(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
     """Every doubt about the moving runs with what it is about: of the fits, of single parameters, and of stages that differ."""
     for kind, fit in fits(joint).items():
         yield from fit_doubts(FITS[kind], fit)
@@ -62,7 +64,7 @@ def doubts(joint: Joint) -> Iterator[tuple[str, str]]:
         yield f"{x.parameter} of {x.stage} stage and moving runs", x.verdict
 
 
-def fit_doubts(where: str, fit: TrackingFit) -> Iterator[tuple[str, str]]:
+def fit_doubts(where: str, fit: TrackingFit) -> Iterator[tuple[str, Diagnostic]]:
     """Doubts about one fit, then those about one parameter alone."""
     yield from ((where, doubt) for doubt in fit.doubts)
     for name, e in fit.parameters.items():

@@ -112,7 +112,7 @@ def _framed(rows: Iterable[tuple[Joint, Found]]) -> "pd.DataFrame":
 def _row(joint: str, source: str, direction: str, parameter: str, e: Estimate) -> tuple[object, ...]:
     lower, upper = (math.nan, math.nan) if e.interval is None else e.interval
     value, error = (math.nan if x is None else x for x in (e.value, e.standard_error))
-    return joint, direction, parameter, value, e.unit, error, lower, upper, "; ".join(e.doubts), source
+    return joint, direction, parameter, value, e.unit, error, lower, upper, "; ".join(map(str, e.doubts)), source
 
 
 def with_truth(frame: "pd.DataFrame", joints: Sequence[Joint], place: int) -> "pd.DataFrame":

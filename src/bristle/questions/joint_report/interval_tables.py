@@ -40,7 +40,7 @@ def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
     found = [
         (
             joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
-            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(x.three.doubts),
+            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(map(str, x.three.doubts)),
         )
         for joint in joints
         for x in rows(joint)
@@ -56,7 +56,7 @@ def section(joint: Joint) -> dict[str, Any]:
     for x in rows(joint):
         name = x.parameter + (x.direction if x.direction in {"+", "-"} else "")
         ends = (span(getattr(x.three, way)) for way in WAYS)
-        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(x.three.doubts))
+        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(map(str, x.three.doubts)))
         found.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
     tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
     return {"tables": tables, "missing": [FITS[kind] for kind, fit in fits(joint).items() if not fit.uncertainty]}

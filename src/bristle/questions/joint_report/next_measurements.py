@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Kind
 from bristle.identification.results import Joint, Outcome, StaticFit
 from bristle.model.parameters import unit
 from bristle.page.wording import direction as named
@@ -60,7 +61,7 @@ def _of_moving(joint: Joint) -> Iterator[str]:
         open_ones = [symbol(name) for name in names if name in wide]
         if open_ones:
             yield f"The moving runs leave {' and '.join(open_ones)} open: {how}."
-    if fit.quantity == "torque" and any("Encoder counts biased" in doubt for doubt in fit.doubts):
+    if fit.quantity == "torque" and any(doubt.kind is Kind.COUNT_BIAS for doubt in fit.doubts):
         yield "Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."
 
 

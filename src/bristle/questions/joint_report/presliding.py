@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from bristle.diagnostics import Diagnostic
 from bristle.identification.results import Estimate, Joint, PreslidingFit
 from bristle.model.parameters import Kind, unit
 from bristle.page.wording import METHODS, direction, number, pretty
@@ -42,7 +43,7 @@ def bias(fit: PreslidingFit, kind: Kind) -> str:
     return f"{on_edge:+.1f} % where the joint rests on a count edge; {anywhere} (one count is {count}; noise in the torque comes on top)."
 
 
-def doubts(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str, str]]:
+def doubts(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str, Diagnostic]]:
     """Every doubt about one direction, with what it is about: those about the fit, then those about one estimate alone."""
     named = {f"sigma_0 {name}": e for name, e in methods(fit).items()} | {"sigma_1": fit.sigma_1}
     where = f"presliding {direction(fit.direction)}"
@@ -51,6 +52,6 @@ def doubts(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str
         yield from ((f"{where} {name}", doubt) for doubt in e.doubts if doubt not in fit.doubts)
 
 
-def whole_doubts(joint: Joint) -> tuple[str, ...]:
+def whole_doubts(joint: Joint) -> tuple[Diagnostic, ...]:
     """Doubts about the presliding runs as a whole."""
     return joint.presliding.doubts if joint.presliding else ()

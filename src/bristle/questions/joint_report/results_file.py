@@ -9,6 +9,7 @@ from bristle import __version__
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loop
+from bristle.diagnostics import Diagnostic
 from bristle.identification.results import (
     Consistency,
     Crosscheck,
@@ -86,11 +87,11 @@ def _interval(ends: tuple[float, float] | None) -> tuple[Bound, Bound] | None:
     return None if ends is None or any(map(math.isnan, ends)) else (_bound(ends[0]), _bound(ends[1]))
 
 
-def _said(doubts: Iterable[str], **values: object) -> list[str]:
+def _said(doubts: Iterable[Diagnostic], **values: object) -> list[str]:
     """The doubts; and, where something is missing and no doubt says so, one that does."""
-    doubts = list(doubts)
+    said = list(map(str, doubts))
     missing = [name.replace("_", " ") for name, value in values.items() if value is None]
-    return doubts or [f"There is no {name}: these data give none." for name in missing]
+    return said or [f"There is no {name}: these data give none." for name in missing]
 
 
 def _parameter(e: Estimate) -> ParameterJson:
@@ -123,7 +124,8 @@ def _fit(fit: StaticFit) -> FitJson:
 def _three_ways(found: Mapping[str, Uncertainty]) -> dict[str, UncertaintyJson]:
     return {
         name: UncertaintyJson(
-            **{way: _interval(getattr(x, way)) for way in ("covariance", "profile", "bootstrap")}, doubts=list(x.doubts)
+            **{way: _interval(getattr(x, way)) for way in ("covariance", "profile", "bootstrap")},
+            doubts=list(map(str, x.doubts)),
         )
         for name, x in found.items()
     }
@@ -148,7 +150,7 @@ def _crosscheck(check: Crosscheck) -> CrosscheckJson:
         reached=check.reached,
         parameters=_all_finite(check.parameters),
         difference_in_se=difference,
-        verdict=check.verdict,
+        verdict=str(check.verdict),
         doubts=[why] if missing else [],
     )
 
@@ -182,7 +184,7 @@ def _tracking(fit: TrackingFit) -> TrackingJson:
         rms=rms,
         relative_error=relative,
         n=fit.n,
-        outcome=fit.outcome,
+        outcome=str(fit.outcome),
         doubts=_said(fit.doubts, rms=rms, relative_error=relative),
         hold_out=_hold_out(fit.hold_out),
         starts=fit.starts,
@@ -203,7 +205,7 @@ def _consistency(x: Consistency) -> ConsistencyJson:
         for what in ("value", "error")
     }
     return ConsistencyJson(
-        parameter=x.parameter, stage=x.stage, difference_in_se=_finite(x.difference), verdict=x.verdict, **numbers
+        parameter=x.parameter, stage=x.stage, difference_in_se=_finite(x.difference), verdict=str(x.verdict), **numbers
     )
 
 
@@ -257,7 +259,7 @@ def _segment(s: Segment) -> SegmentJson:
         torque=_finite(s.torque),
         standard_error=error,
         accepted=s.accepted,
-        reasons=list(s.reasons),
+        reasons=list(map(str, s.reasons)),
         doubts=_said(s.doubts, standard_error=error),
         stick_slip=s.stick_slip,
         labels=dict(s.labels),
@@ -271,7 +273,7 @@ def _joint(joint: Joint) -> JointJson:
         simulated=joint.simulated,
         assumptions=list(joint.assumptions),
         settings=dict(joint.settings),
-        doubts=[*joint.doubts, *whole_doubts(joint)],
+        doubts=list(map(str, (*joint.doubts, *whole_doubts(joint)))),
         truth={d: _all_finite(p._asdict()) for d, p in joint.truth.items()},
         static={d: _fit(fit) for d, fit in joint.static.items()},
         crosscheck={d: _crosscheck(check) for d, check in joint.crosscheck.items()},

@@ -6,6 +6,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
+from bristle.diagnostics import Diagnostic
 from bristle.identification.results import Joint, StaticFit
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
@@ -160,12 +161,12 @@ def _shared(joint: Joint) -> dict[str, Any]:
 def _doubts(joint: Joint) -> list[tuple[str, str]]:
     """Each doubt once, with what it is about."""
     found: dict[str, list[str]] = {}
-    for where, sentence in _all_doubts(joint):
-        found.setdefault(sentence, []).append(where)
+    for where, doubt in _all_doubts(joint):
+        found.setdefault(str(doubt), []).append(where)
     return [(", ".join(dict.fromkeys(where)), sentence) for sentence, where in found.items()]
 
 
-def _all_doubts(joint: Joint) -> Iterable[tuple[str, str]]:
+def _all_doubts(joint: Joint) -> Iterable[tuple[str, Diagnostic]]:
     yield from (("", doubt) for doubt in joint.doubts)
     for d, fit in joint.static.items():
         yield from ((direction(d), doubt) for doubt in fit.doubts)
@@ -177,7 +178,7 @@ def _all_doubts(joint: Joint) -> Iterable[tuple[str, str]]:
     yield from ((f"{s.file} rows {s.start}-{s.stop}", doubt) for s in joint.segments for doubt in s.doubts)
 
 
-def _parameter_doubts(d: str, fit: StaticFit) -> Iterable[tuple[str, str]]:
+def _parameter_doubts(d: str, fit: StaticFit) -> Iterable[tuple[str, Diagnostic]]:
     said = set(fit.doubts)
     for name, e in fit.parameters.items():
         yield from ((f"{direction(d)} {name}", doubt) for doubt in e.doubts if doubt not in said)

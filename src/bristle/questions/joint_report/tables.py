@@ -39,7 +39,7 @@ def segments(joints: Sequence[Joint]) -> pd.DataFrame:
         [
             (
                 joint.name, s.file, s.start, s.stop, s.velocity, s.torque, s.standard_error, s.accepted, s.stick_slip,
-                " ".join(s.reasons), " ".join(s.doubts), _labels(s.labels),
+                " ".join(map(str, s.reasons)), " ".join(map(str, s.doubts)), _labels(s.labels),
             )
             for joint in joints
             for s in joint.segments

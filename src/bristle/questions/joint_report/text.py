@@ -7,6 +7,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loop
+from bristle.diagnostics import Diagnostic
 from bristle.identification.results import (
     Crosscheck,
     Estimate,
@@ -72,7 +73,7 @@ def _parameters(title: str, parameters: Mapping[str, Estimate]) -> Iterator[str]
     yield f"    [[{title}]]"
     for name, e in parameters.items():
         yield f"      {name + ':':<13}{_estimate(e)}"
-        yield from (f"        ({printable(doubt)})" for doubt in e.doubts)
+        yield from (f"        ({printable(str(doubt))})" for doubt in e.doubts)
 
 
 def _estimate(e: Estimate) -> str:
@@ -103,7 +104,7 @@ def _correlations(names: Sequence[str], covariance: Array) -> Iterator[str]:
 
 def _check(check: Crosscheck, of: str = "grid") -> Iterator[str]:
     yield "    [[cross-check]]"
-    yield f"      {printable(check.verdict)}"
+    yield f"      {printable(str(check.verdict))}"
     yield f"      cost: {of} {check.cost_grid:.8g}, full {check.cost_full:.8g}; {check.reached} of {check.starts} starts reached it"
 
 
@@ -124,7 +125,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
-        yield from (f"        ({printable(doubt)})" for doubt in breakaway.doubts)
+        yield from (f"        ({printable(str(doubt))})" for doubt in breakaway.doubts)
     yield from _parameters(
         "sigma_0", {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
     )
@@ -133,7 +134,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
 
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
-    yield f"  [[{name}]] {printable(fit.outcome)}"
+    yield f"  [[{name}]] {printable(str(fit.outcome))}"
     yield f"    {'data':<15}= {fit.n} equations in {len(fit.starts_of_runs)} {_plural('stretch', 'es', len(fit.starts_of_runs))}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit(fit.quantity, joint.kind)}"
     yield f"    {'relative error':<15}= {_number(fit.relative_error)} %"
@@ -164,7 +165,7 @@ def _consistency(joint: Joint) -> Iterator[str]:
         moving = f"moving runs {_pair(x.tracking_value, x.tracking_error)}"
         apart = "" if x.difference is None else f"; {x.difference:+.2f} standard errors apart"
         both = f"joint fit {_pair(x.joint_value, x.joint_error)}"
-        yield f"    {x.parameter + ':':<13}{own}; {moving}{apart}; {both}. {printable(x.verdict)}"
+        yield f"    {x.parameter + ':':<13}{own}; {moving}{apart}; {both}. {printable(str(x.verdict))}"
 
 
 def _pair(value: float | None, error: float | None) -> str:
@@ -185,8 +186,8 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
         yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {x.counts} counts"
 
 
-def _sentences(label: str, sentences: Sequence[str]) -> Iterator[str]:
-    yield from (f"    {label}: {printable(sentence)}" for sentence in sentences)
+def _sentences(label: str, doubts: Sequence[Diagnostic]) -> Iterator[str]:
+    yield from (f"    {label}: {printable(str(doubt))}" for doubt in doubts)
 
 
 def _torque_unit(fit: StaticFit) -> str:

@@ -48,13 +48,19 @@ _MIDDLE = (0.15865525393145707, 0.8413447460685429)
 """Quantiles a standard deviation off the middle of a Gaussian."""
 
 
+_LOUDEST = 100.0
+"""Noise of a point over alpha_0, in which nothing is left to be seen."""
+
+
 def check(repetitions: int, starts: int, noise: float | None) -> None:
     """Whether a trial can be run so: raises InputError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
     for name, value, least, usual in (("repetitions", repetitions, 20, REPETITIONS), ("starts", starts, 1, STARTS)):
         if value < least:
             raise InputError(f"{name}: got {value}; a trial needs at least {least}, usual are {usual}")
-    if noise is not None and not 0 < noise < np.inf:
-        raise InputError(f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02")
+    if noise is not None and not 0 < noise <= _LOUDEST:
+        raise InputError(
+            f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02, and at most {_LOUDEST:g}"
+        )
 
 
 def run_trial(

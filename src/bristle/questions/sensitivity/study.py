@@ -63,11 +63,15 @@ class Exploration:
     seed: int = SEED
 
 
+_MOST = 2**17
+"""Samples of the Sobol indices, with which a joint of six parameters takes some minutes."""
+
+
 def check_samples(samples: int) -> None:
     """Raises InputError where so many samples cannot be drawn; 0 is no Sobol indices at all."""
-    if samples and (samples < _LEAST or samples & (samples - 1)):
+    if samples and (not _LEAST <= samples <= _MOST or samples & (samples - 1)):
         raise InputError(
-            f"samples: got {samples}; expected a power of two, at least {_LEAST}, or 0 to leave the Sobol indices out"
+            f"samples: got {samples}; expected a power of two from {_LEAST} to {_MOST}, or 0 to leave the Sobol indices out"
         )
 
 

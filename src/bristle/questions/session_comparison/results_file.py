@@ -182,7 +182,6 @@ def _estimate(p: ParameterJson) -> Estimate:
         unit=_shown(p.unit, "unit"),
         standard_error=p.standard_error,
         interval=interval,
-        doubts=tuple(p.doubts),
     )
 
 

@@ -1,0 +1,532 @@
+"""What a user must know beside a number, as values; every sentence about it stands in one table, `Kind`.
+
+It stands on the ground, and not in `estimation`: readers of data, fits and pages all make or show diagnostics, and least squares knows no friction.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum
+from string import Formatter
+from typing import Any
+
+import numpy as np
+
+Value = Any
+"""A number, a word, a tuple of words or of named numbers, or a diagnostic that is a part of the sentence."""
+
+
+class Severity(StrEnum):
+    """What a diagnostic does to the number that it is about."""
+
+    CRITICAL = "critical"
+    """Do not use this number."""
+    CAUTION = "caution"
+    """Its interval is wider than it looks, or something is assumed."""
+    NOTE = "note"
+    """Worth knowing; the number is as good as it says."""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One thing to know about an estimate, a fit, a segment or a run, by kind and numbers; `str` makes the sentence."""
+
+    kind: "Kind"
+    numbers: Mapping[str, Value]
+    """What the sentence names, by name; a part of a sentence is a diagnostic of its own."""
+
+    @property
+    def severity(self) -> Severity:
+        """Of its kind."""
+        return self.kind.severity
+
+    def but(self, **numbers: Value) -> "Diagnostic":
+        """The same with other numbers."""
+        return replace(self, numbers={**self.numbers, **numbers})
+
+    def __str__(self) -> str:
+        return _FORMATTER.vformat(self.kind.template, (), self.numbers)
+
+    def __hash__(self) -> int:
+        return hash((self.kind, str(self)))
+
+
+def in_direction(direction: str) -> str:
+    """What names a direction inside a sentence; nothing where both directions are one."""
+    return f" in direction {direction}" if direction in {"+", "-"} else ""
+
+
+class _Formatter(Formatter):
+    """Python's formatting, and a few conversions for words."""
+
+    def convert_field(self, value: Any, conversion: str | None) -> Any:
+        """A value in the words that `_CONVERSIONS` has for it; others as Python converts them."""
+        words = _CONVERSIONS.get(conversion or "")
+        return words(value) if words else super().convert_field(value, conversion)
+
+
+_CONVERSIONS: dict[str, Callable[[Any], str]] = {
+    "d": in_direction,
+    "i": lambda ends: ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends),
+    "j": " and ".join,
+    "l": ", ".join,
+    "m": "; ".join,
+    "p": lambda numbers: ", ".join(f"{name} ({number:.1f})" for name, number in numbers),
+    "w": lambda alone: "would let it in" if alone else "would answer this reason, not the other",
+}
+"""Of a direction, of named intervals, of lists of names and of long things, of named numbers, of whether a reason stands alone."""
+_FORMATTER = _Formatter()
+_CRITICAL, _CAUTION, _NOTE = Severity.CRITICAL, Severity.CAUTION, Severity.NOTE
+
+
+class Kind(Enum):
+    """Every kind of diagnostic with its severity and its sentence; called with numbers it makes one."""
+
+    def __init__(self, severity: Severity, template: str) -> None:
+        self.severity, self.template = severity, template
+
+    def __call__(self, **numbers: Any) -> Diagnostic:
+        """A diagnostic of this kind; NumPy's numbers become Python's."""
+        plain = {name: x.item() if isinstance(x, np.generic) else x for name, x in numbers.items()}
+        return Diagnostic(self, plain)
+
+    @property
+    def title(self) -> str:
+        """What its sentence begins with, up to the colon."""
+        return self.template.partition(":")[0]
+
+    # segments: why one is rejected
+    TOO_SHORT = (
+        _NOTE,
+        "Too short: it lasts {duration:.3g} s, and {asked}; a longer hold, or segments.minimum_duration: {option} s, {alone!w}.",
+    )
+    DURATION_ASKED = _NOTE, "segments.minimum_duration asks for {asked:.3g} s"
+    DEPENDENT_TORQUE = _NOTE, "fewer than two of its torque samples are independent"
+    SAMPLES_ASKED = _NOTE, "{asked:.3g} s hold the {count:g} independent samples asked for"
+    USUAL_ASKED = (
+        _NOTE,
+        "a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is asked for",
+    )
+    AT_REST = (
+        _NOTE,
+        "At rest or below breakaway: its mean speed is {speed:.3g}, and {wanted} is {least:.3g}; more torque{option} {alone!w}.",
+    )
+    NOISE_FLOOR = _NOTE, "the noise floor"
+    MINIMUM_VELOCITY = _NOTE, "segments.minimum_velocity"
+    OR_MINIMUM_VELOCITY = _NOTE, ", or a segments.minimum_velocity of {value},"
+    ACCELERATING = (
+        _NOTE,
+        (
+            "Accelerating: its velocity drifts by {drift:.3g}, mean {velocity:.3g}, and {allowed:.3g} is allowed; a "
+            "steadier motion{option} {alone!w}."
+        ),
+    )
+    OR_VELOCITY_TOLERANCE = _NOTE, ", or a segments.velocity_tolerance of {value},"
+    HUNTING = (
+        _NOTE,
+        "Hunting: it moves backward {backward:.0%} of the time, and 10 % is allowed; a controller that does not oscillate {alone!w}.",
+    )
+    UNSTEADY = (
+        _NOTE,
+        (
+            "Stick-slip without a steady mean: the means of its eighths scatter by {scatter:.3g} about {velocity:.3g}, and {allowed:.3g} is allowed; "
+            "a longer hold or a stiffer controller{option} {alone!w}."
+        ),
+    )
+    UNSETTLED = (
+        _NOTE,
+        (
+            "Below breakaway, or not settled: its torque changes by {drift:.3g}, more than its mean {torque:.4g}; a "
+            "longer hold at this speed {alone!w}."
+        ),
+    )
+    SATURATED = (
+        _NOTE,
+        (
+            "Saturated: {share:.0%} of its samples are at {limit}, and 5 % is allowed; a lower speed, or a higher torque_limit, {alone!w}."
+        ),
+    )
+    LIMIT_GIVEN = _NOTE, "segments.torque_limit, {limit:.4g}"
+    LIMIT_SEEN = _NOTE, "the largest torque or voltage of the run"
+    SETTLING = (
+        _NOTE,
+        "Settling: it is an edge of the plateau in rows {start}-{stop}, which is kept apart; a hold of its own would let it in.",
+    )
+
+    POINT_AT_REST = (
+        _NOTE,
+        "At rest: the friction torque of a joint at rest is not a function of its velocity; leave such rows out.",
+    )
+
+    # segments: what one that is kept lets doubt
+    STICK_SLIP = (
+        _CAUTION,
+        (
+            "Stick-slip: the velocity deviates by {swing:.0%} of its mean and rests {resting:.0%} of the time; "
+            "its mean torque is not the friction at its mean velocity."
+        ),
+    )
+    POSITION_DIFFERS = (
+        _CAUTION,
+        (
+            "The slope of the position, {slope:.4g}, and the mean of the velocity, {logged:.4g}, differ: "
+            "samples may be missing, or a unit or the sampling rate be off."
+        ),
+    )
+    TORQUE_DRIFTS = (
+        _CAUTION,
+        (
+            "The torque changes by {drift:.3g} over the segment, mean {torque:.4g}, more than its noise: "
+            "it depends on position, temperature or time, or had not settled."
+        ),
+    )
+    TORQUE_UNSURE = _NOTE, "The torque holds fewer than two independent samples; its standard error is not known."
+
+    # residuals of any fit
+    DIRECTIONS_DIFFER = (
+        _CAUTION,
+        (
+            "Friction differs between the directions (p = {p:.1g}, corrected for {looks} looks): that holds {share:.0%} of the "
+            "residuals' variance; fit them apart (directions: separate)."
+        ),
+    )
+    RESIDUAL_TREND = (
+        _CAUTION,
+        (
+            "Residuals have a trend over {over} (p = {p:.1g}, corrected for {looks} looks) that holds {share:.0%} of their variance."
+        ),
+    )
+    RESIDUAL_RIPPLE = (
+        _CAUTION,
+        (
+            "Residuals have a ripple over position, of period {period:.3g}, (p = {p:.1g}, corrected for {looks} looks) "
+            "that holds {share:.0%} of their variance."
+        ),
+    )
+    CORRELATED = (
+        _NOTE,
+        "Residuals are correlated (lag one {lag_one:.2f}): standard errors are widened by {widened:.1f} for it.",
+    )
+
+    # intervals of any fit
+    INTERVALS_DIFFER = _CAUTION, "The intervals part {sides!j} the estimate ({ends!i}): {reason}."
+    COST_STAYS_LOW = (
+        _CAUTION,
+        "the cost stays low to the end of the range, so nothing limits the parameter on that side",
+    )
+    PROFILE_SKEWED = _CAUTION, "the profile is skewed, which a covariance cannot show; believe the profile"
+    FEW_TO_RESAMPLE = _CAUTION, "{few} are few to resample; believe the profile"
+    UNEVEN_RESIDUALS = (
+        _CAUTION,
+        (
+            "the residuals are not as evenly and independently scattered as the covariance and the profile take them to be; believe the widest"
+        ),
+    )
+    POINTS_FOR_PARAMETERS = _NOTE, "{points} points for {parameters} parameters"
+    RESIDUAL_BLOCKS = _NOTE, "{blocks} blocks of independent residuals"
+    SAMPLE_BLOCKS = _NOTE, "{blocks} blocks of samples"
+    EDGE_BLOCKS = _NOTE, "{blocks} blocks of count edges"
+    NO_BOOTSTRAP = _NOTE, "No bootstrap: {few} are too few to draw from; {least} are needed."
+    NO_BLOCKS = (
+        _NOTE,
+        "No bootstrap: the residuals are correlated over so long that fewer than {least} blocks are left to draw.",
+    )
+    AT_BOUND = _CAUTION, "At its physical bound of zero: the interval is one-sided."
+    INTERVALS_AT_BOUND = _CAUTION, "At its physical bound of zero: the intervals are one-sided."
+    NO_BOOTSTRAP_AT_BOUND = (
+        _CAUTION,
+        (
+            "At its physical bound of zero: the intervals are one-sided, and there is no bootstrap, which knows no bounds."
+        ),
+    )
+    REFITTED_FROM_GRID = _NOTE, "A profile found a lower cost than the grid had: the fit was done again from there."
+    REFITTED = _NOTE, "A profile found a lower cost than the fit had: the fit was done again from there."
+    STILL_LOWER = _CRITICAL, "Profiles still find lower costs after {fits} new fits: distrust this one."
+    NOT_FITTED = _NOTE, "It was not fitted: there is nothing to profile or to draw."
+    PROFILE_OPEN = (
+        _CAUTION,
+        (
+            "No finite interval by the profile: with the others fitted anew, every value that a motion can show, on that side, fits about as well."
+        ),
+    )
+    PROFILE_UNSEEN = _CAUTION, "Nothing is seen of it: {open}"
+    PROFILE_ROUGH = _NOTE, "The profile is hard to follow here, fits along it ran out of steps: its ends are rough."
+    PROFILE_LOST = (
+        _CAUTION,
+        "The profile is hard to follow here: the search for an end was given up, so a side that is open may have one.",
+    )
+
+    # static fits
+    BOUND = _CAUTION, "{name} lies at its physical bound of zero; the free fit would make it negative."
+    FEW_BELOW_V_S = (
+        _CAUTION,
+        "Only {below} of {points} points lie below v_s{direction!d}; measure slower to see the Stribeck region.",
+    )
+    ILL_CONDITIONED = (
+        _CAUTION,
+        (
+            "Ill conditioned: the scaled Jacobian's condition number is {condition:.2g}; some parameters move only together."
+        ),
+    )
+    FLAT_PROFILE = _CRITICAL, "v_s cannot be told from these speeds{direction!d}: the profile is flat."
+    ONE_SIDED_PROFILE = _CAUTION, "The profile of v_s is one-sided{direction!d}: nothing limits v_s {side}."
+    AT_EDGE = _CRITICAL, "The best v_s lies at the edge of the range searched{direction!d}, {low:.3g} to {high:.3g}."
+    SECOND_MINIMUM = _CAUTION, "A second minimum{direction!d} at v_s = {v_s:.3g} is within the 95 % threshold."
+    HUBER_DIFFERS = (
+        _CAUTION,
+        "Least squares and the Huber refit differ by more than two combined standard errors in {moved!p}.{points}",
+    )
+    RESPONSIBLE = _CAUTION, " Points responsible: {points!m}."
+    TOO_FEW_FOR_PEAK = _CAUTION, "{points} points are too few for a Stribeck term; at least {least} are needed."
+    NO_STRIBECK = (
+        _CAUTION,
+        "Stribeck not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted.{asked}",
+    )
+    LIKE_NOISE = _CAUTION, "noise alone would look as much like a peak in {percent:.0f} % of cases"
+    BEND = (
+        _CAUTION,
+        (
+            "its v_s of {v_s:.3g} would lie near the fastest speed, {fastest:.3g}, so the term is a bend over the "
+            "whole range and not a drop at low speed "
+            "(speeds beyond {seen:g} v_s would tell)"
+        ),
+    )
+    ONE_SPEED = (
+        _CAUTION,
+        (
+            "its v_s of {v_s:.3g} would lie below a third of the slowest speed, {slowest:.3g}, so the term would rest on that one speed "
+            "(slower ones would tell)"
+        ),
+    )
+    RANGE_ASKED = _NOTE, " fit.v_s_range lets v_s be between {low:.3g} and {high:.3g} only."
+    ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 rises with it."
+    V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."
+    V_S_OPEN_ABOVE = _CAUTION, "No finite interval: the data allow v_s without an upper limit."
+    TOO_FEW_POINTS = (
+        _CRITICAL,
+        "{points} points for {parameters} linear parameters: at least {least} are needed; measure more speeds.",
+    )
+    INDISTINCT = (
+        _CRITICAL,
+        (
+            "The points cannot tell the linear parameters apart (one speed only, or a regressor that never changes); measure at more speeds."
+        ),
+    )
+    STICK_SLIP_POINTS = _CAUTION, "{sticking} of {points} points stick and slip; the fit without them is shown beside."
+    NOTHING_WITHOUT = _CAUTION, "Without the points that stick and slip nothing can be fitted. {inner}"
+    WITHOUT_STICK_SLIP = _NOTE, "Without the points that stick and slip: {inner}"
+    SLOW_LEFT_OUT = (
+        _NOTE,
+        (
+            "{slow} of {equations} equations are slower than fit.moving_above, {above:.3g}, and were left out of the "
+            "static fit; there its relative error "
+            "is {error:.0f} %: slow, and through reversals, the torque depends on the bristles' history, which (9) does not hold."
+        ),
+    )
+
+    # two routes to one fit
+    FULL_FIT_LOWER = (
+        _CRITICAL,
+        (
+            "The full nonlinear fit found a lower cost than the grid ({full:.6g} against {grid:.6g}); trust neither before you know why. "
+            "{reached} of {starts} random starts of the full fit ended in its best minimum."
+        ),
+    )
+    GRID_LOWER = (
+        _NOTE,
+        "The grid found a lower cost than any start of the full nonlinear fit ({grid:.6g} against {full:.6g}).",
+    )
+    ROUTES_AGREE = (
+        _NOTE,
+        (
+            "Grid and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. "
+            "{reached} of {starts} random starts of the full fit ended in its best minimum."
+        ),
+    )
+    IPOPT_AGREES = (
+        _NOTE,
+        (
+            "Gauss-Newton on the rollout and IPOPT on the whole chain agree: the largest difference is {worst:.2g} standard errors. "
+            "{reached} of {starts} starts of the second reached the lowest cost."
+        ),
+    )
+    IPOPT_LOWER = (
+        _CRITICAL,
+        (
+            "IPOPT found a lower cost ({lowest:.6g} against {cost:.6g}); distrust the fit. "
+            "{reached} of {starts} starts of the second reached the lowest cost."
+        ),
+    )
+    IPOPT_HIGHER = (
+        _NOTE,
+        (
+            "IPOPT found no such low cost ({lowest:.6g} against {cost:.6g}); distrust the fit. "
+            "{reached} of {starts} starts of the second reached the lowest cost."
+        ),
+    )
+
+    # all parameters from a motion
+    CONVERGED = _NOTE, "The fit converged inside every bound."
+    CONVERGED_AT_BOUND = _CAUTION, "The fit converged, with {names!l} at a bound."
+    NOT_CONVERGED = _CRITICAL, "The fit did not converge; its numbers are not to be trusted."
+    UNSEEN_WIDE = _CAUTION, "Not identifiable from this motion: its standard error is {share:.0%} of its value."
+    UNSEEN_FAR = _CAUTION, "Not identifiable from this motion: its standard error is over ten times its value."
+    UNSEEN_COMPANION = _CAUTION, "Not identifiable from this motion: what it goes with is not."
+    UNSEEN_BEND = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: with v_s near the fastest speed the term would be a bend over the whole range "
+            "and not a drop at low speed."
+        ),
+    )
+    UNSEEN = _CAUTION, "Not identifiable from this motion: {names!l}."
+    ONLY_SUM_SEEN = _CAUTION, "If v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen."
+    ONLY_SUM_SEEN_OF_FIT = (
+        _CAUTION,
+        "Of alpha_0 and alpha_1: if v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen.",
+    )
+    DID_NOT_MOVE = _CAUTION, "The fit did not move from its start; it may lie on a bound or in a flat place."
+    OUT_OF_STEPS = _CRITICAL, "The fit ran out of steps before it settled."
+    FEW_STARTS = _CAUTION, "Only {reached} of {starts} starts reached the lowest cost."
+    NOTHING_SEEN = _CAUTION, "Nothing is seen of {name}: the torque does not depend on it in this motion."
+    HARDLY_SEEN = _CAUTION, "The data hardly see {name}."
+    ONLY_AGAINST = _CAUTION, "The data see {up!j} only against one another: raising them together changes nothing."
+    ONLY_AS_SUM = _CAUTION, "The data see {all!j} only as a sum: raising {up!j} and lowering {down!j} changes nothing."
+    NOT_PASSIVE = (
+        _CAUTION,
+        "Not passive{direction!d}: alpha_2 = {alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {least:.3g}.",
+    )
+    ODD_DAMPING = _CAUTION, "The damping ratio in presliding{direction!d} would be {ratio:.2g}; 0.1 to 1 is usual."
+    TORQUE_DELAYED = (
+        _CAUTION,
+        (
+            "The torque fits better when taken {seconds:.2g} s ({samples:.2g} samples) {when} than now, which would "
+            "explain {share:.0%} of what is left: "
+            "check the time stamps, or add {delay:.2g} s to the delay of its signal and look again "
+            "(a voltage held until the next sample is half a sample early, its delay negative)."
+        ),
+    )
+    INERTIA_DOUBTED = (
+        _CAUTION,
+        (
+            "The inertia that was given is doubted: with {more:+.3g} +/- {error:.2g} {unit} on top of it the moving runs fit better; "
+            "leave inertia out to have it fitted."
+        ),
+    )
+    COUNT_BIAS = (
+        _CAUTION,
+        (
+            "Encoder counts biased {names!l} by more than a standard error; the bias was taken off, but a finer encoder is better, "
+            "or fit.predict: position, which simulates the motor and differentiates nothing."
+        ),
+    )
+    STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
+    STAGES_DO_NOT_FIT = (
+        _CRITICAL,
+        (
+            "The joint fit explains the moving runs much worse than they can be explained, {joint:.3g} % against {alone:.3g} %: "
+            "the stages do not fit together."
+        ),
+    )
+    STAGE_UNSEEN = _NOTE, "The moving data do not show it."
+    STAGE_AGREES = _NOTE, "They agree."
+    STAGE_DIFFERS = _CAUTION, "They differ by more than chance, and neither is much surer: see the doubts of both."
+    DISTRUST_MOVING = (
+        _CAUTION,
+        "They differ by more than chance; distrust the moving data first, which knows it less well.",
+    )
+    DISTRUST_STAGE = (
+        _CAUTION,
+        "They differ by more than chance; distrust the {stage} stage first, which knows it less well.",
+    )
+
+    # slow loading
+    NO_SIGMA_0 = (
+        _CAUTION,
+        "No sigma_0{direction!d}: it needs the torque at which the joint slides; add ramp runs, or load up to breakaway once.",
+    )
+    FEW_COUNTS = (
+        _CAUTION,
+        "Few encoder counts: {edges} edges in {loadings} loadings; a finer encoder, or torque nearer to breakaway, would help.",
+    )
+    YIELDS = (
+        _CRITICAL,
+        "The joint moves much further than its first counts let expect: it slides, or this is no slow loading below breakaway.",
+    )
+    ABOVE_G0 = (
+        _CAUTION,
+        (
+            "The torque reaches {reached:.3g} without sliding, above g0 = {g0:.3g} ({source}): g0 may be too low. "
+            "Samples above {reach:g} g0 are left out."
+        ),
+    )
+    SINGLE_RUN = _CAUTION, "One run only: no error can be given."
+    OUTLIER = (
+        _CAUTION,
+        "{file} is an outlier: it breaks away at {torque:.4g}; the median of {runs} runs{direction!d} is {median:.4g}.",
+    )
+    COARSE_LOOPS = _NOTE, "The hysteresis loops span only {counts} encoder counts: their slopes and losses are coarse."
+    COARSE_LOOPS_BETWEEN = (
+        _NOTE,
+        "The hysteresis loops span only {least} to {most} encoder counts: their slopes and losses are coarse.",
+    )
+    OPEN_CYCLES = (
+        _CAUTION,
+        (
+            "{open} of {cycles} hysteresis cycles do not close, by up to {most:+.0%} of their range, and are no loop: "
+            "the two directions' friction differs at these peaks, or the first cycle began from rest."
+        ),
+    )
+    NO_SIGMA_1 = _NOTE, "Absent: (15) needs J and sigma_0, and {why}."
+    NO_STIFFNESS = _NOTE, "there is no sigma_0"
+    NO_INERTIA = _NOTE, "no positive inertia is known: give inertia in the experiment file, or moving runs"
+    PRIOR = (
+        _CAUTION,
+        (
+            "A prior, not an estimate: (15) assumes a damping ratio of {ratio:g} (J: {source}); its error holds none of that assumption's."
+        ),
+    )
+    NO_COUNTS = _NOTE, "No encoder counts are seen: (14) and the count edges need them."
+    COUNTS_BIAS = _CAUTION, "Counts bias this estimate by about {share:.1%}, more than its standard error."
+    NOT_POSITIVE = _CRITICAL, "Not positive: the displacement does not grow with the torque."
+    NOTHING_BELOW_G0 = _NOTE, "No displacement was measured below g0."
+    WHOLE_COUNT = (
+        _NOTE,
+        (
+            "Takes a whole count for the way to the first edge, of which any part may be true; the interval is that of an unknown rest position."
+        ),
+    )
+    WITHIN_NOISE = (
+        _CAUTION,
+        (
+            "The displacement stays within the encoder's noise ({edges} in the longest loading): sigma_0 is at least {least:.3g} {unit}; "
+            "a finer encoder is needed for more."
+        ),
+    )
+    ONE_EDGE = _NOTE, "1 count edge"
+    EDGES = _NOTE, "{edges} count edges"
+
+    # the joint as a whole
+    DIRECTION_UNKNOWN = _CAUTION, "Nothing is known of direction {direction}: {why}."
+    NONE_KEPT = _CAUTION, "none of its {tried} candidate segments was kept"
+    NOT_MEASURED = _CAUTION, "it was not measured"
+    POSITIONS_DISAGREE = (
+        _CAUTION,
+        (
+            "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position counts.{looks}"
+        ),
+    )
+    LOOKS_LIKE = _CAUTION, " It looks like {what}."
+    TORQUES_DOUBTED = (
+        _CAUTION,
+        "{doubted} of {kept} kept segments have a torque to doubt; each says why in the list of segments.",
+    )
+    OFFSET_LEFT_OUT = (
+        _NOTE,
+        "With separate directions an offset cannot be told from the two Coulomb terms; it is left out.",
+    )
+    HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
+    TRUTH_UNDECLARED = _CAUTION, "A truth is given, but the data are not declared simulated."
+
+
+NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})
+"""Kinds by which a motion refuses a parameter."""

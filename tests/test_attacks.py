@@ -1,0 +1,146 @@
+"""Inputs by which a tester broke an earlier version, each of which must end in one sentence, or in a result without a warning."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bristle.data.units import to_si
+from bristle.errors import InputError
+
+from .conftest import run
+from .fuzz.inputs import logs
+
+POINTS = """
+joint: {name: wrist}
+signals: {velocity: {column: v, unit: rad/s}, torque: {column: tau, unit: N*m}}
+runs: [{files: points.csv, experiment: points}]
+"""
+MOVING = """
+joint: {name: wrist}
+signals:
+  time: {column: t, unit: s}
+  position: {column: q, unit: rad}
+  velocity: {column: v, unit: rad/s}
+  torque: {column: tau, unit: N*m}
+runs: [{files: tracking.csv, experiment: tracking}]
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with points and a moving run, in which one is."""
+    for kind in ("points", "tracking"):
+        pd.DataFrame(logs()[kind]).to_csv(tmp_path / f"{kind}.csv", index=False)
+    (tmp_path / "e.yaml").write_text(POINTS, encoding="utf-8")
+    (tmp_path / "m.yaml").write_text(MOVING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def refused(*arguments: object, says: str) -> None:
+    """The command ends with 2 and one sentence that says this."""
+    ran = run(*arguments)
+    assert ran.code == 2, ran.err
+    assert len(ran.said) == 1
+    assert says in ran.said[0]
+
+
+@pytest.mark.parametrize(
+    "unit", ["N*m*9⁹⁹⁹⁹⁹⁹⁹⁹", "N*m*((((((((9**9)**9)**9)**9)**9)**9)**9)**9)", "N*m*9⁻⁹⁹⁹⁹", "N*m*(2**9)**9*(2**9)**9"]
+)
+def test_no_unit_takes_long(unit: str) -> None:
+    """A power of many digits, or of powers, is refused at once, however it is written; one digit raised is read."""
+    begun = time.monotonic()
+    with pytest.raises(InputError, match="is not known"):
+        to_si(f"1 {unit}", "N*m")
+    assert time.monotonic() - begun < 5
+    assert to_si("2 kg·m²", "kg*m**2") == 2.0
+
+
+def test_a_time_column_counts_from_zero(here: Path) -> None:
+    """A negative column of time is refused as of any signal."""
+    (here / "m.yaml").write_text(MOVING.replace("{column: t,", "{column: -1,"), encoding="utf-8")
+    refused("inspect", "m.yaml", says="signals.time.column: got -1; expected a name or a number counted from 0")
+
+
+def test_a_glob_follows_no_links_in_circles(here: Path) -> None:
+    """Two links that lead back up do not hold a glob up; it finds files below real folders, not hidden ones, by absolute paths too."""
+    (here / "logs" / "a" / ".hidden").mkdir(parents=True)
+    for place in ("a", "a/.hidden"):
+        (here / "logs" / place / "points.csv").write_bytes((here / "points.csv").read_bytes())
+    for name in ("l1", "l2"):
+        (here / "logs" / "a" / name).symlink_to("..")
+    for pattern in ("logs/**/*.csv", f"{here}/logs/**/*.csv"):
+        (here / "e.yaml").write_text(POINTS.replace("points.csv", pattern), encoding="utf-8")
+        ran = run("inspect", "e.yaml")
+        assert ran.code == 0, ran.err
+        assert ran.out.count("24 rows") == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ("inertia: 1e-3 +/- 1e-30 kg*m**2", "expected an error of at least 1e-09 of the inertia"),
+        ("fit: {predict: position, horizon: 1e-6 s}", "fit.horizon: a window of 16 samples holds 1 equations"),
+        ("fit: {grid: 10000}", "fit.grid: got 10000"),
+    ],
+)
+def test_options_beyond_reason_are_refused(here: Path, options: str, says: str) -> None:
+    """An error that drowns the data, windows shorter than their unknowns, and a grid that fills the memory have a sentence each."""
+    (here / "m.yaml").write_text(f"{MOVING}{options}\n", encoding="utf-8")
+    refused("identify", "m.yaml", says=says)
+
+
+@pytest.mark.parametrize("options", ["fit: {grid: 1000}", "fit: {fixed: {alpha_1: 1e20 N*m}}"])
+def test_options_that_are_taken_warn_of_nothing(here: Path, options: str) -> None:
+    """A fine grid, and a value far off, are fitted without a word of NumPy's: warnings are errors here."""
+    (here / "m.yaml").write_text(f"{MOVING}{options}\n", encoding="utf-8")
+    assert run("identify", "m.yaml").code == 0
+
+
+@pytest.mark.usefixtures("here")
+def test_numbers_of_options_have_limits() -> None:
+    """Noise in which nothing is left, and samples that no memory holds, are refused before anything is fitted."""
+    refused(
+        "validate",
+        "e.yaml",
+        "--noise",
+        "1e160",
+        "--repetitions",
+        "20",
+        "--starts",
+        "1",
+        "-o",
+        "out",
+        says="noise: got 1e+160",
+    )
+    refused(
+        "sensitivity",
+        "m.yaml",
+        "--samples",
+        str(2**40),
+        "-o",
+        "out",
+        says=f"samples: got {2**40}; expected a power of two",
+    )
+
+
+@pytest.mark.parametrize("torque", [0.0, 1e-18])
+def test_points_without_torque_or_motion_warn_of_nothing(here: Path, torque: float) -> None:
+    """Points of no torque, and one whose speed is rounding, are read and fitted, or refused in a sentence; no warning, no traceback."""
+    frame = pd.DataFrame(logs()["points"])
+    frame["tau"] = torque * np.sign(frame["v"])
+    frame.loc[3, "v"] = 5e-324
+    frame.to_csv(here / "points.csv", index=False)
+    for command in (("identify", "e.yaml"), ("sensitivity", "e.yaml", "--samples", "0", "-o", "out")):
+        assert run(*command).code in {0, 2}
+    assert "1 point" not in run("inspect", "e.yaml").err
+
+
+def test_a_unit_has_no_error() -> None:
+    """`+/-` in a unit is refused; no library warns of it first."""
+    with pytest.raises(InputError, match="is not known"):
+        to_si("1 kg*m**2 +/- 0 kg*m**2", "kg*m**2")

@@ -1,0 +1,253 @@
+"""Diagnostics: every kind makes a sentence, they are values, src makes each with its numbers, and nothing is decided by words."""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+from string import Formatter
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bristle.diagnostics import Diagnostic, Kind, Severity
+
+SOURCE = Path(__file__).parents[1] / "src" / "bristle"
+TREES = {
+    path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+    for path in sorted(SOURCE.rglob("*.py"))
+}
+KINDS = list(Kind.__members__.values())
+"""All, those that Python took for another's alias included."""
+
+words = st.text("abcXYZ0123456789_.-+/*<>&' ", min_size=1, max_size=12)
+numbers = st.floats(-1e6, 1e6)
+OF_CONVERSION: dict[str, st.SearchStrategy[Any]] = {
+    **dict.fromkeys("ljm", st.lists(words, min_size=1, max_size=4).map(tuple)),
+    "p": st.lists(st.tuples(words, numbers), min_size=1, max_size=4).map(tuple),
+    "i": st.lists(st.tuples(words, numbers, numbers | st.just(np.inf)), min_size=1, max_size=3).map(tuple),
+    "d": st.sampled_from(["+", "-", "both"]),
+    "w": st.booleans(),
+}
+"""What a field with this conversion may be."""
+
+
+def fields(kind: Kind) -> dict[str, tuple[str, str]]:
+    """Conversion and format of each number that a kind's sentence names."""
+    return {
+        name: (conversion or "", spec or "")
+        for _, name, spec, conversion in Formatter().parse(kind.template)
+        if name is not None
+    }
+
+
+def values(kind: Kind) -> st.SearchStrategy[dict[str, Any]]:
+    """Plausible numbers of a kind: words, counts or a part of a sentence where nothing else is asked."""
+    plain: st.SearchStrategy[Any] = words | st.integers(0, 1000) | words.map(lambda name: Kind.BOUND(name=name))
+    return st.fixed_dictionaries(
+        {
+            name: OF_CONVERSION[conversion] if conversion else (numbers | st.integers(0, 1000) if spec else plain)
+            for name, (conversion, spec) in fields(kind).items()
+        }
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@given(data=st.data())
+@settings(deadline=None, max_examples=10)
+def test_every_kind_makes_a_sentence(kind: Kind, data: st.DataObject) -> None:
+    """With any plausible numbers it is one line without braces that holds each word given; it equals itself, made again, and has a severity."""
+    given_ = data.draw(values(kind))
+    made = kind(**given_)
+    sentence = str(made)
+    assert sentence.strip()
+    assert sentence.isprintable()
+    assert not set("{}") & set(sentence)
+    for name, (conversion, spec) in fields(kind).items():
+        if conversion in {"l", "j", "m"}:
+            assert all(word in sentence for word in given_[name])
+        elif not conversion and not spec:
+            assert str(given_[name]) in sentence
+    assert made == kind(**given_)
+    assert hash(made) == hash(kind(**given_))
+    assert made.severity is kind.severity
+    assert isinstance(kind.severity, Severity)
+
+
+def test_no_two_kinds_share_a_sentence() -> None:
+    """Each template is one kind's alone, and none is an alias of another."""
+    assert len(KINDS) == len(list(Kind))
+    assert len({kind.template for kind in KINDS}) == len(KINDS)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_fields_have_names_and_nothing_is_looked_up_inside_them(kind: Kind) -> None:
+    """A template names its numbers plainly, so that a number from a file is never formatted by itself; conversions are those that are known."""
+    assert all(name.isidentifier() for name in fields(kind))
+    assert {conversion for conversion, _ in fields(kind).values()} <= {"", *OF_CONVERSION}
+    assert not any("{" in spec for _, spec in fields(kind).values())
+    assert kind.template.startswith(kind.title)
+
+
+def test_a_diagnostic_is_a_value() -> None:
+    """Equal and of one hash where kind and numbers are; NumPy's numbers are Python's; it cannot be assigned to."""
+    made = Kind.FEW_STARTS(reached=1, starts=4)
+    same, other = Kind.FEW_STARTS(reached=1, starts=4), Kind.FEW_STARTS(reached=2, starts=4)
+    assert made == same
+    assert made != other
+    assert Kind.EDGES(edges=3) != Kind.RESIDUAL_BLOCKS(blocks=3)
+    assert len({made, same, other}) == 2
+    counted = Kind.FEW_STARTS(reached=np.int64(1), starts=np.int64(4))
+    assert counted == made
+    assert {type(x) for x in counted.numbers.values()} == {int}
+    assert type(Kind.ILL_CONDITIONED(condition=np.float64(1e4)).numbers["condition"]) is float
+    with pytest.raises(FrozenInstanceError):
+        made.kind = Kind.BOUND  # type: ignore[misc]
+
+
+def test_but_changes_a_copy() -> None:
+    """`but` gives another sentence and leaves the first; a part of a sentence is a diagnostic of its own."""
+    asked = Kind.DURATION_ASKED(asked=0.2)
+    made = Kind.TOO_SHORT(duration=0.02, asked=asked, option="0.02", alone=True)
+    before = str(made)
+    other = made.but(alone=False)
+    assert str(asked) in before
+    assert before.endswith("0.02 s, would let it in.")
+    assert str(other).endswith("0.02 s, would answer this reason, not the other.")
+    assert str(made) == before
+    assert other != made
+    assert other.kind is made.kind
+    assert other.but(alone=True) == made
+    assert str(made.but(asked=Kind.DEPENDENT_TORQUE())) != before
+
+
+def test_a_number_from_a_file_stays_as_it_is() -> None:
+    """Braces and conversions in a name are text."""
+    name = "{kind} {0!r:>99} %s $x$ <b>"
+    assert str(Kind.SINGLE_RUN()) == Kind.SINGLE_RUN.template
+    assert str(Kind.OUTLIER(file=name, torque=0.1, runs=3, direction="both", median=0.2)).startswith(f"{name} is an ")
+
+
+# how src makes and asks for them
+
+
+def made(tree: ast.AST) -> Iterator[tuple[Kind, set[str]]]:
+    """Each kind that a file calls, with the names of the numbers given; a call with ** is left out."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and (kind := named(node.func)) and all(k.arg for k in node.keywords):
+            assert not node.args, ast.unparse(node)
+            yield kind, {str(k.arg) for k in node.keywords}
+
+
+def named(node: ast.AST) -> Kind | None:
+    """The kind that an expression like `Kind.BOUND` names."""
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "Kind":
+        return Kind.__members__.get(node.attr)
+    return None
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_src_gives_each_kind_the_numbers_of_its_sentence(name: str) -> None:
+    """Each call of a kind names what its template names, no more and no less; `alone` is told by `but` when all reasons are known."""
+    for kind, given_ in made(TREES[name]):
+        assert given_ | ({"alone"} & set(fields(kind))) == set(fields(kind)), kind
+
+
+def test_every_kind_is_made_somewhere() -> None:
+    """No sentence stands in the table that nothing says."""
+    used = {
+        kind
+        for name, tree in TREES.items()
+        if name != "diagnostics.py"
+        for node in ast.walk(tree)
+        if (kind := named(node))
+    }
+    assert set(KINDS) - used == set()
+
+
+ALLOWED = {
+    (
+        "questions/session_comparison/results_file.py",
+        "The fit did not converge",
+    ): "an outcome read from a results file, whose schema has it as text alone",
+    ("questions/joint_report/static_figures.py", "95 % band"): "an entry of a legend, in the list of those drawn",
+    ("questions/sensitivity/formulas.py", " + "): "the sign that a sum was just begun with",
+    ("simulation/edro.py", "Ramp controller"): "an assumption of the data that ship with it, replaced by its own words",
+}
+"""Where a text of several words is asked for, and why that is no decision by what a diagnostic says; no reader of data is among them."""
+CONSTANTS = {
+    target.id: node.value.value
+    for tree in TREES.values()
+    for node in tree.body
+    if isinstance(node, ast.Assign | ast.AnnAssign)
+    for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    if isinstance(target, ast.Name) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+}
+"""Texts that modules name: a decision by a name is one by what it stands for."""
+
+
+def phrases(node: ast.AST) -> Iterator[str]:
+    """Texts with a space that an operand is, or has among its items."""
+    match node:
+        case ast.Constant(value=str(text)) if " " in text:
+            yield text
+        case ast.Name(id=name) | ast.Attribute(attr=name) if " " in CONSTANTS.get(name, ""):
+            yield CONSTANTS[name]
+        case ast.JoinedStr(values=items) | ast.Tuple(elts=items) | ast.List(elts=items) | ast.Set(elts=items):
+            for item in items:
+                yield from phrases(item)
+        case ast.FormattedValue(value=inner):
+            yield from phrases(inner)
+        case _:
+            return
+
+
+def decisions(tree: ast.AST) -> Iterator[str]:
+    """Texts of several words that a file asks for by `startswith`, `endswith` or `in`."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Call(func=ast.Attribute(attr="startswith" | "endswith"), args=args):
+                for operand in args:
+                    yield from phrases(operand)
+            case ast.Compare(left=left, ops=ops, comparators=others) if any(
+                isinstance(op, ast.In | ast.NotIn) for op in ops
+            ):
+                for operand in (left, *others):
+                    yield from phrases(operand)
+            case _:
+                pass
+
+
+def test_nothing_is_decided_by_a_sentence() -> None:
+    """No file asks whether a text begins with, ends with or holds several words, but for the places allowed, each of which is there."""
+    found = {(name, text) for name, tree in TREES.items() for text in decisions(tree)}
+    assert found == set(ALLOWED)
+
+
+def test_what_is_read_from_a_results_file_is_what_was_written() -> None:
+    """The one sentence by which a reader of results decides is the beginning of a kind's, so that no new wording parts them."""
+    assert str(Kind.NOT_CONVERGED()).startswith("The fit did not converge")
+    assert not [k for k in KINDS if k.title.startswith("The fit did not converge") and k is not Kind.NOT_CONVERGED]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'doubt.startswith("The fit")',
+        'any("only a sum" in d for d in doubts)',
+        'x = d.endswith(("a b", "c"))',
+        'd not in ("They agree.",)',
+        'f"No bootstrap: {n}" in d',
+    ],
+)
+def test_a_decision_by_a_sentence_is_seen(source: str) -> None:
+    """The search itself finds what it is for."""
+    assert list(decisions(ast.parse(source)))
+
+
+def test_a_diagnostic_has_no_words_of_its_own() -> None:
+    """It is no text: what asks it for words must say `str`."""
+    assert not isinstance(Kind.BOUND(name="alpha_0"), str)
+    assert not hasattr(Diagnostic, "startswith")

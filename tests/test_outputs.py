@@ -1,0 +1,106 @@
+"""Where a command may write: what is refused before anything is printed, fitted or written."""
+
+import hashlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from bristle.page.output_folder import MANIFEST
+
+from .conftest import FEW, experiment, run, table, tree
+
+PLAN = ("plan", "e.yaml", "--page", "pg", "-o")
+HEADER = "time (s),experiment,run,position reference (rad),measured\n0,ramp,1,0,0\n"
+"""Of a log that was measured with a plan's references."""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the commands run: a good experiment, an empty folder pg with the subfolders of a page, a link to it, and links in a circle."""
+    (tmp_path / "e.yaml").write_text(experiment(), encoding="utf-8")
+    (tmp_path / "data.csv").write_text(table(FEW), encoding="utf-8")
+    for name in ("figures", "tables"):
+        (tmp_path / "pg" / name).mkdir(parents=True)
+    (tmp_path / "link").symlink_to("pg")
+    (tmp_path / "loop").symlink_to("pool")
+    (tmp_path / "pool").symlink_to("loop")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def refused(folder: Path, command: Sequence[str], named: str, *, printed: bool = False) -> None:
+    """Exit code 2, one sentence with these words, nothing on the disk changed, and nothing printed before."""
+    before = tree(folder)
+    ran = run(*command)
+    assert ran.code == 2
+    assert len(ran.said) == 1
+    assert named in ran.said[0]
+    assert bool(ran.out) == printed
+    assert tree(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "named"),
+    [
+        *(((*PLAN, f"{at}/{name}"), f"{at}/{name}: is where the page in pg puts its own files") for at in ("pg", "link")
+          for name in ("index.html", "Index.HTML", MANIFEST, "figures/mine.svg", "tables/mine.csv")),
+        ((*PLAN, "pg/tables/../index.html"), "is where the page in pg"),
+        (("inspect", "e.yaml", "-o", ".svg"), ".svg: has no name before its .svg; name a file"),
+        (("inspect", "e.yaml", "-o", "pg/.PNG"), ".PNG: has no name"),
+        (("inspect", "e.yaml", "-o", "data.csv"), "data.csv: figures are written as .svg or .png"),
+        *(((*command, ""), "got an empty path; name a") for command in (
+            ("report", "e.yaml", "-o"), ("identify", "e.yaml", "-o"), ("inspect", "e.yaml", "-o"), ("validate", "-o"), ("adapt", "-o"),
+            ("compare", "a", "b", "-o"), ("sensitivity", "-o"), PLAN, ("plan", "e.yaml", "--page"), ("new", "data.csv", "-o"))),
+        (("report", "e.yaml", "-o", "loop/out"), "loop/out: its symbolic links lead round in a circle"),
+        (("report", "e.yaml", "-o", "loop"), "loop: is a symbolic link to no folder"),
+        (("plan", "e.yaml", "--page", "loop/a/b"), "in a circle"),
+        (("compare", "loop", "data.csv", "-o", "out"), "loop: its symbolic links lead round in a circle; name another path"),
+        (("identify", "e.yaml", "-o", "loop/r.json"), "loop is no folder; name another file"),
+    ],
+)  # fmt: skip  # a table
+def test_an_output_that_cannot_be_is_refused_first(folder: Path, command: Sequence[str], named: str) -> None:
+    """Before anything is fitted or printed: a page's own names, a figure without a name, an empty path, links in a circle."""
+    refused(folder, command, named)
+
+
+@pytest.mark.parametrize(
+    "command", [("identify", "e.yaml", "-o", "r.json"), ("inspect", "e.yaml", "-o", "r.svg"), ("new", "data.csv", "-o", "r.yaml")]
+)  # fmt: skip  # a table
+def test_a_file_is_never_replaced(folder: Path, command: Sequence[str]) -> None:
+    """Once edited, what bristle wrote is the user's, and so is whatever only looks like it; the very same result is no change."""
+    path = folder / command[-1]
+    assert run(*command).code == 0
+    made = path.read_bytes()
+    if command[0] != "new":
+        assert run(*command).code == 0
+    path.write_bytes(made + b"mine\n")
+    refused(folder, command, f"{path.name}: is there already; ", printed=command[0] != "new")
+    for mine in (HEADER, '"schema": "bristle-results/1" is what I wrote', "<dc:title>bristle</dc:title>"):
+        path.write_text(mine, encoding="utf-8")
+        refused(folder, command, f"{path.name}: is there already; ", printed=command[0] != "new")
+
+
+@pytest.mark.parametrize(
+    ("command", "named"),
+    [
+        (("report", "e.yaml", "-o", "out"), "out: cannot be written; name another folder, or change its permissions"),
+        (("report", "e.yaml", "-o", "out/a/b"), "out/a/b: the folder out cannot be written; name another folder, or"),
+        (("identify", "e.yaml", "-o", "out/r.json"), "out/r.json: the folder out cannot be written; name another file, or"),
+    ],
+)  # fmt: skip  # a table
+def test_a_folder_that_cannot_be_written_is_told_before_the_fit(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, command: Sequence[str], named: str
+) -> None:
+    """With what to do, and by the name that was given."""
+    (folder / "out").mkdir()
+    monkeypatch.setattr(os, "access", lambda path, _: not path.samefile(folder / "out"))
+    refused(folder, command, named)
+
+
+def test_a_forged_list_removes_nothing(folder: Path) -> None:
+    """A manifest with the true hash of the user's own file is none of bristle's: no report holds such a name."""
+    (folder / "pg" / "notes.txt").write_bytes(b"mine")
+    (folder / "pg" / MANIFEST).write_text(f"{hashlib.sha256(b'mine').hexdigest()}  notes.txt\n", encoding="utf-8")
+    refused(folder, ("report", "e.yaml", "-o", "pg"), f"pg/{MANIFEST}: is no list of files")
