@@ -587,3 +587,13 @@ def test_our_own_defect_is_not_called_damage(tmp_path: Path, monkeypatch: pytest
         with pytest.raises(ValueError, match=r"^ours$") as caught:
             _column(path, "q")
         assert not isinstance(caught.value, InputError)
+
+
+def test_a_slash_is_no_comment(tmp_path: Path) -> None:
+    """Where `//` begins the lines above a table, a cell with a slash is refused by its row, and no part of it is taken for a number."""
+    file = tmp_path / "log.csv"
+    file.write_text("// a log\nt,q\n0,1\n1,2\n2,3\n3,4\n", encoding="utf-8")
+    assert read_table(file, [Key("q")]).columns[Key("q")].tolist() == [1.0, 2.0, 3.0, 4.0]
+    file.write_text("// a log\nt,q\n0,1\n1,2/5\n2,3\n3,4\n", encoding="utf-8")
+    with pytest.raises(InputError, match="row 2 of column 'q' holds '2/5'"):
+        read_table(file, [Key("q")])

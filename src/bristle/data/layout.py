@@ -77,7 +77,10 @@ def text_layout(path: Path) -> Layout:
             if line.lstrip().startswith(comment)
         )
         names = next((row for row in said if len(row) == len([c for c in first if c]) > 1), None)
-    return Layout(delimiter, tuple(names or ()), width, skip, decimal, comment and comment[0], encoding, first, note)
+    ends_rows = (
+        comment if comment != "//" else None
+    )  # pandas would take one slash for it, and cut a cell that holds one
+    return Layout(delimiter, tuple(names or ()), width, skip, decimal, ends_rows, encoding, first, note)
 
 
 def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> str:
