@@ -9,6 +9,7 @@ import pytest
 
 from bristle.data.units import to_si
 from bristle.errors import InputError
+from bristle.questions.experiment_design.references import Hold, hold_reference
 
 from .conftest import run
 from .fuzz.inputs import logs
@@ -144,3 +145,10 @@ def test_a_unit_has_no_error() -> None:
     """`+/-` in a unit is refused; no library warns of it first."""
     with pytest.raises(InputError, match="is not known"):
         to_si("1 kg*m**2 +/- 0 kg*m**2", "kg*m**2")
+
+
+def test_a_reference_has_a_length_that_can_be_played() -> None:
+    """A hold that would take more samples than a drive is given is refused, and no memory is asked for it."""
+    hold = Hold(run=1, velocity=1e-9, ramp=1.0, run_in=1e9, averaged=1.0)
+    with pytest.raises(InputError, match=r"takes 1e\+09 s, 1.0e\+11 samples; expected at most 1e\+07"):
+        hold_reference(hold, 0.0, 0.01)

@@ -99,6 +99,8 @@ def _curve(found: Inferred, name: str, value: float) -> Array:
     reach = found.student[name][1] - value
     open_ = not np.isfinite(high)
     high = value + 3 * reach if open_ else high
+    if not np.isfinite([low, high]).all():  # nothing bounds it on a side that could be drawn
+        return np.zeros((2, 0))
     if not name.startswith("v_s"):
         curve = found.profiled.shape.curve(name, value, low, high)
         # open alpha_1 goes on as v_s does, but it is drawn within the range searched

@@ -147,9 +147,18 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
     return found
 
 
+_LONGEST = 1e7
+"""Samples of one run's reference."""
+
+
 def hold_reference(hold: Hold, start: float, step: float) -> Reference:
-    """From rest to the velocity, at it, and to rest again."""
+    """From rest to the velocity, at it, and to rest again. Raises InputError where that takes more samples than a reference may have."""
     ends = np.cumsum([0.0, hold.ramp, hold.run_in + hold.averaged, hold.ramp])
+    if not ends[-1] / step < _LONGEST:
+        raise InputError(
+            f"a hold at a velocity of {hold.velocity:.3g} takes {ends[-1]:.3g} s, {ends[-1] / step:.1e} samples; expected at most {_LONGEST:g}: "
+            "raise plan.minimum_velocity, or give plan.hold, plan.acceleration or a lower plan.rate"
+        )
     time = np.arange(ceil(ends[-1] / step - 1e-9) + 1) * step
     up, down = (np.clip((time - t) / hold.ramp, 0.0, 1.0) for t in (ends[0], ends[2]))
     flat = np.clip(time - ends[1], 0.0, ends[2] - ends[1])
