@@ -24,7 +24,7 @@ from bristle.identification.presliding.stiffness import Level, printed_bias
 from bristle.identification.results import PreslidingFit, TrackingFit
 from bristle.model import functions
 from bristle.model.motor import drive_torque
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 
@@ -144,7 +144,7 @@ def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
 
 def relative(fit: TrackingFit, name: str) -> float:
     """Relative error, percent; nan where the motion does not show the parameter."""
-    value = fit.parameters[name].value
+    value = fit.parameters[ParameterName.parse(name)].value
     return np.nan if value is None else 100 * (value / truth()[name] - 1)
 
 
@@ -167,7 +167,7 @@ def truth() -> dict[str, float]:
 
 def distance(fit: TrackingFit, name: str) -> float:
     """(estimate - truth) / standard error; nan where the motion does not show the parameter."""
-    e = fit.parameters[name]
+    e = fit.parameters[ParameterName.parse(name)]
     return np.nan if e.value is None or not e.standard_error else (e.value - truth()[name]) / e.standard_error
 
 

@@ -6,7 +6,7 @@ import bristle
 from bristle.api import Results
 from bristle.diagnostics import Kind
 from bristle.identification.results import Estimate
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Direction, Lugre, ParameterName
 
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
@@ -55,7 +55,9 @@ def test_the_joint_fit_completes_table_1(results: Results) -> None:
         fit = joint.joint_fit
         assert fit is not None
         inside += sum(
-            holds(fit.parameters[name + d], getattr(p, name)) for d, p in joint.truth.items() for name in Lugre._fields
+            holds(fit.parameters[ParameterName(name, Direction(d))], getattr(p, name))
+            for d, p in joint.truth.items()
+            for name in Lugre._fields
         )
         assert all(held.relative_error < 2 for held in fit.hold_out)
         assert len(fit.hold_out) == 1

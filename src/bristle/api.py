@@ -9,6 +9,7 @@ from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError
 from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.page.wording import FITS
 from bristle.progress import Progress
@@ -17,7 +18,6 @@ from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
 from bristle.questions.joint_report import results_file
-from bristle.questions.joint_report.dynamic import fits
 from bristle.questions.method_validation.cases import own_cases, sweep
 from bristle.questions.method_validation.results import Trial
 from bristle.questions.method_validation.run import REPETITIONS, STARTS, run_trial
@@ -108,7 +108,7 @@ def _of_fits(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
     if joint.presliding is not None:
         stages["presliding"] = joint.presliding.doubts
         stages |= {f"presliding {d}": fit.doubts for d, fit in joint.presliding.fits.items()}
-    stages |= {FITS[kind]: fit.doubts for kind, fit in fits(joint).items()}
+    stages |= {FITS[kind]: fit.doubts for kind, fit in moving_fits(joint).items()}
     yield from ((name, doubt) for name, doubts in stages.items() for doubt in doubts)
 
 

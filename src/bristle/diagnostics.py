@@ -67,9 +67,9 @@ class _Formatter(Formatter):
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "d": in_direction,
     "i": lambda ends: ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends),
-    "j": " and ".join,
-    "l": ", ".join,
-    "m": "; ".join,
+    "j": lambda words: " and ".join(map(str, words)),
+    "l": lambda words: ", ".join(map(str, words)),
+    "m": lambda words: "; ".join(map(str, words)),
     "p": lambda numbers: ", ".join(f"{name} ({number:.1f})" for name, number in numbers),
     "w": lambda alone: "would let it in" if alone else "would answer this reason, not the other",
 }

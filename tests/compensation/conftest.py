@@ -12,7 +12,7 @@ from bristle.control.adaptation import Adaptation
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Kind
 from bristle.identification.results import Estimate, Joint, TrackingFit
-from bristle.model.parameters import Lugre, Pair, unit
+from bristle.model.parameters import Lugre, Pair, ParameterName, unit
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import Subject
 
@@ -52,19 +52,20 @@ def tracked(values: Mapping[str, float], share: float = 0.02, **changes: Any) ->
     matrix = covariance_of(values, share)
     own = TrackingFit(
         parameters={
-            name: Estimate(value=x, unit=unit(name.rstrip("+-")), standard_error=float(s))
+            (p := ParameterName.parse(name)): Estimate(value=x, unit=unit(p.name), standard_error=float(s))
             for (name, x), s in zip(values.items(), np.sqrt(np.diag(matrix)), strict=True)
         },
         rms=1e-4, relative_error=1.0, n=3, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=9.0,
-        names=tuple(values), covariance=matrix, velocity=np.array([-1.0, 0.5, FASTEST]),
+        names=tuple(map(ParameterName.parse, values)), covariance=matrix, velocity=np.array([-1.0, 0.5, FASTEST]),
     )  # fmt: skip  # a list of values
     return replace(own, **changes)
 
 
 def unseen(fit: TrackingFit, fixed: Mapping[str, float]) -> TrackingFit:
     """The fit where the motion does not show some parameters, which were taken as these to fit the others."""
-    missing = {name: replace(fit.parameters[name], value=None, standard_error=None) for name in fixed}
-    return replace(fit, parameters={**fit.parameters, **missing}, fixed={**fit.fixed, **fixed})
+    held = {ParameterName.parse(name): x for name, x in fixed.items()}
+    missing = {name: replace(fit.parameters[name], value=None, standard_error=None) for name in held}
+    return replace(fit, parameters={**fit.parameters, **missing}, fixed={**fit.fixed, **held})
 
 
 def joint(fit: TrackingFit | None = None, name: str = "wrist", **changes: Any) -> Joint:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bristle.identification import known_model
+from bristle.identification import known_joint
 from bristle.identification.results import TrackingFit
 from bristle.model.parameters import Lugre
 from bristle.simulation.joint_loop import Subject
@@ -23,7 +23,7 @@ def drawn(folder: Path, fit: TrackingFit) -> Subject:
 def test_draws_have_the_mean_and_the_covariance_of_the_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Over many draws, errors being small, the mean is the fit's value to its own error and the covariance the fit's, correlations included."""
     n = 4000
-    monkeypatch.setattr(known_model, "DRAWS", n)
+    monkeypatch.setattr(known_joint, "DRAWS", n)
     values = values_of(GRIPPER)
     fit = tracked(values, 0.02)
     found = drawn(tmp_path, fit).draws
@@ -42,7 +42,7 @@ def test_draws_are_physical_and_repeat(tmp_path: Path, share: float) -> None:
     fit = tracked(values_of(GRIPPER), share)
     first, second = (drawn(tmp_path, fit).draws for _ in range(2))
     assert first == second
-    assert len(first) == known_model.DRAWS
+    assert len(first) == known_joint.DRAWS
     assert len(set(first)) == len(first)
     for pair, inertia in first:
         assert 0 < inertia < np.inf

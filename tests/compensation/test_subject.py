@@ -13,7 +13,7 @@ from bristle.control.closed_loop import simulate
 from bristle.control.pid import Gains
 from bristle.control.wiring import Wiring
 from bristle.data.experiment.load import load_experiment
-from bristle.identification import known_model
+from bristle.identification import known_joint
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import of_paper, one_way
@@ -48,7 +48,7 @@ def test_the_paper_s_joints_are_those_of_table_1() -> None:
         assert one.adaptation == Adaptation(law="partial", parameters=("alpha_0", "alpha_2"), gamma=(20.0, 20.0))
         assert one.start == {"alpha_0": 0.3, "alpha_2": 0.5}
         assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
-        assert len(one.draws) == known_model.DRAWS
+        assert len(one.draws) == known_joint.DRAWS
         assert one.assumptions
 
 
@@ -284,7 +284,7 @@ def test_a_fixed_inertia_is_that_of_every_draw(tmp_path: Path) -> None:
     """Where the inertia was given and not fitted, friction alone is drawn."""
     fixed = tracked(values_of(GRIPPER, None))
     one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
-    assert len(one.draws) == known_model.DRAWS
+    assert len(one.draws) == known_joint.DRAWS
     assert {inertia for _, inertia in one.draws} == {J}
 
 

@@ -10,13 +10,14 @@ import pytest
 import bristle
 from bristle.identification.fisher import STATIC
 from bristle.identification.identify import Measured, measure
-from bristle.identification.known_joint import scatter
 from bristle.identification.limits import followed, limits_of
 from bristle.identification.results import Outcome, StaticFit
+from bristle.model.parameters import ParameterName
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.figures import intervals_figure, motions_figure, velocities_figure
 from bristle.questions.experiment_design.page import lacking, text
 from bristle.questions.experiment_design.plan import Plan
+from bristle.questions.experiment_design.start import scatter
 from bristle.questions.experiment_design.tables import (
     comparison,
     intervals,
@@ -73,7 +74,7 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     """Standard errors before the plan are those of the joint fit, and each part of the plan makes none larger; all of it makes each smaller."""
     fit = gripper.joint.moving
     assert fit is not None
-    said = [fit.parameters[name].standard_error for name in gripper.start.names]
+    said = [fit.parameters[ParameterName.parse(name)].standard_error for name in gripper.start.names]
     assert gripper.stages["now"] == pytest.approx(said, rel=1e-3)
     assert tuple(gripper.stages) == PARTS
     for before, after in pairwise(PARTS):

@@ -21,7 +21,7 @@ from bristle.identification.model_criteria import APART, COULOMB, LUGRE, ONE, ST
 from bristle.identification.model_criteria import compared as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit
 from bristle.identification.static.moving_data import fit_moving
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 
 from .conftest import GRIPPER, curve
@@ -227,7 +227,7 @@ def test_moving_runs_compare_lugre_with_the_static_models(moved: tuple[ModelComp
     compared, alone = moved
     best = used(compared)
     assert (best.model, best.directions) == (LUGRE, APART)
-    done = row(compared, LUGRE, APART if "alpha_0+" in alone.parameters else SYMMETRIC)
+    done = row(compared, LUGRE, APART if ParameterName.parse("alpha_0+") in alone.parameters else SYMMETRIC)
     assert done.rms == pytest.approx(alone.rms, rel=1e-12)
     assert done.hold_out == pytest.approx(alone.hold_out[0].relative_error, rel=1e-12)
     assert done.parameters == len(alone.names) + 1
@@ -253,7 +253,7 @@ def test_correlated_residuals_count_for_fewer(moved: tuple[ModelComparison, Trac
 def test_a_bristle_that_the_motion_does_not_show_is_not_advised(moved: tuple[ModelComparison, TrackingFit]) -> None:
     """Without any sigma_0 LuGre is no candidate, however low its BIC, and the sentence says why."""
     compared, alone = moved
-    blind = {n: replace(e, value=None) if n.startswith("sigma_0") else e for n, e in alone.parameters.items()}
+    blind = {n: replace(e, value=None) if n.name == "sigma_0" else e for n, e in alone.parameters.items()}
     found = [
         Candidate(
             model=r.model,

@@ -27,7 +27,7 @@ from bristle.identification.results import (
     StaticFit,
 )
 from bristle.model.functions import loading_displacement, stribeck_shape
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
 from bristle.questions.joint_report.curves import curve
 
@@ -44,10 +44,10 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
     """A least-squares fit of one direction of Table 1's gripper, with the profile on a coarse and a plain grid."""
     truth = TABLE_1[direction]
     v = np.geomspace(0.015, 0.8, 14) * (1 if direction == "+" else -1)
-    torque = curve(v, truth) + NOISE * np.random.default_rng(seed).standard_normal(v.size)
+    torque = curve(v, truth.stribeck) + NOISE * np.random.default_rng(seed).standard_normal(v.size)
 
     def residuals(x: Array) -> Array:
-        return torque - curve(v, Lugre(x[0], x[1], x[2], x[3], 1.0, 0.0))
+        return torque - curve(v, Stribeck(*x))
 
     found = least_squares(residuals, truth[:4], x_scale=truth[:4], xtol=1e-14, ftol=1e-14)
     cost, dof = 2 * found.cost, v.size - 4
@@ -118,9 +118,10 @@ def segments(fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
 def checked(fit: StaticFit) -> Crosscheck:
     """A cross-check that agrees."""
     cost = fit.profile.best_cost if fit.profile else 0.0
+    values = {ParameterName(n, Direction(fit.direction)): e.value or 0.0 for n, e in fit.parameters.items()}
     return Crosscheck(
-        cost_grid=cost, cost_full=cost, starts=8, reached=7, parameters={n: e.value or 0.0 for n, e in fit.parameters.items()},
-        difference_in_se=dict.fromkeys(fit.parameters, 1e-7), verdict=Kind.ROUTES_AGREE(worst=1e-7, reached=7, starts=8),
+        cost_grid=cost, cost_full=cost, starts=8, reached=7, parameters=values,
+        difference_in_se=dict.fromkeys(values, 1e-7), verdict=Kind.ROUTES_AGREE(worst=1e-7, reached=7, starts=8),
     )  # fmt: skip  # as above
 
 

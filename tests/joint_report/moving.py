@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Consistency, Crosscheck, Estimate, HoldOut, Joint, TrackingFit
-from bristle.model.parameters import unit
+from bristle.model.parameters import ParameterName, unit
 
 from .conftest import TABLE_1, loaded
 
@@ -24,6 +24,7 @@ STRETCH = 701
 """Equations of the first stretch."""
 REVERSAL = 5.0
 """When the joint turns hardest, s from the start of the second stretch."""
+ALPHA_0 = ParameterName.parse("alpha_0+")
 
 
 def estimate(name: str, factor: float = 1.0) -> Estimate:
@@ -41,8 +42,8 @@ def tracked(factor: float = 1.0, **changes: Any) -> TrackingFit:
     correlation = np.eye(len(VALUES))
     correlation[0, 1] = correlation[1, 0] = -0.9
     fit = TrackingFit(
-        parameters={name: estimate(name, factor) for name in VALUES}, rms=4e-4, relative_error=1.25, n=velocity.size,
-        outcome=Kind.CONVERGED(), starts=4, reached=3, condition=8.9, names=tuple(VALUES),
+        parameters={ParameterName.parse(name): estimate(name, factor) for name in VALUES}, rms=4e-4, relative_error=1.25, n=velocity.size,
+        outcome=Kind.CONVERGED(), starts=4, reached=3, condition=8.9, names=tuple(map(ParameterName.parse, VALUES)),
         covariance=correlation * np.outer(errors, errors), time=np.concatenate([first, second]), velocity=velocity, measured=torque,
         residuals=4e-4 * np.sin(np.arange(velocity.size)), starts_of_runs=(0, STRETCH), hold_out=(HoldOut(file="held.csv", relative_error=1.5),),
     )  # fmt: skip  # a list of values
@@ -54,23 +55,29 @@ def compared(parameter: str, difference: float | None, verdict: Diagnostic, stag
     value = VALUES[parameter]
     seen = difference is not None
     return Consistency(
-        parameter=parameter, stage=stage, stage_value=value, stage_error=0.01 * value, tracking_value=1.05 * value if seen else None,
+        parameter=ParameterName.parse(parameter), stage=stage, stage_value=value, stage_error=0.01 * value, tracking_value=1.05 * value if seen else None,
         tracking_error=0.01 * value if seen else None, joint_value=value, joint_error=0.005 * value, difference=difference, verdict=verdict,
     )  # fmt: skip  # as above
+
+
+def named(values: Mapping[str, float]) -> dict[ParameterName, float]:
+    """Values of parameters that are given by text, as alpha_0+."""
+    return {ParameterName.parse(name): x for name, x in values.items()}
 
 
 def checked() -> Crosscheck:
     """The same problem solved another way."""
     return Crosscheck(
-        cost_grid=1.0, cost_full=1.0, starts=2, reached=2, parameters={"alpha_0+": 0.0194}, difference_in_se={"alpha_0+": 1e-6},
+        cost_grid=1.0, cost_full=1.0, starts=2, reached=2, parameters={ALPHA_0: 0.0194}, difference_in_se={ALPHA_0: 1e-6},
         verdict=IPOPT,
     )  # fmt: skip  # as above
 
 
 def without(fit: TrackingFit, *names: str) -> TrackingFit:
     """The fit where the motion does not show some parameters."""
-    missing: Mapping[str, Estimate] = {
-        name: replace(fit.parameters[name], value=None, standard_error=None, doubts=(UNSEEN,)) for name in names
+    missing = {
+        (p := ParameterName.parse(name)): replace(fit.parameters[p], value=None, standard_error=None, doubts=(UNSEEN,))
+        for name in names
     }
     return replace(fit, parameters={**fit.parameters, **missing})
 
@@ -78,7 +85,7 @@ def without(fit: TrackingFit, *names: str) -> TrackingFit:
 def moving(name: str = "gripper rotation", file: str = "held.csv") -> Joint:
     """The gripper with every stage: alone the moving runs do not show alpha_1-, alpha_0- differs between stages, counts bias sigma_0+ alone."""
     held = (HoldOut(file=file, relative_error=1.5),)
-    alone = tracked(1.05, hold_out=held, doubts=(CORRELATED,), bias={"sigma_0+": -0.02, "sigma_0-": 1e-4})
+    alone = tracked(1.05, hold_out=held, doubts=(CORRELATED,), bias=named({"sigma_0+": -0.02, "sigma_0-": 1e-4}))
     both = tracked(1.01, hold_out=held, starts=1, reached=1, relative_error=1.3, check=checked())
     return replace(
         loaded(name), tracking=without(alone, "alpha_1-"), joint_fit=both,

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from bristle.identification.results import Joint, TrackingFit
-from bristle.page.wording import split
+from bristle.model.parameters import ParameterName
 from bristle.questions.joint_report import results_file, tables
 from bristle.questions.joint_report.dynamic import agreement
 
 from .conftest import TABLE_1
-from .moving import DIFFER, IPOPT, NOT_SHOWN, UNSEEN, VALUES, compared, moving, tracked, without
+from .moving import DIFFER, IPOPT, NOT_SHOWN, UNSEEN, VALUES, compared, moving, named, tracked, without
 
 GOLDEN = Path(__file__).parent / "tracking_report.txt"
 
@@ -51,11 +51,11 @@ def test_json_holds_both_fits_with_every_digit(moved: Joint) -> None:
     for key, fit in (("tracking", of(moved.tracking)), ("joint_fit", of(moved.joint_fit))):
         own = found[key]
         assert {name: p["value"] for name, p in own["parameters"].items()} == {
-            name: e.value for name, e in fit.parameters.items()
+            str(name): e.value for name, e in fit.parameters.items()
         }
-        assert own["free"] == list(fit.names)
+        assert own["free"] == list(map(str, fit.names))
         np.testing.assert_array_equal(own["covariance"], fit.covariance)
-        assert own["count_bias"] == dict(fit.bias)
+        assert own["count_bias"] == {str(name): x for name, x in fit.bias.items()}
         assert own["hold_out"] == [{"file": "held.csv", "relative_error": 1.5}]
         assert (own["n"], own["starts"], own["reached"], own["condition"]) == (fit.n, fit.starts, fit.reached, 8.9)
     assert found["tracking"]["crosscheck"] is None
@@ -82,7 +82,7 @@ def test_json_without_moving_runs_has_null(joint: Joint) -> None:
 def test_json_holds_no_infinity_and_no_nan(moved: Joint) -> None:
     """An infinite condition is "inf"; a covariance that does not exist, an infinite relative error and a bias of nan are null."""
     fit = tracked(
-        condition=float("inf"), relative_error=float("inf"), bias={"inertia": float("nan")},
+        condition=float("inf"), relative_error=float("inf"), bias=named({"inertia": float("nan")}),
         covariance=np.full((len(VALUES), len(VALUES)), np.nan),
     )  # fmt: skip  # a list of changes
     found = read(replace(moved, tracking=fit))["tracking"]
@@ -96,13 +96,6 @@ def test_json_holds_no_infinity_and_no_nan(moved: Joint) -> None:
 # tables
 
 
-def test_split_gives_direction_and_bare_name() -> None:
-    """A sign is a direction; a bare LuGre parameter is of both directions, any other is shared."""
-    assert [split(name) for name in ("alpha_0+", "sigma_1-", "v_s", "inertia")] == [
-        ("+", "alpha_0"), ("-", "sigma_1"), ("both", "v_s"), ("shared", "inertia"),
-    ]  # fmt: skip  # a list of pairs
-
-
 def test_frame_gains_rows_and_a_last_column(moved: Joint, joint: Joint) -> None:
     """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns."""
     frame = results_file.to_frame([moved])
@@ -111,7 +104,7 @@ def test_frame_gains_rows_and_a_last_column(moved: Joint, joint: Joint) -> None:
     assert old[-1] == "doubts"
     assert list(frame["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"]) + 13 * ["joint"]
     assert list(frame["direction"])[12:] == 6 * ["+"] + 6 * ["-"] + ["shared"]
-    assert frame["value"].iloc[-1] == of(moved.joint_fit).parameters["inertia"].value
+    assert frame["value"].iloc[-1] == of(moved.joint_fit).parameters[ParameterName.parse("inertia")].value
     alone = results_file.to_frame([replace(moved, joint_fit=None)])
     assert list(alone["source"])[12:] == 13 * ["tracking"]
 
@@ -165,7 +158,10 @@ def test_table_1_takes_the_best_stage_that_knows(moved: Joint) -> None:
 
 def test_table_1_lists_nothing_twice(moved: Joint) -> None:
     """What the moving runs know of both directions together replaces a stage's value of each, and of each one of both; else both stand."""
-    together = {name: of(moved.joint_fit).parameters[f"{name}+"] for name in TABLE_1["+"]._fields}
+    together = {
+        ParameterName.parse(name): of(moved.joint_fit).parameters[ParameterName.parse(f"{name}+")]
+        for name in TABLE_1["+"]._fields
+    }
     of_both = replace(moved, joint_fit=tracked(parameters=together), tracking=None)
     assert list(tables.all_tables([of_both])["table_1"]["direction"]) == 6 * ["both"]
     static = replace(moved, static={"both": moved.static["+"]}, presliding=None)

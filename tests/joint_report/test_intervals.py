@@ -27,7 +27,7 @@ UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N
 
 def fits(velocity: Array, noise: float, kind: JointKind = "revolute", seed: int = 1) -> Mapping[str, StaticFit]:
     """The fit of simulated points."""
-    torque = curve(velocity, TABLE_1["+"]) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
+    torque = curve(velocity, TABLE_1["+"].stribeck) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     directions = ("+",) if velocity.min() > 0 else ("+", "-")
     return fit_static(from_points(velocity, torque, directions), FitOptions(), kind, Where())[0]
 

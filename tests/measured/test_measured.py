@@ -12,7 +12,7 @@ from bristle.data.record import Record
 from bristle.diagnostics import NOT_IDENTIFIABLE, Kind
 from bristle.identification.identify import measure
 from bristle.identification.results import Joint, Outcome, StaticFit, TrackingFit
-from bristle.model.parameters import Motor, Pair
+from bristle.model.parameters import Motor, Pair, ParameterName
 from bristle.questions.compensation.replay import replays
 from bristle.simulation.requested_loop import of_experiment
 
@@ -98,7 +98,7 @@ def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
     assert moving.relative_error <= static.relative_error + 0.05
     assert moving.hold_out[0].relative_error <= static.hold_out[0].relative_error + 0.05
     unseen = [name for name, e in moving.parameters.items() if e.value is None]
-    assert {name.rstrip("+-") for name in unseen} >= {"alpha_1", "v_s"}
+    assert {name.name for name in unseen} >= {"alpha_1", "v_s"}
     assert all(any(doubt.kind in NOT_IDENTIFIABLE for doubt in moving.parameters[name].doubts) for name in unseen)
 
 
@@ -173,7 +173,7 @@ def closed_loop(file: Path, fit: TrackingFit) -> dict[str, float]:
     data = loadmat(file)
     t, reference, position, drive = (np.asarray(data[name], dtype=float).ravel() for name in ("t", "qg", "qm", "vir"))
     kp, kv, gain = (float(np.ravel(data[name])[0]) for name in ("kp", "kv", "gtau"))
-    positive, negative, mass = fit.values("+"), fit.values("-"), fit.parameters["inertia"].value
+    positive, negative, mass = fit.values("+"), fit.values("-"), fit.parameters[ParameterName.parse("inertia")].value
     assert positive is not None
     assert negative is not None
     assert mass is not None

@@ -73,7 +73,7 @@ def test_the_sweep_is_what_it_says() -> None:
     """Eight sets, two noise levels, three designs; the third has no speed below v_s; v_s lies within the grid's range; directions keep their sign."""
     cases = sweep().cases
     assert len(cases) == len({(c.label, c.design, c.noise) for c in cases}) == 8 * 2 * 3
-    assert {c.truth for c in cases} == {p for pair in edro.TABLE_1.values() for p in pair}
+    assert {c.truth for c in cases} == {p.stribeck for pair in edro.TABLE_1.values() for p in pair}
     for c in cases:
         assert c.v_s_range[0] < c.truth.v_s < c.v_s_range[1]
         assert np.all(c.velocity < 0) == ("(-)" in c.label)
@@ -109,7 +109,7 @@ def test_a_bound_is_kept_by_the_plain_grid_of_many_sets() -> None:
     flat = Case(
         label="",
         design="",
-        truth=P._replace(alpha_2=0.0),
+        truth=P.stribeck._replace(alpha_2=0.0),
         velocity=case.velocity,
         noise=case.noise,
         v_s_range=case.v_s_range,

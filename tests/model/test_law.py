@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bristle.model import functions, law, motor
-from bristle.model.parameters import BOUNDS, Lugre, Motor, is_passive, unit
+from bristle.model.parameters import BOUNDS, Lugre, Motor, ParameterName, in_direction, is_passive, unit
 from bristle.model.vectorize import evaluate
 
 positive = st.floats(1e-3, 1e3)
@@ -143,3 +143,30 @@ def test_each_function_is_built_once() -> None:
     assert functions.step().name_in() == ["v0", "v1", "h", *Lugre._fields]
     assert functions.step_sensitivity().name_out()[:3] == ["a", "b", "a_alpha_0"]
     assert functions.step_parameters() == ("alpha_0", "alpha_1", "v_s", "sigma_0")
+
+
+def test_a_parameter_prints_as_it_is_read() -> None:
+    """A sign is a direction; a bare LuGre parameter is of both directions, any other is shared; what prints is read as the same parameter."""
+    expected = {
+        "alpha_0+": ("alpha_0", "+"), "sigma_1-": ("sigma_1", "-"), "v_s": ("v_s", "both"), "inertia": ("inertia", "shared"),
+    }  # fmt: skip  # a table
+    for text, parts in expected.items():
+        name = ParameterName.parse(text)
+        assert (name.name, name.direction) == parts
+        assert str(name) == f"{name}" == text
+    positive = ParameterName.parse("alpha_0+")
+    assert (positive.within("+"), positive.within("shared")) == ("alpha_0", "alpha_0+")
+
+
+def test_a_direction_knows_its_own_value_first() -> None:
+    """What is known of a direction is its own value, else that of both, else the shared one; of another direction nothing."""
+    known = {ParameterName.parse(name): x for name, x in {"alpha_0+": 1.0, "v_s": 2.0, "inertia": 3.0}.items()}
+    assert [in_direction(known, n, "+") for n in ("alpha_0", "v_s", "inertia", "sigma_0")] == [1.0, 2.0, 3.0, None]
+    assert in_direction(known, "alpha_0", "-") is None
+    assert in_direction(known, "alpha_0", "both") is None
+
+
+@given(v=velocities, p=sets)
+def test_the_static_law_of_a_set_has_its_curve(v: float, p: Lugre[float]) -> None:
+    """T_ss of (9) is the same whether it is asked of a LuGre set or of its static law."""
+    assert float(law.steady_torque(v, p)) == float(law.steady_torque(v, p.stribeck))

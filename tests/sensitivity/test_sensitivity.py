@@ -14,12 +14,12 @@ from bristle import api
 from bristle.arrays import Array
 from bristle.identification.fisher import names_of
 from bristle.identification.identify import identify_joint, measure
-from bristle.identification.known_joint import start_of
 from bristle.identification.limits import limits_of
 from bristle.model import functions
 from bristle.model.parameters import Kind, Lugre, Pair
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
+from bristle.questions.experiment_design.start import start_of
 from bristle.questions.sensitivity import study
 from bristle.questions.sensitivity.figures import map_figure
 from bristle.questions.sensitivity.joint import RANGE, of_joint, within

@@ -26,7 +26,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.identification.results import Estimate
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
 from bristle.questions.session_comparison.figures import forest_figure
@@ -53,6 +53,12 @@ def estimate(
     )
 
 
+def fit_of(*, source: str, parameters: Mapping[str, Estimate], names: Sequence[str] = (), **rest: Any) -> Fit:
+    """A fit whose parameters are given by text, as alpha_0+."""
+    by_name = {ParameterName.parse(name): e for name, e in parameters.items()}
+    return Fit(source=source, parameters=by_name, names=tuple(map(ParameterName.parse, names)), **rest)
+
+
 def session(*fits: Fit, joint: str = "wrist", **known: Any) -> Session:
     """A session of one joint."""
     return {
@@ -64,12 +70,12 @@ def session(*fits: Fit, joint: str = "wrist", **known: Any) -> Session:
 
 def plain(values: Mapping[str, float], error: float = 1.0, source: str = "static +", **rest: Any) -> Fit:
     """A fit of independent normal parameters."""
-    return Fit(source=source, parameters={n: estimate(x, error, n) for n, x in values.items()}, **rest)
+    return fit_of(source=source, parameters={n: estimate(x, error, n) for n, x in values.items()}, **rest)
 
 
 def change(compared: Comparison, parameter: str) -> Change:
     """What became of one parameter."""
-    (found,) = (c for c in compared.changes if c.parameter == parameter)
+    (found,) = (c for c in compared.changes if str(c.parameter) == parameter)
     return found
 
 
@@ -85,7 +91,7 @@ def linear(rng: np.random.Generator, n: int, shift: float = 0.0) -> Fit:
     reach, errors = stats.t.ppf(0.975, dof), np.sqrt(np.diag(covariance))
     names = ("alpha_0", "alpha_2")
     parameters = {k: estimate(float(x), float(e), k, reach) for k, x, e in zip(names, theta, errors, strict=True)}
-    return Fit(source="static both", parameters=parameters, names=names, covariance=covariance, freedom=dof)
+    return fit_of(source="static both", parameters=parameters, names=names, covariance=covariance, freedom=dof)
 
 
 def most(tries: int, share: float) -> int:
@@ -119,7 +125,7 @@ def friction(rng: np.random.Generator, p: Lugre[float]) -> Session:
     """What the static fit says of points of these parameters."""
     (torque,) = steady_points(p, SPEEDS, 1e-4, rng, 1)
     found = estimate_static(from_points(SPEEDS, torque, ("+",)), FitOptions(), "revolute")
-    return session(Fit(source="static +", parameters=found, freedom=SPEEDS.size - 4))
+    return session(fit_of(source="static +", parameters=found, freedom=SPEEDS.size - 4))
 
 
 def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
@@ -133,7 +139,7 @@ def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
     found = [x for x in warmer if change(x, "alpha_2").verdict.startswith("Fell")]
     assert len(found) >= 19  # ten standard errors
     for x in found:
-        assert max(x.changes, key=lambda c: abs(c.z or 0.0)).parameter == "alpha_2"
+        assert max(x.changes, key=lambda c: abs(c.z or 0.0)).parameter.name == "alpha_2"
         assert "alpha_2 (-" in x.sentence
     moved = [
         c.difference / c.first.value
@@ -186,7 +192,7 @@ def test_what_is_known_by_a_factor_is_compared_by_its_logarithm(a: float, ratio:
         e = Estimate(
             value=value, unit="rad/s", standard_error=0.1 * value, interval=(value * np.exp(-0.3), value * np.exp(0.3))
         )
-        return session(Fit(source="static +", parameters={"v_s+": e}))
+        return session(fit_of(source="static +", parameters={"v_s+": e}))
 
     one, other = (change(compare(told(k * a), told(k * a * ratio)), "v_s+") for k in (1.0, scale))
     assert one.z == pytest.approx(np.log(ratio) / np.hypot(0.3, 0.3) * 1.959964, rel=1e-5, abs=1e-9)
@@ -196,7 +202,7 @@ def test_what_is_known_by_a_factor_is_compared_by_its_logarithm(a: float, ratio:
 def test_the_half_of_an_interval_that_faces_the_other_session_counts() -> None:
     """A skewed interval: its long side is what a higher value meets, its short side, but no less than the standard error, a lower one."""
     skewed = Estimate(value=10.0, unit="N*m", standard_error=1.0, interval=(8.5, 10 + 4 * 1.959964))
-    first = session(Fit(source="static +", parameters={"alpha_0": skewed}))
+    first = session(fit_of(source="static +", parameters={"alpha_0": skewed}))
     up, down = (change(compare(first, session(plain({"alpha_0": 10.0 + d}, 1e-6))), "alpha_0") for d in (8.0, -8.0))
     assert up.z == pytest.approx(2.0, rel=1e-6)
     assert down.z == pytest.approx(-8.0, rel=1e-6)
@@ -206,7 +212,7 @@ def test_few_degrees_of_freedom_widen_the_joint_uncertainty() -> None:
     """Welch: with 3 and 3 degrees of freedom and equal errors a difference has 6 of them."""
     reach = stats.t.ppf(0.975, 3)
     made = [
-        session(Fit(source="static +", parameters={"alpha_0": estimate(x, 1.0, reach=reach)}, freedom=3))
+        session(fit_of(source="static +", parameters={"alpha_0": estimate(x, 1.0, reach=reach)}, freedom=3))
         for x in (0.0, 3.0)
     ]
     found = change(compare(*made), "alpha_0")
@@ -218,7 +224,7 @@ def correlated(shift: float) -> Fit:
     """alpha_0 and alpha_2 that are seen almost only as a sum, off by `shift` standard errors each."""
     names, error = ("alpha_0+", "alpha_2+"), 0.1
     covariance = error**2 * np.array([[1.0, -0.98], [-0.98, 1.0]])
-    return Fit(
+    return fit_of(
         source="static +",
         parameters={n: estimate(1.0 + shift * error, error, n) for n in names},
         names=names,
@@ -242,11 +248,11 @@ def test_a_set_can_change_although_none_of_its_parameters_does() -> None:
 def test_a_set_without_a_changed_parameter_is_named_beside_those_that_changed() -> None:
     """Where some parameters changed, the sentence names the sets that did and hold none of them, and no set that does."""
     moved = [
-        session(Fit(source="static -", parameters={"inertia": estimate(x, 0.1)}), correlated(k))
+        session(fit_of(source="static -", parameters={"inertia": estimate(x, 0.1)}), correlated(k))
         for x, k in ((1.0, 0.0), (3.0, 1.5))
     ]
     compared = compare(*moved)
-    assert [c.parameter for c in compared.changes if c.changed] == ["inertia"]
+    assert [str(c.parameter) for c in compared.changes if c.changed] == ["inertia"]
     assert "those of the fit static +" in compared.sentence
     apart = compare(session(correlated(0.0)), session(correlated(9.0)))
     assert apart.sets[0].changed
@@ -284,15 +290,15 @@ def test_a_session_does_not_differ_from_itself() -> None:
 def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
     """Not identifiable, an open interval, another direction, one session alone, other stages: each has its own sentence, and no verdict."""
     opened = replace(estimate(1.0), interval=(0.5, np.inf))
-    first = Fit(
+    first = fit_of(
         source="static +",
         parameters={"alpha_0": estimate(1.0), "alpha_1": estimate(None), "v_s": opened, "alpha_2": estimate(1.0)},
     )
-    second = Fit(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1": estimate(1.0), "v_s": opened})
-    more = Fit(source="tracking", parameters={"sigma_0": estimate(2.0)})
-    other = Fit(source="presliding +", parameters={"sigma_0": estimate(2.0)})
+    second = fit_of(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1": estimate(1.0), "v_s": opened})
+    more = fit_of(source="tracking", parameters={"sigma_0": estimate(2.0)})
+    other = fit_of(source="presliding +", parameters={"sigma_0": estimate(2.0)})
     compared = compare(session(first, more), session(second, other))
-    said = {c.parameter: c.verdict for c in compared.changes}
+    said = {str(c.parameter): c.verdict for c in compared.changes}
     assert "second session has it in other directions" in said["alpha_0"]
     assert "first session has it in other directions" in said["alpha_0+"]
     assert "not identifiable in the first session" in said["alpha_1"]
@@ -319,8 +325,8 @@ def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
 
 def test_a_model_that_differs_between_sessions_is_doubted() -> None:
     """Where one session's fit has a Stribeck term and the other's has none, alpha_0 may differ without any change of the joint: said."""
-    full = Fit(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1+": estimate(1.0)})
-    flat = Fit(source="static +", parameters={"alpha_0+": estimate(2.0), "alpha_1+": estimate(None)})
+    full = fit_of(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1+": estimate(1.0)})
+    flat = fit_of(source="static +", parameters={"alpha_0+": estimate(2.0), "alpha_1+": estimate(None)})
     (doubt,) = compare(session(full), session(flat)).doubts
     assert "alpha_1+ is known of the first session alone" in doubt
 
@@ -346,7 +352,7 @@ def test_one_share_of_all_torques_hints_at_their_scale() -> None:
             "wrist: is revolute in one session and prismatic in the other",
         ),
         (
-            session(Fit(source="static +", parameters={"alpha_0": replace(estimate(1.0), unit="N")})),
+            session(fit_of(source="static +", parameters={"alpha_0": replace(estimate(1.0), unit="N")})),
             "wrist: alpha_0 is in N*m and in N",
         ),
     ],
@@ -416,10 +422,10 @@ def test_what_was_written_is_read_back(sessions: tuple[Path, Path]) -> None:
     joint = results_file.read_session(sessions[0])[HOSTILE]
     assert [fit.source for fit in joint.fits] == ["static +", "static -"]
     for fit, (d, written) in zip(joint.fits, document.items(), strict=True):
-        assert {n.rstrip("+-"): e.value for n, e in fit.parameters.items()} == {
+        assert {n.name: e.value for n, e in fit.parameters.items()} == {
             n: p["value"] for n, p in written["parameters"].items()
         }
-        assert all(n.endswith(d) for n in (*fit.parameters, *fit.names))
+        assert all(n.direction == d for n in (*fit.parameters, *fit.names))
         assert fit.covariance.tolist() == written["covariance"]
         assert fit.freedom == written["degrees_of_freedom"]
     assert joint.inputs

@@ -14,12 +14,11 @@ from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, Stribeck
 from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 
-STATIC: tuple[str, ...] = ("alpha_0", "alpha_1", "alpha_2", "v_s")
-"""The parameters that constant velocities show, in the order of their information."""
+STATIC: tuple[str, ...] = Stribeck._fields
 _SINGULAR = 1e-13
 """An eigenvalue of the information of parameters in units of their own errors, below this share of the largest, is none."""
 _MEMBER = 1e-5
@@ -62,16 +61,17 @@ def names_of(p: Lugre[float] | Pair[float], bare: Sequence[str] = Lugre._fields)
     return tuple(bare) if isinstance(p, Lugre) else tuple(name + sign for sign in "+-" for name in bare)
 
 
-def static_jacobian(velocity: Array, p: Lugre[float] | Pair[float]) -> Array:
-    """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,): (n, 4), ordered as `STATIC`, or (n, 8) for a pair, the positive set first."""
-    if isinstance(p, Lugre):
-        return np.column_stack(evaluate(functions.steady_jacobian(), velocity, *p[: len(STATIC)]))
+def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float]) -> Array:
+    """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,): (n, 4), ordered as `Stribeck`, or (n, 8) for a pair, the positive set first."""
+    if not isinstance(p, Pair):
+        law = p.stribeck if isinstance(p, Lugre) else p
+        return np.column_stack(evaluate(functions.steady_jacobian(), velocity, *law))
     rows = [static_jacobian(velocity, one) for one in p]
     ways = np.asarray(velocity)[:, None] > 0, np.asarray(velocity)[:, None] < 0
     return np.hstack([row * way for row, way in zip(rows, ways, strict=True)])
 
 
-def static_information(velocity: Array, p: Lugre[float] | Pair[float], noise: float | Array) -> Array:
+def static_information(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float], noise: float | Array) -> Array:
     """Information of torques in steady sliding at planned velocities.
 
     Args:
@@ -80,7 +80,7 @@ def static_information(velocity: Array, p: Lugre[float] | Pair[float], noise: fl
         noise: standard deviation of a torque, N*m, > 0, one or (n,).
 
     Returns:
-        F, (4, 4) in the order of `STATIC`, or (8, 8) for a pair, the positive set first.
+        F, (4, 4) in the order of `Stribeck`, or (8, 8) for a pair, the positive set first.
     """
     return gram(static_jacobian(velocity, p), noise)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from bristle.identification.presliding.stiffness import Level
 from bristle.identification.results import (
     Consistency,
     Crosscheck,
+    Estimate,
     Input,
     Joint,
     ModelComparison,
@@ -41,6 +43,7 @@ from bristle.identification.static import problem
 from bristle.identification.static.fit import Where, fit_static
 from bristle.identification.static.moving_data import fit_moving
 from bristle.identification.static.problem import Regression
+from bristle.model.parameters import Direction, ParameterName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +128,7 @@ def identify_joint(
         )
         if timings is not None:
             timings["moving runs"] = perf_counter() - started
-        J = (both or alone).parameters.get("inertia")
+        J = (both or alone).parameters.get(ParameterName.parse("inertia"))
         if presliding is not None and experiment.inertia is None and J is not None and J.value:
             known = Level(J.value, J.standard_error or 0.0, "the moving runs")
             presliding = with_damping(presliding, known, experiment.joint.kind)
@@ -341,14 +344,16 @@ def _level(found: Mapping[str, StaticFit] | TrackingFit, direction: str) -> Leve
     fit = found if isinstance(found, TrackingFit) else found.get(direction) or found.get("both")
     if fit is None:
         return None
-    both = [
-        next((key for key in (f"{name}{direction}", name) if key in fit.parameters), "")
+    estimates: Mapping[Any, Estimate] = fit.parameters
+    wanted = [
+        key
         for name in ("alpha_0", "alpha_1")
+        for key in (name, ParameterName(name, Direction(direction)), ParameterName(name, Direction.BOTH))
     ]
-    terms = [key for key in both if key and fit.parameters[key].value]
-    if not both[0] or both[0] not in terms:
+    terms = [key for key in wanted if key in estimates and estimates[key].value]
+    if not terms or terms[0] not in wanted[:3]:
         return None
-    value = sum(fit.parameters[key].value or 0.0 for key in terms)
+    value = sum(estimates[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
     source = "the moving runs" if moving else "the static fit"

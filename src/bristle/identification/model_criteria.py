@@ -113,12 +113,12 @@ def _keeps_stribeck(static: Mapping[str, StaticFit], alone: TrackingFit | None) 
     """Whether the fit of these data keeps a Stribeck term in any direction: the static one, or else that of moving runs."""
     found = [f.parameters.get("alpha_1") for f in static.values()]
     if not static and alone is not None:
-        found = [e for name, e in alone.parameters.items() if name.startswith("alpha_1")]
+        found = [e for name, e in alone.parameters.items() if name.name == "alpha_1"]
     return any(e is not None and e.value is not None for e in found)
 
 
 def _sees_bristle(alone: TrackingFit) -> bool:
-    return any(e.value is not None for name, e in alone.parameters.items() if name.startswith("sigma_0"))
+    return any(e.value is not None for name, e in alone.parameters.items() if name.name == "sigma_0")
 
 
 def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> str:

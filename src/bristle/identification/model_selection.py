@@ -234,10 +234,10 @@ def _refitted(
     def posed(chosen: Sequence[Record]) -> Tracking:
         """The problem of some records, with what the experiment fixes."""
         whole = tracking(chosen, directions, asked, experiment.fit.decimation, fixed)
-        return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
+        return replace(whole, fixed=_held(_carried(whole, _by_text(alone)), alone))
 
     problem = posed(records)
-    start = {name: value for name, value in _carried(problem, alone.known).items() if name not in problem.fixed}
+    start = {name: value for name, value in _carried(problem, _by_text(alone)).items() if name not in problem.fixed}
     values, minimum = fit(problem, with_deflections(problem, start), _STEPS)
     known = {name: value for name, value in values.items() if not is_start(name)}
     return Candidate(
@@ -271,12 +271,16 @@ def _carried(problem: Tracking, known: Mapping[str, float]) -> dict[str, float]:
     return found
 
 
+def _by_text(fit: TrackingFit) -> dict[str, float]:
+    return {str(name): value for name, value in fit.known.items()}
+
+
 def _held(carried: Mapping[str, float], alone: TrackingFit) -> dict[str, float]:
     """What was fixed in the fit, by its counterparts in other directions, with the values carried over."""
     fixed = {}
     for name, value in carried.items():
         bare = name.rstrip("+-")
-        there = {name, bare, f"{bare}+", f"{bare}-"} & alone.known.keys()
-        if there and not there & set(alone.names):
+        there = {name, bare, f"{bare}+", f"{bare}-"} & _by_text(alone).keys()
+        if there and not there & set(map(str, alone.names)):
             fixed[name] = value
     return fixed

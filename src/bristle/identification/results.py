@@ -12,7 +12,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import freeze
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
-from bristle.model.parameters import Kind, Lugre
+from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
 
 
 class Outcome(StrEnum):
@@ -139,15 +139,12 @@ class StaticFit:
         """Copy and freeze every array."""
         freeze(self)
 
-    def values(self) -> Lugre[float] | None:
-        """The fitted static set with zero presliding parameters (sigma_0 = 1, sigma_1 = 0), or None where nothing was fitted.
-
-        A Stribeck term that is not identifiable is zero.
-        """
+    def values(self) -> Stribeck[float] | None:
+        """The fitted law, or None where nothing was fitted. A Stribeck term that is not identifiable is zero, at any v_s."""
         p = {name: estimate.value for name, estimate in self.parameters.items()}
         if p.get("alpha_0") is None:
             return None
-        return Lugre(p["alpha_0"] or 0.0, p["alpha_1"] or 0.0, p["alpha_2"] or 0.0, p["v_s"] or 1.0, 1.0, 0.0)
+        return Stribeck(p["alpha_0"] or 0.0, p["alpha_1"] or 0.0, p["alpha_2"] or 0.0, p["v_s"] or 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,8 +156,8 @@ class Crosscheck:
     starts: int
     reached: int
     """How many starts ended within 1e-6 relative of the lowest cost that any of them found."""
-    parameters: Mapping[str, float]
-    difference_in_se: Mapping[str, float]
+    parameters: Mapping[ParameterName, float]
+    difference_in_se: Mapping[ParameterName, float]
     """(full - grid) in standard errors of the grid fit."""
     verdict: Diagnostic
     agrees: bool = True
@@ -224,9 +221,9 @@ class Presliding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackingFit:
-    """All parameters from moving data; per-direction ones carry their sign, as alpha_0+, shared ones stand bare."""
+    """All parameters from moving data."""
 
-    parameters: Mapping[str, Estimate]
+    parameters: Mapping[ParameterName, Estimate]
     rms: float
     """Root mean square residual of the equations, N*m (rad where the position is predicted)."""
     relative_error: float
@@ -240,12 +237,12 @@ class TrackingFit:
     """Of the Jacobian with columns of unit length."""
     doubts: tuple[Diagnostic, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
-    names: tuple[str, ...] = ()
+    names: tuple[ParameterName, ...] = ()
     """The free parameters, in the order of `covariance`."""
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    fixed: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[ParameterName, float] = field(default_factory=dict)
     """With what the others were fitted, of parameters that were given, or that the motion does not show."""
-    bias: Mapping[str, float] = field(default_factory=dict)
+    bias: Mapping[ParameterName, float] = field(default_factory=dict)
     """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
     check: Crosscheck | None = None
     """The same problem by CasADi and IPOPT."""
@@ -261,7 +258,7 @@ class TrackingFit:
     """First equation of each stretch."""
     windows: int = 0
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
-    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
     """Each parameter's interval three ways; empty where that was not asked for."""
 
     def __post_init__(self) -> None:
@@ -269,23 +266,22 @@ class TrackingFit:
         freeze(self)
 
     @property
-    def known(self) -> dict[str, float]:
-        """Every value by name: estimated, or as it was fixed."""
+    def known(self) -> dict[ParameterName, float]:
+        """Every value: estimated, or as it was fixed."""
         return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
 
     def values(self, direction: str) -> Lugre[float] | None:
         """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
-        tag, known = "" if direction == "both" else direction, self.known
-        found = [known.get(name + tag, known.get(name)) for name in Lugre._fields]
-        complete = [x for x in found if x is not None]
-        return Lugre(*complete) if len(complete) == len(found) else None
+        known = self.known
+        values = [x for name in Lugre._fields if (x := in_direction(known, name, direction)) is not None]
+        return Lugre(*values) if len(values) == len(Lugre._fields) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consistency:
     """One parameter from its own stage and from the moving data."""
 
-    parameter: str
+    parameter: ParameterName
     stage: str
     """`static`, `presliding` or `experiment file`."""
     stage_value: float

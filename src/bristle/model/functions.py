@@ -11,21 +11,19 @@ from typing import Any
 import casadi as ca
 
 from bristle.model import law, motor
-from bristle.model.parameters import Lugre, Motor, Pair
-
-_STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+from bristle.model.parameters import Lugre, Motor, Pair, Stribeck
 
 
 @cache
 def steady_torque() -> ca.Function:
-    """(v, alpha_0, alpha_1, alpha_2, v_s) -> T: the steady curve T_ss(v) of (9), N*m."""
+    """(v, *Stribeck) -> T: the steady curve T_ss(v) of (9), N*m."""
     v, p, T = _steady()
     return _function("steady_torque", {"v": v, **p}, {"T": T})
 
 
 @cache
 def steady_jacobian() -> ca.Function:
-    """(v, alpha_0, alpha_1, alpha_2, v_s) -> the derivative of T_ss(v) (9) with respect to each, named `T_alpha_0` and so on."""
+    """(v, *Stribeck) -> the derivative of T_ss(v) (9) with respect to each, named `T_alpha_0` and so on."""
     v, p, T = _steady()
     return _function("steady_jacobian", {"v": v, **p}, _derivatives("T", T, p))
 
@@ -58,7 +56,7 @@ def stribeck_shape_slope() -> ca.Function:
 def loading_displacement() -> ca.Function:
     """(T, g0, sigma_0) -> (y, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
     s = _symbols("T", "g0", "sigma_0")
-    y = law.loading_displacement(s["T"], Lugre(s["g0"], 0.0, 0.0, 1.0, s["sigma_0"], 0.0))
+    y = law.loading_displacement(**s)
     free = {name: s[name] for name in ("g0", "sigma_0")}
     return _function("loading_displacement", s, {"y": y, **_derivatives("y", y, free)})
 
@@ -67,7 +65,7 @@ def loading_displacement() -> ca.Function:
 def loading_slope() -> ca.Function:
     """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `loading_displacement` with the derivative by the torque as well."""
     s = _symbols("T", "g0", "sigma_0")
-    y = law.loading_displacement(s["T"], Lugre(s["g0"], 0.0, 0.0, 1.0, s["sigma_0"], 0.0))
+    y = law.loading_displacement(**s)
     return _function("loading_slope", s, {"y": y, **_derivatives("y", y, s)})
 
 
@@ -176,8 +174,8 @@ def _step() -> tuple[dict[str, Any], Lugre[Any], dict[str, Any]]:
 
 
 def _steady() -> tuple[Any, dict[str, Any], Any]:
-    v, p = ca.SX.sym("v"), _symbols(*_STATIC)
-    return v, p, law.steady_torque(v, Lugre(**p, sigma_0=1.0, sigma_1=0.0))
+    v, p = ca.SX.sym("v"), _symbols(*Stribeck._fields)
+    return v, p, law.steady_torque(v, Stribeck(**p))
 
 
 def _derivatives(name: str, expression: Any, by: Mapping[str, Any]) -> dict[str, Any]:

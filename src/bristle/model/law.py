@@ -1,7 +1,7 @@
 """The LuGre friction law: every equation of the package that is not the motor's stands here, once.
 
-Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s) and the parameters p (`Lugre`). Everything else - curves,
-simulators, residuals, Jacobians, adaptation - is derived from them; derivatives come from CasADi.
+Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s) and the parameters p (`Lugre`, or `Stribeck` where no bristle
+enters). Everything else - curves, simulators, residuals, Jacobians, adaptation - is derived from them; derivatives come from CasADi.
 """
 
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, Stribeck
 
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""
@@ -18,7 +18,7 @@ _TINY = 1e-100
 """Keeps (1 - exp(-x)) / x and its derivatives finite at x = 0, where both are exact to rounding."""
 
 
-def stribeck(v: Expression, p: Lugre[Any]) -> Expression:
+def stribeck(v: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
     """g(v) = alpha_0 + alpha_1 exp(-(v / v_s)**2), N*m (5): the friction level in slow sliding."""
     return p.alpha_0 + p.alpha_1 * ca.exp(v**2 * (-1 / p.v_s**2))
 
@@ -46,19 +46,18 @@ def steady_deflection(v: Expression, p: Lugre[Any]) -> Expression:
     return stribeck(v, p) * ca.sign(v) / p.sigma_0
 
 
-def steady_torque(v: Expression, p: Lugre[Any]) -> Expression:
+def steady_torque(v: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
     """T_ss(v) = g(v) sgn(v) + alpha_2 v, N*m (9)."""
     return stribeck(v, p) * ca.sign(v) + p.alpha_2 * v
 
 
-def loading_displacement(T: Expression, p: Lugre[Any]) -> Expression:
-    """y(T) = -(g0 / sigma_0) log(1 - T / g0), g0 = alpha_0 + alpha_1, rad: how far slow loading from z = 0 moves the joint, 0 <= T < g0.
+def loading_displacement(T: Expression, g0: Expression, sigma_0: Expression) -> Expression:
+    """y(T) = -(g0 / sigma_0) log(1 - T / g0), rad: how far slow loading from z = 0 moves the joint, 0 <= T < g0 = alpha_0 + alpha_1.
 
     The solution of (4) with T = sigma_0 z where v goes to zero from above: dz/dy = 1 - sigma_0 z / g(0). Its inverse is
     T = g0 (1 - exp(-sigma_0 y / g0)), which (14) takes for sigma_0 y.
     """
-    g0 = stribeck(0.0, p)
-    return -(g0 / p.sigma_0) * ca.log1p(-T / g0)
+    return -(g0 / sigma_0) * ca.log1p(-T / g0)
 
 
 def presliding_damping(sigma_0: Expression, J: Expression, damping_ratio: Expression) -> Expression:
@@ -68,7 +67,7 @@ def presliding_damping(sigma_0: Expression, J: Expression, damping_ratio: Expres
 
 def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
     """exp(-(v / v_s)**2) sgn(v): what multiplies alpha_1 in (9), the second column of (11)-(12)."""
-    return steady_torque(v, Lugre(0.0, 1.0, 0.0, v_s, 1.0, 0.0))
+    return steady_torque(v, Stribeck(0.0, 1.0, 0.0, v_s))
 
 
 def adapted(p: Lugre[Any], theta: Mapping[str, Expression]) -> Lugre[Any]:

@@ -1,13 +1,34 @@
-"""The parameters as typed tuples: LuGre's six, one set per direction, and the motor's four.
+"""The parameters as typed tuples: Stribeck's four, LuGre's six, one set per direction, the motor's four; and how one of them is named.
 
 Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols. Units are SI strings that pint reads.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from typing import Generic, Literal, NamedTuple, TypeVar
 
 T = TypeVar("T")
 Kind = Literal["revolute", "prismatic"]
+
+
+class Direction(StrEnum):
+    """Of which motion a parameter is."""
+
+    POSITIVE = "+"
+    NEGATIVE = "-"
+    BOTH = "both"
+    """Of one set for both directions."""
+    SHARED = "shared"
+    """Of no direction, as an inertia is."""
+
+
+class Stribeck(NamedTuple, Generic[T]):
+    """The static law (9): the parameters of `Lugre` that constant velocities show."""
+
+    alpha_0: T
+    alpha_1: T
+    alpha_2: T
+    v_s: T
 
 
 class Lugre(NamedTuple, Generic[T]):
@@ -26,6 +47,11 @@ class Lugre(NamedTuple, Generic[T]):
     sigma_1: T
     """Bristle damping, N*m*s/rad, >= 0."""
 
+    @property
+    def stribeck(self) -> Stribeck[T]:
+        """Its static law."""
+        return Stribeck(*self[:4])
+
 
 class Pair(NamedTuple, Generic[T]):
     """One LuGre set per direction of motion, as in Table 1 of the paper."""
@@ -37,6 +63,33 @@ class Pair(NamedTuple, Generic[T]):
 def pair_of(numbers: Sequence[T]) -> Pair[T]:
     """The pair whose twelve numbers these are, the positive set first: the inverse of `(*pair.positive, *pair.negative)`."""
     return Pair(Lugre(*numbers[:6]), Lugre(*numbers[6:12]))
+
+
+class ParameterName(NamedTuple):
+    """Which parameter: alpha_0 of the positive direction prints as alpha_0+; alpha_0 of both, or an inertia, as it is."""
+
+    name: str
+    direction: Direction
+
+    @classmethod
+    def parse(cls, text: str) -> "ParameterName":
+        """The parameter that prints so; a LuGre parameter without a sign is of both directions, all others are shared."""
+        if text.endswith(("+", "-")):
+            return cls(text[:-1], Direction(text[-1]))
+        return cls(text, Direction.BOTH if text in Lugre._fields else Direction.SHARED)
+
+    def within(self, direction: str) -> str:
+        """How it prints where the direction is said already."""
+        return self.name if self.direction == direction else str(self)
+
+    def __str__(self) -> str:
+        return self.name + (self.direction if self.direction in ("+", "-") else "")
+
+
+def in_direction(values: Mapping[ParameterName, T], name: str, direction: str) -> T | None:
+    """What is known of a parameter in a direction: its own value, or else that of both directions, or the shared one; None where nothing is."""
+    keys = (ParameterName(name, d) for d in (Direction(direction), Direction.BOTH, Direction.SHARED))
+    return next((values[key] for key in keys if key in values), None)
 
 
 class Motor(NamedTuple, Generic[T]):

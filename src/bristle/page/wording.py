@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 from itertools import count
 
-from bristle.model.parameters import Kind, Lugre, unit
+from bristle.model.parameters import Kind, ParameterName, unit
 
 MISSING = "–"
 """What stands where there is no number."""
@@ -27,10 +27,10 @@ _WORDS = {"displacement": "position", "displacement from rest": "position"}
 _FORCE = {"torque": "force", "position": "position", "velocity": "velocity"}
 
 
-def symbol(name: str) -> str:
+def symbol(name: str | ParameterName) -> str:
     """A parameter as the paper writes it: alpha_0 -> α₀, alpha_0+ -> α₀ (+); other names unchanged."""
-    bare, sign = (name[:-1], f" {_DIRECTIONS[name[-1]]}") if name[-1:] in {"+", "-"} else (name, "")
-    return _SYMBOLS.get(bare, bare) + sign
+    bare, d = ParameterName.parse(name) if isinstance(name, str) else name
+    return _SYMBOLS.get(bare, bare) + (f" {_DIRECTIONS[d]}" if d in ("+", "-") else "")
 
 
 def direction(name: str) -> str:
@@ -113,13 +113,6 @@ def free(name: str, taken: Callable[[str], bool]) -> str:
 
 FITS = {"tracking": "moving runs", "joint": "joint fit"}
 """The two fits of moving runs, as headings and tables name them."""
-
-
-def split(name: str) -> tuple[str, str]:
-    """Direction and bare name of a parameter: alpha_0+ -> +, alpha_0; bare LuGre parameters are of `both`, all others `shared`."""
-    if name[-1:] in {"+", "-"}:
-        return name[-1], name[:-1]
-    return ("both" if name in Lugre._fields else "shared"), name
 
 
 METHODS = {

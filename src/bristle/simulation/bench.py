@@ -16,7 +16,7 @@ from bristle.control.pid import Gains
 from bristle.control.plant import STILL, Clock, Log, Loop, simulate
 from bristle.control.sensors import Sensors, white_noise
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.model.parameters import Lugre, Motor, Pair, Stribeck
 from bristle.model.vectorize import evaluate
 
 Seed = int | Sequence[int]
@@ -198,7 +198,7 @@ def ramp_experiment(joint: Rig, ramps: Ramps, seed: Seed) -> pd.DataFrame:
 
 
 def steady_points(
-    p: Lugre[float], velocities: Array, noise: float, rng: np.random.Generator, repetitions: int
+    p: Lugre[float] | Stribeck[float], velocities: Array, noise: float, rng: np.random.Generator, repetitions: int
 ) -> Array:
     """Steady torques (9) at planned velocities (rad/s), plus white noise (N*m): shape (repetitions, velocities), N*m, without simulating a loop."""
     (torque,) = evaluate(functions.steady_torque(), velocities, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)

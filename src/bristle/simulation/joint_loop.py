@@ -10,7 +10,7 @@ from bristle.control.adaptation import Adaptation
 from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
 from bristle.control.wiring import Case, Course
-from bristle.identification.known_model import draws_of, identified
+from bristle.identification.known_joint import draws_of, whole
 from bristle.identification.results import Joint
 from bristle.model.parameters import Kind, Motor, Pair
 from bristle.simulation import edro
@@ -89,10 +89,11 @@ def of_paper(joints: Sequence[Joint]) -> tuple[Subject, ...]:
     found = []
     for joint in joints:
         pair = edro.TABLE_1[joint.name]
+        J = edro.inertia(pair)
         found.append(
             Subject(
-                name=joint.name, kind="revolute", plant=pair, model=identified(joint), J=edro.inertia(pair),
-                draws=draws_of(joint, edro.inertia(pair)),
+                name=joint.name, kind="revolute", plant=pair, model=whole(joint).pair(1.0, J), J=J,
+                draws=draws_of(joint, 1.0, J),
                 gains=edro.PID_GAINS, amplitude=1.0, frequency=0.5, slow=0.2, period=1e-3, adaptation=Adaptation(),
                 start=edro.TABLE_2_START, simulated=True, assumptions=PAPER_ASSUMPTIONS,
             )

@@ -11,19 +11,11 @@ from bristle.control.compensator import Compensator
 from bristle.control.pid import Gains
 from bristle.data.experiment.load import AdaptOptions, Experiment
 from bristle.errors import InputError
-from bristle.identification.known_model import (
-    DAMPING_RATIO,
-    DEFLECTION,
-    draws_of,
-    filled,
-    identified,
-    inertia_of,
-    truth_of,
-    unseen_of,
-)
+from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of, truth_of, whole
+from bristle.identification.presliding.fit import DAMPING_RATIO
 from bristle.identification.results import Joint
 from bristle.model import functions
-from bristle.model.parameters import Kind, Lugre, Pair, unit
+from bristle.model.parameters import Direction, Kind, Lugre, unit
 from bristle.model.vectorize import evaluate
 from bristle.simulation.joint_loop import Subject
 
@@ -50,11 +42,14 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
 
     Raises InputError where no inertia is known, the runs do not give a whole model, or the adaptation cannot be as it is asked.
     """
-    asked, found = experiment.adapt, identified(joint)
-    J = inertia_of(experiment, joint)
+    asked, known, J = experiment.adapt, whole(joint), inertia_of(experiment, joint)
+    if J is None:
+        raise InputError(
+            f"{joint.name}: no inertia is known, without which no loop can be simulated; give it as inertia, or a tracking run that shows it"
+        )
+    fastest = _fastest(joint)
     assumed: list[str] = []
     frequency = asked.frequency or _FREQUENCY
-    fastest = _fastest(joint, found)
     amplitude = asked.amplitude or float(f"{0.5 * fastest / (2 * np.pi * frequency):.2g}")
     speed = 2 * np.pi * frequency * amplitude
     beyond = speed / fastest
@@ -71,9 +66,9 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
         assumed.append(
             f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; give adapt.amplitude and adapt.frequency."
         )
-    unseen = unseen_of(joint)
-    model = filled(found, unseen, amplitude, J)
-    assumed += [_filled(model[d == "-"], name, d, joint.kind) for d, names in unseen.items() for name in names]
+    model = known.pair(amplitude, J)
+    for d, p in zip((Direction.POSITIVE, Direction.NEGATIVE), model, strict=True):
+        assumed += [_filled(p, name, d, joint.kind) for name in ("sigma_0", "sigma_1") if name in known.missing(d)]
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
@@ -89,7 +84,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> Subject:
     )
     subject = Subject(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
-        draws=tuple((filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in draws_of(joint, J)),
+        draws=draws_of(joint, amplitude, J),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
         start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), tracing=tracing,
     )  # fmt: skip  # a list of values
@@ -174,9 +169,8 @@ def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gai
     return gains
 
 
-def _fastest(joint: Joint, model: Pair[float]) -> float:
+def _fastest(joint: Joint) -> float:
     """The fastest measured speed, rad/s."""
     moving = joint.moving
     known = [fit.velocity for fit in joint.static.values()] + ([moving.velocity] if moving is not None else [])
-    speeds = [float(np.abs(v).max()) for v in known if v.size]
-    return max(speeds, default=10 * max(p.v_s for p in model))
+    return max(float(np.abs(v).max()) for v in known if v.size)

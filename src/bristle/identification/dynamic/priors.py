@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,10 +23,11 @@ from bristle.identification.dynamic.uncertainty import explored, with_three_ways
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model import functions
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
+T = TypeVar("T")
 _APART = 2.6
 """Combined standard errors by which two stages differ in one of a hundred cases."""
 _SURER = 1.5
@@ -85,7 +87,7 @@ def track(
     def finished(found: Tracked, profiles: Mapping[str, Profiled]) -> TrackingFit:
         """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
         fit = without_count_bias(found, records, pose, options.position_cutoff, count) if count else found.fit
-        return with_three_ways(found, fit, profiles) if uncertainty else fit
+        return _named(with_three_ways(found, fit, profiles) if uncertainty else fit)
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
@@ -112,6 +114,26 @@ def track(
     joint = finished(*fitted(told, 1, ended))
     agree = _consistency(priors, alone, joint)
     return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree, slow
+
+
+def _named(fit: TrackingFit) -> TrackingFit:
+    """The fit with its parameters by identity, where the problem has them by text."""
+
+    def keyed(values: Mapping[Any, T]) -> dict[ParameterName, T]:
+        return {ParameterName.parse(str(name)): value for name, value in values.items()}
+
+    check = fit.check and replace(
+        fit.check, parameters=keyed(fit.check.parameters), difference_in_se=keyed(fit.check.difference_in_se)
+    )
+    return replace(
+        fit,
+        parameters=keyed(fit.parameters),
+        names=tuple(ParameterName.parse(str(name)) for name in fit.names),
+        fixed=keyed(fit.fixed),
+        bias=keyed(fit.bias),
+        uncertainty=keyed(fit.uncertainty),
+        check=check,
+    )
 
 
 def _simulated(
@@ -236,7 +258,8 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
         for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
-            own, both = alone.parameters[name], joint.parameters[name]
+            parameter = ParameterName.parse(name)
+            own, both = alone.parameters[parameter], joint.parameters[parameter]
             if own.value is None or own.standard_error is None:
                 verdict, difference = Kind.STAGE_UNSEEN(), None
             else:
@@ -246,7 +269,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                 )
             found.append(
                 Consistency(
-                    parameter=name,
+                    parameter=parameter,
                     stage=prior.stage,
                     stage_value=value,
                     stage_error=error,

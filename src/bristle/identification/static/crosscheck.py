@@ -14,7 +14,7 @@ from bristle.identification.results import Crosscheck
 from bristle.identification.static.compression import reduced
 from bristle.identification.static.problem import Regression
 from bristle.model import law
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Stribeck
 
 STARTS = 8
 """Random starts of the full fit."""
@@ -127,7 +127,7 @@ def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]
     for direction in few.directions:
         tag = "" if len(few.directions) == 1 else direction
         alpha_1, v_s = value.get("alpha_1" + tag, 0.0), value.get("v_s" + tag, 1.0)
-        p = Lugre(value["alpha_0" + tag], alpha_1, value["alpha_2" + tag], v_s, 1.0, 0.0)
+        p = Stribeck(value["alpha_0" + tag], alpha_1, value["alpha_2" + tag], v_s)
         moving = {"+": few.velocity > 0, "-": few.velocity < 0}.get(tag, few.velocity != 0)
         if few.smooth is None:
             weight = np.ones(few.torque.size) if few.root_weight is None else few.root_weight

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.stribeck_test import Inferred, infer
 from bristle.identification.static.uncertainty import three_ways
+from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
 
 _FRICTION = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
@@ -70,7 +71,7 @@ def fit_static(
     )
     label = _parts(problem)[-1]
     started = perf_counter()
-    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, _errors(core), v_s_range)
+    checked = _named(crosscheck(core.problem, core.solution.theta, core.solution.cost, _errors(core), v_s_range), label)
     if timings is not None:
         checked_at = perf_counter()
         solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
@@ -78,6 +79,19 @@ def fit_static(
     if not checked.agrees:
         beside = replace(beside, doubts=(*beside.doubts, checked.verdict))
     return {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}, {label: checked}
+
+
+def _named(check: Crosscheck, label: str) -> Crosscheck:
+    """The cross-check with its parameters by identity, where the problem has them by text."""
+
+    def keyed(values: Mapping[Any, float]) -> dict[ParameterName, float]:
+        names = {text: ParameterName.parse(str(text)) for text in values}
+        return {
+            name if name.direction in ("+", "-") else name._replace(direction=Direction(label)): values[text]
+            for text, name in names.items()
+        }
+
+    return replace(check, parameters=keyed(check.parameters), difference_in_se=keyed(check.difference_in_se))
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:

@@ -8,7 +8,7 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from bristle.identification.known_model import SEED
+from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import Section, element, html, tables_of, versions, write_page

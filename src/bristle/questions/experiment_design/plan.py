@@ -12,7 +12,6 @@ from bristle.data.slow_loading import Loading
 from bristle.errors import InputError
 from bristle.identification.fisher import STATIC, covariance, static_information
 from bristle.identification.identify import Measured
-from bristle.identification.known_joint import Start, embedded, inverse, start_of
 from bristle.identification.limits import SAMPLES, Limits, followed, limits_of, shortened
 from bristle.identification.results import Joint
 from bristle.model import functions
@@ -23,6 +22,7 @@ from bristle.questions.experiment_design import references as reference
 from bristle.questions.experiment_design import velocities as static
 from bristle.questions.experiment_design.excitation import Drive, Loads, Motion
 from bristle.questions.experiment_design.references import Reference
+from bristle.questions.experiment_design.start import Start, embedded, inverse, start_of
 from bristle.questions.experiment_design.velocities import Design, Task
 
 Progress = Callable[[str, int, int], None]

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
 from bristle.identification.identify import Measured
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Crosscheck, Joint
 from bristle.page.wording import FITS
-from bristle.questions.joint_report.dynamic import fits
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
@@ -21,7 +21,7 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
     for joint in joints:
         for direction, fit in joint.static.items():
             yield f"{joint.name} {direction}: {fit.outcome} {doubts(len(fit.doubts))}."
-        for kind, moving in fits(joint).items():
+        for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             yield (
                 f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {doubts(len(moving.doubts))}."

@@ -6,15 +6,13 @@ from scipy.special import stdtrit
 from bristle.arrays import Array
 from bristle.identification.results import StaticFit
 from bristle.model.functions import steady_jacobian, steady_torque
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Stribeck
 from bristle.model.vectorize import evaluate
 
-_STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
-
-def curve(v: Array, p: Lugre[float]) -> Array:
+def curve(v: Array, p: Stribeck[float]) -> Array:
     """T_ss(v) of (9), N*m, shape of v."""
-    return evaluate(steady_torque(), v, *p[:4])[0]
+    return evaluate(steady_torque(), v, *p)[0]
 
 
 def band(v: Array, fit: StaticFit) -> Array | None:
@@ -23,11 +21,11 @@ def band(v: Array, fit: StaticFit) -> Array | None:
     sqrt(j C j') times Student's t, with j the exact derivative of (9) with respect to the free parameters, by CasADi.
     """
     p = fit.values()
-    keep = [k for k, name in enumerate(fit.names) if name in _STATIC]
+    keep = [k for k, name in enumerate(fit.names) if name in Stribeck._fields]
     covariance = fit.covariance[np.ix_(keep, keep)]
     if p is None or not keep or fit.dof < 1 or not np.isfinite(covariance).all():
         return None
-    columns = dict(zip(_STATIC, evaluate(steady_jacobian(), v, *p[:4]), strict=True))
+    columns = dict(zip(Stribeck._fields, evaluate(steady_jacobian(), v, *p), strict=True))
     j = np.array([columns[fit.names[k]] for k in keep])
     variance = np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0)
     return np.asarray(float(stdtrit(fit.dof, 0.975)) * np.sqrt(variance))

@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Consistency, Joint, TrackingFit
+from bristle.model.parameters import ParameterName
 from bristle.page.wording import FITS, number, symbol
 
 _DIFFER = {Kind.STAGE_DIFFERS, Kind.DISTRUST_MOVING, Kind.DISTRUST_STAGE}
@@ -11,13 +13,7 @@ BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
 
 
-def fits(joint: Joint) -> dict[str, TrackingFit]:
-    """The fits that there are by the names in `FITS`: from the moving runs alone, and with what the other stages say."""
-    found = {"tracking": joint.tracking, "joint": joint.joint_fit}
-    return {name: fit for name, fit in found.items() if fit is not None}
-
-
-def biased(fit: TrackingFit) -> list[tuple[str, float, float]]:
+def biased(fit: TrackingFit) -> list[tuple[ParameterName, float, float]]:
     """Parameter, what encoder counts added to it, and that in standard errors, where it is more than `BIASED` of one."""
     found = []
     for name, bias in fit.bias.items():
@@ -27,7 +23,7 @@ def biased(fit: TrackingFit) -> list[tuple[str, float, float]]:
     return found
 
 
-def bias_text(fit: TrackingFit, name: str, bias: float, share: float) -> str:
+def bias_text(fit: TrackingFit, name: ParameterName, bias: float, share: float) -> str:
     """What counts added to one parameter: -0.12 N*m/rad (-0.4 standard errors)."""
     return f"{bias:+.3g} {fit.parameters[name].unit} ({share:+.1f} standard errors)"
 
@@ -58,7 +54,7 @@ def agreement(joint: Joint) -> str:
 
 def doubts(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
     """Every doubt about the moving runs with what it is about: of the fits, of single parameters, and of stages that differ."""
-    for kind, fit in fits(joint).items():
+    for kind, fit in moving_fits(joint).items():
         yield from fit_doubts(FITS[kind], fit)
     for x in differing(joint):
         yield f"{x.parameter} of {x.stage} stage and moving runs", x.verdict

@@ -2,12 +2,13 @@
 
 from typing import Any
 
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Estimate, Joint, TrackingFit
-from bristle.model.parameters import unit
+from bristle.model.parameters import ParameterName, unit
 from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
 from bristle.questions.joint_report import dynamic_tables
-from bristle.questions.joint_report.dynamic import bias_text, biased, fit_doubts, fits, reached
+from bristle.questions.joint_report.dynamic import bias_text, biased, fit_doubts, reached
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
 
 
@@ -25,7 +26,7 @@ def summary(joint: Joint) -> list[dict[str, Any]]:
                 for name, e in (fit.parameters if fit is joint.moving else {}).items()
             ],
         }
-        for kind, fit in fits(joint).items()
+        for kind, fit in moving_fits(joint).items()
     ]
 
 
@@ -34,7 +35,7 @@ def section(joint: Joint) -> dict[str, Any] | None:
     if joint.tracking is None:
         return None
     return {
-        "fits": [_fit(joint, kind, fit) for kind, fit in fits(joint).items()],
+        "fits": [_fit(joint, kind, fit) for kind, fit in moving_fits(joint).items()],
         "table": _side_by_side(joint),
         "hold_out": shown(dynamic_tables.tracking_hold_out([joint])),
         "consistency": _compared(joint),
@@ -62,30 +63,35 @@ def _fit(joint: Joint, kind: str, fit: TrackingFit) -> dict[str, Any]:
 
 def _side_by_side(joint: Joint) -> Table:
     """One row per parameter; of each fit the value with its standard error, and the interval."""
-    found = fits(joint)
+    found = moving_fits(joint)
     names = dict.fromkeys(name for fit in found.values() for name in fit.parameters)
     heads = [head for kind in found for head in (FITS[kind], f"{FITS[kind]}, 95 %")]
     rows = [_row(name, [fit.parameters.get(name) for fit in found.values()]) for name in names]
     return Table(columns=("parameter", "unit", *heads), rows=tuple(rows))
 
 
-def _row(name: str, estimates: list[Estimate | None]) -> tuple[str, ...]:
+def _row(name: ParameterName, estimates: list[Estimate | None]) -> tuple[str, ...]:
     known = [e for e in estimates if e is not None]
     cells = [
         cell
         for e in estimates
         for cell in ((measured(e.value, e.standard_error), span(e.interval)) if e is not None else (MISSING, MISSING))
     ]
-    return (name, known[0].unit, *cells)
+    return (str(name), known[0].unit, *cells)
 
 
 def _compared(joint: Joint) -> Table:
     """Each parameter from its own stage, the moving runs alone and all at once, value and error in one cell; the difference in standard errors."""
     rows = [
         (
-            x.parameter,
+            str(x.parameter),
             next(
-                (fit.parameters[x.parameter].unit for fit in fits(joint).values() if x.parameter in fit.parameters), ""
+                (
+                    fit.parameters[x.parameter].unit
+                    for fit in moving_fits(joint).values()
+                    if x.parameter in fit.parameters
+                ),
+                "",
             ),
             x.stage,
             measured(x.stage_value, x.stage_error),
@@ -102,9 +108,8 @@ def _compared(joint: Joint) -> Table:
 
 def _drawn(joint: Joint) -> dict[str, Any] | None:
     """Which part of which fit the figures show; None where nothing was fitted."""
-    kind = next(reversed(fits(joint)), "")
-    fit = fits(joint).get(kind)
-    if fit is None or not fit.time.size:
+    kind, fit = next(reversed(moving_fits(joint).items()), (None, None))
+    if kind is None or fit is None or not fit.time.size:
         return None
     chosen = window(fit)
     return {

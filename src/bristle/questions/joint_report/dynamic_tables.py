@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
-from bristle.page.wording import split
-from bristle.questions.joint_report.dynamic import fits
+from bristle.model.parameters import ParameterName
 from bristle.questions.joint_report.frame import identified, with_truth
 
 
@@ -21,9 +21,9 @@ def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per fit and parameter, with the truth where the data are simulated, and what encoder counts had added."""
     columns = ["joint", "fit", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper"]
     rows = [
-        (joint.name, kind, *split(name), e.value, e.unit, e.standard_error, *(e.interval or (None, None)), fit.bias.get(name))
+        (joint.name, kind, name.direction, name.name, e.value, e.unit, e.standard_error, *(e.interval or (None, None)), fit.bias.get(name))
         for joint in joints
-        for kind, fit in fits(joint).items()
+        for kind, fit in moving_fits(joint).items()
         for name, e in fit.parameters.items()
     ]  # fmt: skip  # one row, one line
     numbers = ["value", "standard_error", "lower", "upper", "count_bias"]
@@ -36,7 +36,7 @@ def tracking_hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
     rows = [
         (joint.name, kind, held.file, held.relative_error, fit.relative_error)
         for joint in joints
-        for kind, fit in fits(joint).items()
+        for kind, fit in moving_fits(joint).items()
         for held in fit.hold_out
     ]
     return pd.DataFrame(rows, columns=["joint", "fit", "file", "relative_error", "relative_error_of_fit"])
@@ -47,7 +47,8 @@ def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
     numbers = ["stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error"]
     rows = [
         (
-            joint.name, *split(x.parameter), x.stage, *(getattr(x, name) for name in numbers), _unit(joint, x.parameter), x.difference, x.verdict,
+            joint.name, x.parameter.direction, x.parameter.name, x.stage, *(getattr(x, name) for name in numbers),
+            _unit(joint, x.parameter), x.difference, x.verdict,
         )
         for joint in joints
         for x in joint.consistency
@@ -56,5 +57,5 @@ def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "difference_in_se"], float))
 
 
-def _unit(joint: Joint, name: str) -> str:
-    return next((fit.parameters[name].unit for fit in fits(joint).values() if name in fit.parameters), "")
+def _unit(joint: Joint, name: ParameterName) -> str:
+    return next((fit.parameters[name].unit for fit in moving_fits(joint).values() if name in fit.parameters), "")

@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Estimate, Joint, Uncertainty
+from bristle.model.parameters import Direction, ParameterName
 from bristle.page.columns import shown
-from bristle.page.wording import FITS, span, split
-from bristle.questions.joint_report.dynamic import fits
+from bristle.page.wording import FITS, span
 
 WAYS = ("covariance", "profile", "bootstrap")
 
@@ -30,8 +31,8 @@ def rows(joint: Joint) -> Iterator[Row]:
         yield from (Row("static", d, name, static.parameters[name], u) for name, u in static.uncertainty.items())
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
         yield from (Row("presliding", d, name, slow.sigma_0, u) for name, u in slow.uncertainty.items())
-    for kind, moving in fits(joint).items():
-        yield from (Row(kind, *split(name), moving.parameters[name], u) for name, u in moving.uncertainty.items())
+    for kind, moving in moving_fits(joint).items():
+        yield from (Row(kind, n.direction, n.name, moving.parameters[n], u) for n, u in moving.uncertainty.items())
 
 
 def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -54,9 +55,12 @@ def section(joint: Joint) -> dict[str, Any]:
     columns = ["parameter", "value", *WAYS, "unit", "doubts"]
     found: dict[str, list[tuple[Any, ...]]] = {}
     for x in rows(joint):
-        name = x.parameter + (x.direction if x.direction in {"+", "-"} else "")
+        name = str(ParameterName(x.parameter, Direction(x.direction)))
         ends = (span(getattr(x.three, way)) for way in WAYS)
         cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(map(str, x.three.doubts)))
         found.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
     tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
-    return {"tables": tables, "missing": [FITS[kind] for kind, fit in fits(joint).items() if not fit.uncertainty]}
+    return {
+        "tables": tables,
+        "missing": [FITS[kind] for kind, fit in moving_fits(joint).items() if not fit.uncertainty],
+    }

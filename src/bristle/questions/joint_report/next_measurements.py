@@ -6,11 +6,11 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint, Outcome, StaticFit
 from bristle.model.parameters import unit
 from bristle.page.wording import direction as named
 from bristle.page.wording import number, pretty, symbol
-from bristle.questions.joint_report.dynamic import fits
 
 WIDE = 0.15
 """A standard error above this share of its value is called wide."""
@@ -41,7 +41,7 @@ def next_measurements(joint: Joint) -> tuple[str, ...]:
         missing = "-" if "+" in joint.static else "+"
         advice.append(f"Measure direction {named(missing)} at the same speeds: nothing is known of it.")
     advice += _of_moving(joint)
-    held = [*(fit.hold_out for fit in joint.static.values()), *(fit.hold_out for fit in fits(joint).values())]
+    held = [*(fit.hold_out for fit in joint.static.values()), *(fit.hold_out for fit in moving_fits(joint).values())]
     if joint.static and not any(held):
         advice.append("Hold back one run (hold_out: true): the error on data that were not fitted is the one to trust.")
     return tuple(advice)
@@ -53,7 +53,7 @@ def _of_moving(joint: Joint) -> Iterator[str]:
     if fit is None:
         return
     wide = {
-        name.rstrip("+-")
+        name.name
         for name, e in fit.parameters.items()
         if e.value is None or (e.standard_error or 0.0) > WIDE * abs(e.value)
     }

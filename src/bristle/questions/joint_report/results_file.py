@@ -121,9 +121,9 @@ def _fit(fit: StaticFit) -> FitJson:
     )
 
 
-def _three_ways(found: Mapping[str, Uncertainty]) -> dict[str, UncertaintyJson]:
+def _three_ways(found: Mapping[Any, Uncertainty]) -> dict[str, UncertaintyJson]:
     return {
-        name: UncertaintyJson(
+        str(name): UncertaintyJson(
             **{way: _interval(getattr(x, way)) for way in ("covariance", "profile", "bootstrap")},
             doubts=list(map(str, x.doubts)),
         )
@@ -139,8 +139,8 @@ def _matrix(covariance: Array) -> list[list[float | None]]:
     return [[_finite(x) for x in row] for row in covariance.tolist()]
 
 
-def _crosscheck(check: Crosscheck) -> CrosscheckJson:
-    difference = {name: _finite(check.difference_in_se.get(name)) for name in check.parameters}
+def _crosscheck(check: Crosscheck, direction: str = "") -> CrosscheckJson:
+    difference = {name.within(direction): _finite(check.difference_in_se.get(name)) for name in check.parameters}
     missing = [name for name, x in difference.items() if x is None]
     why = f"No difference in standard errors for {', '.join(missing)}: the fit that it checks gives no standard error."
     return CrosscheckJson(
@@ -148,7 +148,7 @@ def _crosscheck(check: Crosscheck) -> CrosscheckJson:
         cost_full=_finite(check.cost_full),
         starts=check.starts,
         reached=check.reached,
-        parameters=_all_finite(check.parameters),
+        parameters={name.within(direction): _finite(x) for name, x in check.parameters.items()},
         difference_in_se=difference,
         verdict=str(check.verdict),
         doubts=[why] if missing else [],
@@ -179,7 +179,7 @@ def _presliding(fit: PreslidingFit, breakaway: Estimate | None) -> PreslidingJso
 def _tracking(fit: TrackingFit) -> TrackingJson:
     rms, relative = _finite(fit.rms), _finite(fit.relative_error)
     return TrackingJson(
-        parameters={name: _parameter(e) for name, e in fit.parameters.items()},
+        parameters={str(name): _parameter(e) for name, e in fit.parameters.items()},
         predicts=fit.quantity,
         rms=rms,
         relative_error=relative,
@@ -190,9 +190,9 @@ def _tracking(fit: TrackingFit) -> TrackingJson:
         starts=fit.starts,
         reached=fit.reached,
         condition=None if math.isnan(fit.condition) else _bound(fit.condition),
-        free=list(fit.names),
+        free=list(map(str, fit.names)),
         covariance=_matrix(fit.covariance),
-        count_bias=_all_finite(fit.bias),
+        count_bias={str(name): _finite(x) for name, x in fit.bias.items()},
         crosscheck=None if fit.check is None else _crosscheck(fit.check),
         uncertainty=_three_ways(fit.uncertainty),
     )
@@ -205,7 +205,11 @@ def _consistency(x: Consistency) -> ConsistencyJson:
         for what in ("value", "error")
     }
     return ConsistencyJson(
-        parameter=x.parameter, stage=x.stage, difference_in_se=_finite(x.difference), verdict=str(x.verdict), **numbers
+        parameter=str(x.parameter),
+        stage=x.stage,
+        difference_in_se=_finite(x.difference),
+        verdict=str(x.verdict),
+        **numbers,
     )
 
 
@@ -276,7 +280,7 @@ def _joint(joint: Joint) -> JointJson:
         doubts=list(map(str, (*joint.doubts, *whole_doubts(joint)))),
         truth={d: _all_finite(p._asdict()) for d, p in joint.truth.items()},
         static={d: _fit(fit) for d, fit in joint.static.items()},
-        crosscheck={d: _crosscheck(check) for d, check in joint.crosscheck.items()},
+        crosscheck={d: _crosscheck(check, d) for d, check in joint.crosscheck.items()},
         presliding={d: _presliding(fit, slow.breakaway.get(d)) for d, fit in slow.fits.items()} if slow else {},
         hysteresis=[_hysteresis(loop) for loop in slow.loops] if slow else [],
         tracking=None if joint.tracking is None else _tracking(joint.tracking),

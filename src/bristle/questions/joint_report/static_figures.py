@@ -39,7 +39,7 @@ def stribeck_figure() -> Figure:
         v = sign * np.geomspace(1e-4, 0.5, 200)
         for v_s, line, shade in zip(FIG_1_V_S, LINES, ("#0072B2", "#D55E00", "#000000"), strict=True):
             label = f"vₛ = {v_s} rad/s (assumed)" if sign > 0 else None
-            ax.plot(v, curve(v, FIG_1._replace(v_s=v_s)), line, color=shade, label=label)
+            ax.plot(v, curve(v, FIG_1.stribeck._replace(v_s=v_s)), line, color=shade, label=label)
     ax.legend(loc="lower right")
     _label(ax, axis("velocity", "revolute"), axis("torque", "revolute", "friction"))
     return figure

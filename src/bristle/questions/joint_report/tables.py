@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from bristle.identification.results import Estimate, Joint, StaticFit
-from bristle.model.parameters import unit
+from bristle.model.parameters import ParameterName, unit
 from bristle.page.wording import WORK
 from bristle.questions.joint_report.dynamic_tables import consistency, table_1, tracking, tracking_hold_out
 from bristle.questions.joint_report.frame import estimates, with_truth
@@ -79,7 +79,7 @@ def _without(fit: StaticFit, name: str) -> tuple[float | None, float | None]:
 def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per parameter: the full nonlinear fit's value, the grid's, and their difference in standard errors."""
     rows = [
-        (joint.name, d, name, _refined(joint, d, name), full, check.difference_in_se.get(name))
+        (joint.name, d, name.within(d), _refined(joint, name), full, check.difference_in_se.get(name))
         for joint in joints
         for d, check in joint.crosscheck.items()
         for name, full in check.parameters.items()
@@ -90,10 +90,10 @@ def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
     )
 
 
-def _refined(joint: Joint, direction: str, name: str) -> float | None:
-    """The grid's value; a joint solve of two directions names its parameters alpha_0+, alpha_0-, and what they share without a sign."""
-    fit = joint.static.get(name[-1] if name[-1] in {"+", "-"} else direction)
-    estimate = None if fit is None else fit.parameters.get(name.rstrip("+-"))
+def _refined(joint: Joint, name: ParameterName) -> float | None:
+    """The grid's value."""
+    fit = joint.static.get(name.direction)
+    estimate = None if fit is None else fit.parameters.get(name.name)
     return None if estimate is None else estimate.value
 
 

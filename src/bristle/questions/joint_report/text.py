@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loop
 from bristle.diagnostics import Diagnostic
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import (
     Crosscheck,
     Estimate,
@@ -17,9 +19,9 @@ from bristle.identification.results import (
     StaticFit,
     TrackingFit,
 )
-from bristle.model.parameters import unit
+from bristle.model.parameters import ParameterName, unit
 from bristle.page.wording import FITS, WORK, percent, printable
-from bristle.questions.joint_report.dynamic import bias_text, biased, fits, reached
+from bristle.questions.joint_report.dynamic import bias_text, biased, reached
 from bristle.questions.joint_report.presliding import bias, choice, methods
 
 _CORRELATED = 0.5
@@ -46,7 +48,7 @@ def _joint(joint: Joint) -> Iterator[str]:
             yield from _check(check)
     if joint.presliding:
         yield from _presliding(joint, joint.presliding)
-    for kind, moving in fits(joint).items():
+    for kind, moving in moving_fits(joint).items():
         yield from _tracking(joint, FITS[kind], moving)
     if joint.consistency:
         yield from _consistency(joint)
@@ -67,12 +69,12 @@ def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
     yield from _sentences("doubt", fit.doubts)
 
 
-def _parameters(title: str, parameters: Mapping[str, Estimate]) -> Iterator[str]:
+def _parameters(title: str, parameters: Mapping[Any, Estimate]) -> Iterator[str]:
     if not parameters:
         return
     yield f"    [[{title}]]"
     for name, e in parameters.items():
-        yield f"      {name + ':':<13}{_estimate(e)}"
+        yield f"      {f'{name}:':<13}{_estimate(e)}"
         yield from (f"        ({printable(str(doubt))})" for doubt in e.doubts)
 
 
@@ -86,7 +88,7 @@ def _estimate(e: Estimate) -> str:
     return f"{e.value:<12.7g}{error}{relative} {e.unit}, 95 %: {interval}"
 
 
-def _correlations(names: Sequence[str], covariance: Array) -> Iterator[str]:
+def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> Iterator[str]:
     error = np.sqrt(np.diag(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = covariance / np.outer(error, error)
@@ -154,7 +156,7 @@ def _count_bias(fit: TrackingFit) -> Iterator[str]:
     found = biased(fit)
     if found:
         yield "    [[what encoder counts added, which is taken off]]"
-    yield from (f"      {name + ':':<13}{bias_text(fit, name, bias, share)}" for name, bias, share in found)
+    yield from (f"      {f'{name}:':<13}{bias_text(fit, name, bias, share)}" for name, bias, share in found)
 
 
 def _consistency(joint: Joint) -> Iterator[str]:
@@ -165,7 +167,7 @@ def _consistency(joint: Joint) -> Iterator[str]:
         moving = f"moving runs {_pair(x.tracking_value, x.tracking_error)}"
         apart = "" if x.difference is None else f"; {x.difference:+.2f} standard errors apart"
         both = f"joint fit {_pair(x.joint_value, x.joint_error)}"
-        yield f"    {x.parameter + ':':<13}{own}; {moving}{apart}; {both}. {printable(str(x.verdict))}"
+        yield f"    {f'{x.parameter}:':<13}{own}; {moving}{apart}; {both}. {printable(str(x.verdict))}"
 
 
 def _pair(value: float | None, error: float | None) -> str:

@@ -10,7 +10,7 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.results import Joint, StaticFit
 from bristle.identification.static.grid import default_range
-from bristle.model.parameters import Kind, Lugre
+from bristle.model.parameters import Kind, Stribeck
 from bristle.questions.method_validation.solvers import NAMES, Case
 from bristle.simulation import edro
 
@@ -54,7 +54,7 @@ def sweep(noise: float | None = None) -> Subject:
         (f"{name} ({sign})", sign, p) for name, pair in edro.TABLE_1.items() for sign, p in zip("+-", pair, strict=True)
     ]
     cases = tuple(
-        _case(label, design, p, speeds if sign == "+" else -speeds, level * p.alpha_0)
+        _case(label, design, p.stribeck, speeds if sign == "+" else -speeds, level * p.alpha_0)
         for label, sign, p in sets
         for design, speeds in sweep_designs(p.v_s).items()
         for level in levels
@@ -115,7 +115,7 @@ def _points(fit: StaticFit) -> tuple[Array, float]:
 
 
 def _case(
-    label: str, design: str, p: Lugre[float], velocity: Array, noise: float, ends: tuple[float, float] | None = None
+    label: str, design: str, p: Stribeck[float], velocity: Array, noise: float, ends: tuple[float, float] | None = None
 ) -> Case:
     return Case(
         label=label, design=design, truth=p, velocity=velocity, noise=noise, v_s_range=ends or default_range(velocity)

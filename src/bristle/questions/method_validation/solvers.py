@@ -20,7 +20,7 @@ from bristle.identification.static.crosscheck import OPTIONS
 from bristle.identification.static.problem import Regression, from_points
 from bristle.model import law
 from bristle.model.functions import steady_jacobian, steady_torque
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Stribeck
 from bristle.model.vectorize import evaluate
 
 NAMES = ("alpha_0", "alpha_2", "alpha_1", "v_s")
@@ -45,8 +45,8 @@ class Case:
     label: str
     design: str
     """The velocities in words."""
-    truth: Lugre[float]
-    """Parameters that the points are simulated from; only the static ones count."""
+    truth: Stribeck[float]
+    """Parameters that the points are simulated from."""
     velocity: Array
     """rad/s, (n,), none zero, n > 4."""
     noise: float
@@ -140,7 +140,7 @@ def ipopt(case: Case, *, free: bool = False) -> Local:
     scale, top = case.scale, float(case.scale[0])
     x, torque = ca.SX.sym("x", 4), ca.SX.sym("torque", case.velocity.size)
     a = [x[k] * float(scale[k]) for k in range(3)]
-    curve = law.steady_torque(ca.DM(case.velocity), Lugre(a[0], a[2], a[1], ca.exp(x[3]), 1.0, 0.0))
+    curve = law.steady_torque(ca.DM(case.velocity), Stribeck(a[0], a[2], a[1], ca.exp(x[3])))
     residual = (torque - curve) / top
     full = solver("full", x, ca.dot(residual, residual), torque, **OPTIONS)
     lower, upper = np.array([0.0, 0.0, 0.0, low]), np.array([np.inf, np.inf, np.inf, high])

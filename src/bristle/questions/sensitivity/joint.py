@@ -1,20 +1,19 @@
 """What sensitivity is explored of: a user's joint or the paper's gripper, with its motion; what is not known of it is assumed, and said."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from bristle.data.experiment.load import Experiment
 from bristle.data.units import to_si
 from bristle.errors import InputError
 from bristle.identification.identify import Measured
-from bristle.identification.known_joint import Start, start_of
-from bristle.identification.known_model import DAMPING_RATIO, DEFLECTION, inertia_of
+from bristle.identification.known_joint import DEFLECTION, KnownJoint, guessed_inertia, inertia_of, known_joint
 from bristle.identification.limits import Limits, limits_of
+from bristle.identification.presliding.fit import DAMPING_RATIO
 from bristle.identification.results import Estimate, Joint
-from bristle.model.parameters import Kind, Lugre, Pair, unit
+from bristle.model.parameters import Direction, Kind, Lugre, Pair, unit
 from bristle.questions.sensitivity.local import Motion, motion
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import Subject, of_paper, one_way
@@ -90,14 +89,18 @@ def of_joint(
 
     Raises InputError where nothing is known of its friction over velocity, or the motion cannot be.
     """
-    experiment, sets = measured.experiment, _sets(joint)
+    experiment, known = measured.experiment, known_joint(joint)
+    if not known.directions:
+        raise InputError(
+            f"{joint.name}: nothing is known of its friction over velocity; sensitivity needs ramp, points or tracking runs that were fitted"
+        )
     limits = _limits(measured)
     tone = experiment.adapt.frequency or _FREQUENCY
     speeds = [fit.velocity for fit in joint.static.values()] + ([joint.moving.velocity] if joint.moving else [])
     fastest = max((float(np.abs(v).max()) for v in speeds if v.size), default=1.0)
     wide = experiment.adapt.amplitude or float(f"{0.5 * fastest / (2 * np.pi * tone):.2g}")
     moved = within(motion_of(joint.kind, amplitude, frequency, (wide, tone)), joint.kind, limits)
-    model = _model(measured, joint, sets, limits)
+    model = _model(measured, joint, known, limits)
     try:
         return model, moved, of_experiment(experiment, joint)
     except InputError as error:
@@ -125,7 +128,9 @@ def of_gripper(
     default = (subject.amplitude, subject.frequency)
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
     p = edro.TABLE_1[joint.name].positive
-    own = {name: _moved(e, getattr(p, name)) for name, e in _estimates(joint, "+").items() if e is not None}
+    known = known_joint(joint)
+    found = {name: known.estimate(name, Direction.POSITIVE) for name in Lugre._fields}
+    own = {name: _moved(e, getattr(p, name)) for name, e in found.items() if e is not None}
     said = (
         "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
         "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these numbers; the paper gives none.",
@@ -149,91 +154,35 @@ def _moved(e: Estimate, value: float) -> Estimate:
     )
 
 
-def _inertia_known(experiment: Experiment, joint: Joint) -> bool:
-    try:
-        return inertia_of(experiment, joint) > 0
-    except InputError:
-        return False
-
-
-def _sets(joint: Joint) -> dict[str, Lugre[float]]:
-    """What was fitted, by direction. Raises InputError where nothing is known of the friction over velocity."""
-    sets = {d: p for d in ("both", "+", "-") if (p := _values(joint, d)) is not None}
-    if not sets:
-        raise InputError(
-            f"{joint.name}: nothing is known of its friction over velocity; sensitivity needs ramp, points or tracking runs that were fitted"
-        )
-    return sets
-
-
-def _model(measured: Measured, joint: Joint, sets: Mapping[str, Lugre[float]], limits: Limits) -> Model:
-    """The friction of a joint, one set or a pair, with the bristle of a plan's start where none was seen."""
-    ways = ["both"] if "both" in sets else list(sets)
-    said = [] if len(ways) > 1 or ways == ["both"] else [f"Only direction {ways[0]} is known; it is taken for both."]
-    filled, estimates, assumed = [], dict[str, Estimate](), list[str]()
-    found = {d: _estimates(joint, d) for d in ways}
-    unseen = any(name in _missing(own) for own in found.values() for name in _BRISTLE)
-    start = start_of(measured, joint, limits) if unseen else None
-    inertia = _inertia_known(measured.experiment, joint)
-    for d in ways:
-        own, tag = found[d], d if len(ways) > 1 else ""
-        guesses = _guesses(start, d, joint.kind, inertia=inertia) if start else {}
-        p, missing, sentences = _filled(sets[d], own, guesses, joint.kind)
-        filled.append(p)
+def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> Model:
+    """The friction of a joint, one set or a pair, with a bristle where none was seen, each assumption in a sentence."""
+    directions = known.directions
+    sentences = []
+    if len(directions) == 1 and directions != (Direction.BOTH,):
+        sentences.append(f"Only direction {directions[0]} is known; it is taken for both.")
+    identified = inertia_of(measured.experiment, joint)
+    J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
+    sets, estimates, assumed = [], dict[str, Estimate](), list[str]()
+    for d in directions:
+        p, missing = known.filled(d, limits.travel, J), known.missing(d)
+        sets.append(p)
+        tag = d if len(directions) > 1 else ""
         assumed += [name + tag for name in missing]
-        said += [f"{name}{tag}: {sentence}" for name, sentence in sentences.items()]
-        shared = joint.moving is not None and tag
-        for name, e in own.items():
-            bare = shared and joint.moving and name in joint.moving.parameters
-            if e is not None:
-                estimates[name if bare else name + tag] = e
-    return Model(filled[0] if len(filled) == 1 else Pair(*filled), estimates, tuple(assumed), tuple(said))
+        sentences += [
+            f"{name}{tag}: these data do not show it; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}."
+            for name, how in _how(missing, None if identified else J, joint.kind).items()
+        ]
+        for parameter, e in known.estimates.items():
+            if parameter.name in Lugre._fields and parameter.direction in (d, Direction.BOTH):
+                estimates[str(parameter) if len(directions) > 1 else parameter.name] = e
+    return Model(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(sentences))
 
 
-def _values(joint: Joint, d: str) -> Lugre[float] | None:
-    if joint.moving is not None:
-        return joint.moving.values(d)
-    return joint.static[d].values() if d in joint.static else None
-
-
-def _estimates(joint: Joint, d: str) -> dict[str, Estimate | None]:
-    """What was found of each LuGre parameter of a direction; None where nothing looked for it."""
-    fit, tag = joint.moving, "" if d == "both" else d
-    if fit is not None:
-        found = {name: fit.parameters.get(name + tag, fit.parameters.get(name)) for name in Lugre._fields}
-        return {name: e for name, e in found.items() if e is not None or name not in fit.known}  # given: not unknown
-    own: dict[str, Estimate | None] = dict.fromkeys(Lugre._fields)
-    own |= {name: e for name, e in joint.static[d].parameters.items() if name in own}
-    slow = joint.presliding.fits.get(d) if joint.presliding else None
-    return own | ({"sigma_0": slow.sigma_0, "sigma_1": slow.sigma_1} if slow else {})
-
-
-def _missing(own: Mapping[str, Estimate | None]) -> list[str]:
-    return [name for name, e in own.items() if e is None or e.value is None]
-
-
-def _guesses(start: Start, d: str, kind: Kind, *, inertia: bool) -> dict[str, tuple[float, str]]:
-    """What a plan takes the bristle of a direction for, and how that is found: one joint, one guess."""
-    p, key = start.p(d), start.key("sigma_0", "+" if d == "both" else d)
-    stiff = f"{DEFLECTION:g} of the travel in deflection" if key in start.guessed else "as slow loading has it"
-    damped = f"(15) with a damping ratio of {DAMPING_RATIO:g}"
-    J = f"a guessed inertia of {start.inertia:.2g} {unit('inertia', kind)}"
-    return {
-        "sigma_0": (p.sigma_0, stiff),
-        "sigma_1": (p.sigma_1, damped if inertia else f"{damped} and {J}"),
+def _how(missing: Sequence[str], guessed_J: float | None, kind: Kind) -> dict[str, str]:
+    """How each parameter that the data do not show was found; `guessed_J` is the inertia (kg*m**2) where that is a guess."""
+    J = "" if guessed_J is None else f" and a guessed inertia of {guessed_J:.2g} {unit('inertia', kind)}"
+    guesses = {
+        "sigma_0": f"{DEFLECTION:g} of the travel in deflection",
+        "sigma_1": f"(15) with a damping ratio of {DAMPING_RATIO:g}{J}",
     }
-
-
-def _filled(
-    p: Lugre[float], own: Mapping[str, Estimate | None], guesses: Mapping[str, tuple[float, str]], kind: Kind
-) -> tuple[Lugre[float], list[str], dict[str, str]]:
-    """The set with what was found, a bristle where none was seen, the names of what is assumed, and a sentence on each."""
-    missing = _missing(own)
-    guessed = {name: guesses[name] for name in missing if name in guesses}
-    seen = {name: e.value for name, e in own.items() if e is not None and e.value is not None}
-    p = p._replace(**seen, **{name: value for name, (value, _) in guessed.items()})
-    sentences = {}
-    for name in missing:
-        how = guessed[name][1] if name in guessed else "as it was held in the fit"
-        sentences[name] = f"these data do not show it; assumed {getattr(p, name):.3g} {unit(name, kind)}, {how}."
-    return p, missing, sentences
+    return {name: guesses.get(name, "as it was held in the fit") for name in missing}

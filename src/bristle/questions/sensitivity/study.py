@@ -130,8 +130,9 @@ def _of_motion(joint: Joint, model: Model, moved: Motion) -> Expected:
         "inertia": course.acceleration, "offset": np.ones_like(course.velocity),
         "gravity_sin": np.sin(course.position), "gravity_cos": np.cos(course.position),
     }  # fmt: skip  # a table
-    fitted = fit.known if fit is not None else {"inertia": 0.0}
-    extra = {name: column for name, column in columns.items() if name in (fit.names if fit is not None else fitted)}
+    fitted = {str(name): x for name, x in fit.known.items()} if fit is not None else {"inertia": 0.0}
+    free = fitted if fit is None else tuple(map(str, fit.names))
+    extra = {name: column for name, column in columns.items() if name in free}
     friction = names_of(model.p)
     names = (*friction, *extra)
     values = np.array(
@@ -141,7 +142,7 @@ def _of_motion(joint: Joint, model: Model, moved: Motion) -> Expected:
     held = [name for name in friction if name in model.assumed and name.startswith(_STRIBECK)]
     errors = {name: e.standard_error for name, e in model.estimates.items() if e.standard_error}
     if fit is not None:
-        errors |= {name: e.standard_error for name, e in fit.parameters.items() if name in extra and e.standard_error}
+        errors |= {str(n): e.standard_error for n, e in fit.parameters.items() if str(n) in extra and e.standard_error}
     return _expected("the motion", Information(names=names, point=values, matrix=matrix), errors, said, held)
 
 

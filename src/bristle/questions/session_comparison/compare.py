@@ -16,6 +16,7 @@ from scipy.special import fdtrc, stdtr, stdtrit
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.identification.results import Estimate
+from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.explain import doubts, hints, incomparable, sentence, verdict
 from bristle.questions.session_comparison.results import (
     Change,
@@ -98,7 +99,7 @@ def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[
         )
 
 
-def _refuse_units(joint: str, name: str, first: SessionJoint, second: SessionJoint) -> None:
+def _refuse_units(joint: str, name: ParameterName, first: SessionJoint, second: SessionJoint) -> None:
     """Raise InputError where a parameter has more than one unit."""
     found = (fit.parameters[name].unit for session in (first, second) for fit in session.fits if name in fit.parameters)
     units = list(dict.fromkeys(found))
@@ -108,10 +109,10 @@ def _refuse_units(joint: str, name: str, first: SessionJoint, second: SessionJoi
         )
 
 
-def _difference(joint: str, name: str, pair: Pair) -> Change:
+def _difference(joint: str, name: ParameterName, pair: Pair) -> Change:
     a, b = (fit.parameters[name] for fit in pair)
     value = (b.value or 0.0) - (a.value or 0.0)
-    by_factor = name.rstrip("+-") in _RATIOS and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
+    by_factor = name.name in _RATIOS and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
     scale = log if by_factor else float
     apart = scale(b.value or 0.0) - scale(a.value or 0.0)
     errors = [
@@ -195,12 +196,12 @@ def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Set
         )
 
 
-def _known(fit: Fit, name: str) -> bool:
+def _known(fit: Fit, name: ParameterName) -> bool:
     """Whether a parameter of a fit's covariance is one of its parameters too, with all its numbers."""
     return name in fit.parameters and usable(fit.parameters[name])
 
 
-def _statistic(a: Fit, b: Fit, names: Sequence[str]) -> float | None:
+def _statistic(a: Fit, b: Fit, names: Sequence[ParameterName]) -> float | None:
     """The statistic d' (C_a + C_b)**-1 d over the number of parameters; None where the sum is no covariance, or there is no such number."""
     with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
         apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
@@ -214,15 +215,15 @@ def _statistic(a: Fit, b: Fit, names: Sequence[str]) -> float | None:
     return statistic if isfinite(statistic) else None
 
 
-def _scaled(fit: Fit, name: str) -> float:
+def _scaled(fit: Fit, name: ParameterName) -> float:
     value = fit.parameters[name].value or 0.0
-    return log(value) if name.rstrip("+-") in _RATIOS and value > 0 else value
+    return log(value) if name.name in _RATIOS and value > 0 else value
 
 
-def _scaled_covariance(fit: Fit, names: Sequence[str]) -> Array:
+def _scaled_covariance(fit: Fit, names: Sequence[ParameterName]) -> Array:
     own = [fit.names.index(name) for name in names]
     values = {name: fit.parameters[name].value or 0.0 for name in names}
-    slope = np.array([1 / x if n.rstrip("+-") in _RATIOS and x > 0 else 1.0 for n, x in values.items()])
+    slope = np.array([1 / x if n.name in _RATIOS and x > 0 else 1.0 for n, x in values.items()])
     scaled: Array = fit.covariance[np.ix_(own, own)] * np.outer(slope, slope)
     return scaled
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from bristle.identification.results import Estimate
+from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, pairs, usable
 
 _ALIKE = 0.5
@@ -23,7 +24,7 @@ _CAUSES = {
 """Of what rose, and of what fell."""
 
 
-def incomparable(joint: str, name: str, first: SessionJoint, second: SessionJoint, *, same: bool) -> Change:
+def incomparable(joint: str, name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Change:
     """A parameter that cannot be compared, with the reason; `same`: some stage has it in both sessions."""
     a, b = (_any(session, name) for session in (first, second))
     known = a or b
@@ -38,18 +39,18 @@ def incomparable(joint: str, name: str, first: SessionJoint, second: SessionJoin
     )
 
 
-def _any(session: SessionJoint, name: str) -> Estimate | None:
+def _any(session: SessionJoint, name: ParameterName) -> Estimate | None:
     """What the first fit that knows it says of a parameter, or the first that names it."""
     found = [fit.parameters[name] for fit in session.fits if name in fit.parameters]
     return next((e for e in found if e.value is not None), found[0] if found else None)
 
 
-def _why_not(name: str, first: SessionJoint, second: SessionJoint, *, same: bool) -> str:
+def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> str:
     told = {"first": _any(first, name), "second": _any(second, name)}
     for which, session in (("first", first), ("second", second)):
         if told[which] is None:
             names = {n for fit in session.fits for n in fit.parameters}
-            split = name.rstrip("+-") in {n.rstrip("+-") for n in names}
+            split = name.name in {n.name for n in names}
             how = (
                 "has it in other directions; identify both with the same fit.directions"
                 if split
@@ -123,13 +124,13 @@ def hints(changes: Sequence[Change]) -> Iterator[str]:
 
 
 def _hints_of(own: Sequence[Change]) -> Iterator[str]:
-    torques = [c for c in own if c.parameter.startswith(("alpha_0", "alpha_2", "inertia"))]
+    torques = [c for c in own if c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
     shares = [(c.difference or 0.0) / abs(c.first.value) for c in torques if c.first and c.first.value]
     if len(shares) > 2 and any(c.changed for c in torques) and np.ptp(shares) < _ALIKE * abs(np.mean(shares)):
         yield "friction and inertia changed by one share; that may be the torque's scale (motor constant, drive gain), not the friction."
         return
     for name, (rose, fell) in _CAUSES.items():
-        found = [c for c in own if c.parameter.startswith(name)]
+        found = [c for c in own if c.parameter.name == name]
         signs = {(c.difference or 0.0) > 0 for c in found}
         if any(c.changed for c in found) and len(signs) == 1:
             everywhere = " in both directions" if len(found) > 1 else ""
@@ -163,7 +164,7 @@ def _doubts_of(a: SessionJoint, b: SessionJoint) -> Iterator[str]:
             yield f"the {pair.first.source} fit is used only for what no other fit knows: {why}"
         known = [{n for n, e in fit.parameters.items() if e.value is not None} for fit in pair]
         for which, more in (("first", known[0] - known[1]), ("second", known[1] - known[0])):
-            terms = sorted(n for n in more if n.startswith(("alpha", "offset")))
+            terms = sorted(str(n) for n in more if n.name.startswith(("alpha", "offset")))
             if terms:
                 yield (
                     f"{', '.join(terms)} is known of the {which} session alone by its {pair.first.source} fit: the two models differ, and so may "

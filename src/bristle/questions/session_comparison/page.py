@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from bristle.identification.results import Estimate
 from bristle.page.columns import shown
 from bristle.page.page import write_part
-from bristle.page.wording import measured, number, printable, shortened, slugs, split
+from bristle.page.wording import measured, number, printable, shortened, slugs
 from bristle.questions.session_comparison.figures import forest_figure
 from bristle.questions.session_comparison.results import Change, Comparison
 
@@ -28,7 +28,7 @@ def changes(compared: Comparison) -> pd.DataFrame:
     """One row per joint and parameter: both values, their difference with its joint uncertainty, and the verdict; nan where not comparable."""
     rows = [
         (
-            c.joint, *reversed(split(c.parameter)), c.unit, c.source, *_pair(c.first), *_pair(c.second),
+            c.joint, c.parameter.name, c.parameter.direction, c.unit, c.source, *_pair(c.first), *_pair(c.second),
             c.difference, c.error, c.z, c.p, c.adjusted, c.changed, c.verdict,
         )
         for c in compared.changes
@@ -53,7 +53,17 @@ def changes(compared: Comparison) -> pd.DataFrame:
 def sets(compared: Comparison) -> pd.DataFrame:
     """One row per fit whose parameters were compared all at once."""
     rows = [
-        (x.joint, x.source, len(x.names), x.statistic, x.freedom, x.p, x.adjusted, x.changed, ", ".join(x.names))
+        (
+            x.joint,
+            x.source,
+            len(x.names),
+            x.statistic,
+            x.freedom,
+            x.p,
+            x.adjusted,
+            x.changed,
+            ", ".join(map(str, x.names)),
+        )
         for x in compared.sets
     ]
     columns = ["joint", "source", "parameters", "F", "freedom", "p", "adjusted_p", "changed", "names"]
@@ -139,7 +149,7 @@ def _text(compared: Comparison) -> Iterator[str]:
 
 
 def _line(c: Change) -> str:
-    name = f"  {shortened(c.parameter, 12):<12}"
+    name = f"  {shortened(str(c.parameter), 12):<12}"
     if c.changed is None or c.first is None or c.second is None:
         return f"{name} {c.verdict}"
     a, b = (measured(e.value, e.standard_error) for e in (c.first, c.second))

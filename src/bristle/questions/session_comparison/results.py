@@ -10,17 +10,17 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.identification.results import Estimate
-from bristle.model.parameters import Kind
+from bristle.model.parameters import Kind, ParameterName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """What one fit of a session says; parameters of a direction carry its sign, as alpha_0+."""
+    """What one fit of a session says."""
 
     source: str
     """`joint`, `tracking`, `static +`, `presliding -`, ..."""
-    parameters: Mapping[str, Estimate]
-    names: tuple[str, ...] = ()
+    parameters: Mapping[ParameterName, Estimate]
+    names: tuple[ParameterName, ...] = ()
     """Those of the covariance."""
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     freedom: float = inf
@@ -66,7 +66,7 @@ class Change:
     """One parameter of one joint in both sessions."""
 
     joint: str
-    parameter: str
+    parameter: ParameterName
     unit: str
     source: str
     """Of both values; empty where they cannot be compared."""
@@ -93,7 +93,7 @@ class SetChange:
 
     joint: str
     source: str
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     statistic: float
     """d' (C_a + C_b)**-1 d over their number."""
     freedom: float

@@ -14,6 +14,7 @@ from bristle.arrays import Array
 from bristle.errors import InputError, check_name, check_regular, short
 from bristle.identification.results import Estimate
 from bristle.identification.results_schema import Bound, FitJson, JointJson, ParameterJson, ResultsJson, TrackingJson
+from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import printable, shortened
 from bristle.questions.session_comparison.results import Fit, Session, SessionJoint
 
@@ -132,30 +133,29 @@ def _fits(joint: JointJson) -> Iterator[Fit]:
         if moving is not None:
             yield _moving(source, moving)
     for d, fit in joint.static.items():
-        tag = _tag(d)
         if fit.degrees_of_freedom < 0:
             raise InputError(f"a fit has {fit.degrees_of_freedom} degrees of freedom")
         yield Fit(
             source=f"static {d}",
-            parameters=_parameters(fit, tag),
-            names=tuple(name + tag for name in fit.free),
+            parameters=_parameters(fit, d),
+            names=tuple(_named(name, d) for name in fit.free),
             covariance=_matrix(fit),
             freedom=max(fit.degrees_of_freedom, 1),
         )
     for d, slow in joint.presliding.items():
-        tag = _tag(d)
         own = {"edges": slow.edges, "samples": slow.samples}.get(slow.recommended)
         if own is not None:
-            yield Fit(source=f"presliding {d}", parameters={f"sigma_0{tag}": _estimate(own)})
+            yield Fit(source=f"presliding {d}", parameters={_named("sigma_0", d): _estimate(own)})
 
 
-def _tag(direction: str) -> str:
-    """What a direction's parameters carry at the end of their name."""
-    return direction if _shown(direction, "direction") in {"+", "-"} else ""
+def _named(name: str, direction: str = "") -> ParameterName:
+    """A parameter as a fit of some direction names it."""
+    bare = ParameterName.parse(_shown(name, "parameter"))
+    return ParameterName(name, Direction(direction)) if _shown(direction, "direction") in ("+", "-") else bare
 
 
-def _parameters(fit: FitJson | TrackingJson, tag: str = "") -> dict[str, Estimate]:
-    return {_shown(name, "parameter") + tag: _estimate(p) for name, p in fit.parameters.items()}
+def _parameters(fit: FitJson | TrackingJson, direction: str = "") -> dict[ParameterName, Estimate]:
+    return {_named(name, direction): _estimate(p) for name, p in fit.parameters.items()}
 
 
 def _moving(source: str, fit: TrackingJson) -> Fit:
@@ -163,7 +163,7 @@ def _moving(source: str, fit: TrackingJson) -> Fit:
     return Fit(
         source=source,
         parameters=_parameters(fit),
-        names=tuple(fit.free),
+        names=tuple(map(_named, fit.free)),
         covariance=_matrix(fit),
         freedom=inf,
         distrusted=outcome if outcome.startswith(_NOT_CONVERGED) else "",
