@@ -3,10 +3,11 @@ import pytest
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.identification.results import Outcome, StaticFit
-from bristle.identification.static.fit import Where, estimate_static, fit_static
+from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre
 
@@ -17,10 +18,15 @@ STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 def points(velocity: Array, torque: Array, stick_slip: NDArray[np.bool_] | None = None) -> StaticFit:
     """The fit of points at positive velocities."""
-    where = Where(
-        names=tuple(f"point {k}" for k in range(velocity.size)),
-        stick_slip=np.zeros(velocity.size, dtype=bool) if stick_slip is None else stick_slip,
-    )
+    where = PointInfo(
+        segments=tuple(
+            Segment(
+                file=f"run_{k}.csv", start=0, stop=100, velocity=v, torque=T, standard_error=None, accepted=True,
+                stick_slip=stick_slip is not None and bool(stick_slip[k]),
+            )
+            for k, (v, T) in enumerate(zip(velocity.tolist(), torque.tolist(), strict=True))
+        )
+    )  # fmt: skip  # a list of values
     return fit_static(from_points(velocity, torque, ("+",)), FitOptions(), "revolute", where)[0]["+"]
 
 
@@ -76,7 +82,7 @@ def test_an_outlier_is_named(gripper: Lugre[float], speeds: Array) -> None:
     torque[15] += 2e-3
     fit = points(speeds, torque)
     named = [str(doubt) for doubt in fit.doubts if doubt.kind is Kind.HUBER_DIFFERS]
-    assert "point 15" in named[0]
+    assert "run_15.csv rows 0-100" in named[0]
     assert abs(fit.robust["alpha_0"] - gripper.alpha_0) < abs(
         (fit.parameters["alpha_0"].value or 0.0) - gripper.alpha_0
     )
@@ -151,7 +157,7 @@ def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
     """Without a Stribeck term the full fit has none either, and finds the cost that the reported residuals have."""
     torque = 0.02 + 0.04 * speeds + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
     options = FitOptions()
-    fits, checks = fit_static(from_points(speeds, torque, ("+",)), options, "revolute", Where())
+    fits, checks = fit_static(from_points(speeds, torque, ("+",)), options, "revolute", PointInfo())
     assert fits["+"].outcome is Outcome.NO_STRIBECK
     assert checks["+"].cost_grid == pytest.approx(float(fits["+"].residuals @ fits["+"].residuals), rel=1e-12)
     assert checks["+"].agrees
@@ -161,6 +167,8 @@ def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
 def test_a_range_of_v_s_that_was_given_is_named(gripper: Lugre[float], speeds: Array) -> None:
     """Where the term is dropped within a range that the user set, the doubt says that only this range was searched."""
     torque = curve(speeds, gripper) + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
-    fits, _ = fit_static(from_points(speeds, torque, ("+",)), FitOptions(v_s_range=(20.0, 40.0)), "revolute", Where())
+    fits, _ = fit_static(
+        from_points(speeds, torque, ("+",)), FitOptions(v_s_range=(20.0, 40.0)), "revolute", PointInfo()
+    )
     assert fits["+"].outcome is Outcome.NO_STRIBECK
     assert any("between 20 and 40 only" in str(doubt) for doubt in fits["+"].doubts)

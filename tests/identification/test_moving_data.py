@@ -5,7 +5,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.identification.static.crosscheck import full_fit
-from bristle.identification.static.fit import Where, fit_static
+from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
 from bristle.model.parameters import Lugre
@@ -123,7 +123,7 @@ def test_hold_out_is_judged_and_never_fitted() -> None:
     """The relative error on a held-out run is 100 * norm(residual) / norm(torque) with the training run's parameters."""
     training, (time, position), _ = from_records([moving(0)], ("both",), ("inertia",), 10)
     other, _, _ = from_records([moving(1)], ("both",), ("inertia",), 10)
-    where = Where(time=time, position=position)
+    where = PointInfo(time=time, position=position)
     fits, _ = fit_static(training, FitOptions(), "revolute", where, [("other.csv", other)])
     fit = fits["both"]
     theta: Array = solve(training, default_range(training.velocity)).theta

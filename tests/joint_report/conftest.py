@@ -128,6 +128,9 @@ def checked(fit: StaticFit) -> Crosscheck:
 def gripper(name: str = "gripper rotation") -> Joint:
     """Both directions of a simulated joint."""
     fits = {d: fitted(d, seed) for seed, d in enumerate(("+", "-"))}
+    found = segments(fits)
+    sides = {"+": found[: fits["+"].n], "-": found[fits["+"].n : -1]}
+    fits = {d: replace(fit, segments=sides[d]) for d, fit in fits.items()}
     return Joint(
         name=name,
         kind="revolute",
@@ -141,7 +144,7 @@ def gripper(name: str = "gripper rotation") -> Joint:
                 labels={"load": "1 kg"},
             ),
         ),
-        segments=segments(fits),
+        segments=found,
         static=fits,
         crosscheck={d: checked(fit) for d, fit in fits.items()},
         truth=TABLE_1,

@@ -55,8 +55,9 @@ def compared(parameter: str, difference: float | None, verdict: Diagnostic, stag
     value = VALUES[parameter]
     seen = difference is not None
     return Consistency(
-        parameter=ParameterName.parse(parameter), stage=stage, stage_value=value, stage_error=0.01 * value, tracking_value=1.05 * value if seen else None,
-        tracking_error=0.01 * value if seen else None, joint_value=value, joint_error=0.005 * value, difference=difference, verdict=verdict,
+        parameter=ParameterName.parse(parameter), stage=stage, stage_value=value, stage_error=0.01 * value,
+        tracking_value=1.05 * value if seen else None, tracking_error=0.01 * value if seen else None, joint_value=value,
+        joint_error=0.005 * value, difference=difference, verdict=verdict,
     )  # fmt: skip  # as above
 
 

@@ -13,7 +13,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Joint, StaticFit, Uncertainty
-from bristle.identification.static.fit import Where, fit_static
+from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind as JointKind
 from bristle.page.wording import MISSING
@@ -29,7 +29,7 @@ def fits(velocity: Array, noise: float, kind: JointKind = "revolute", seed: int 
     """The fit of simulated points."""
     torque = curve(velocity, TABLE_1["+"].stribeck) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     directions = ("+",) if velocity.min() > 0 else ("+", "-")
-    return fit_static(from_points(velocity, torque, directions), FitOptions(), kind, Where())[0]
+    return fit_static(from_points(velocity, torque, directions), FitOptions(), kind, PointInfo())[0]
 
 
 def built(static: Mapping[str, StaticFit], kind: JointKind = "revolute", name: str = "wrist") -> Joint:

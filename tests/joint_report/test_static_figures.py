@@ -106,3 +106,12 @@ def test_dense_data_are_thinned() -> None:
     assert (many.size, many[0], many[-1]) == (MOST_POINTS, 0, 99_999)
     np.testing.assert_array_equal(thinned(7), np.arange(7))
     assert thinned(0).size == 0
+
+
+def test_a_held_out_point_at_a_fitted_speed_is_drawn(joint: Joint) -> None:
+    """A point is known by its file and rows, not by its speed: held out at the nominal speed of a fitted one, it still has its diamond."""
+    twin = replace(joint.segments[0], file="held.csv")
+    ax = static_figures.curve_figure(replace(joint, segments=(*joint.segments, twin))).axes[0]
+    (held,) = (line for line in ax.lines if line.get_label() == "held out")
+    assert np.asarray(held.get_xydata()).tolist() == [[twin.velocity, twin.torque]]
+    assert not [line for line in static_figures.curve_figure(joint).axes[0].lines if line.get_label() == "held out"]

@@ -40,7 +40,7 @@ from bristle.identification.results import (
     TrackingFit,
 )
 from bristle.identification.static import problem
-from bristle.identification.static.fit import Where, fit_static
+from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.moving_data import fit_moving
 from bristle.identification.static.problem import Regression
 from bristle.model.parameters import Direction, ParameterName
@@ -312,15 +312,14 @@ def _points_problem(points: Sequence[Segment], directions: tuple[str, ...], regr
     return problem.from_points(velocity, torque, directions, extra)
 
 
-def _where(points: Sequence[Segment]) -> Where:
+def _where(points: Sequence[Segment]) -> PointInfo:
     def known(values: list[float | None]) -> Array:
         """The values, or none of them where any is missing."""
         return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
 
     alone = len({s.file for s in points})  # a run of one point has no course over time
-    return Where(
-        names=tuple(f"{s.file} rows {s.start}-{s.stop} at {s.velocity:.3g}" for s in points),
-        stick_slip=np.array([s.stick_slip for s in points], dtype=bool),
+    return PointInfo(
+        segments=tuple(points),
         time=known([s.time for s in points]) if alone < len(points) else np.zeros(0),
         position=known([s.position for s in points]),
     )

@@ -130,6 +130,8 @@ class StaticFit:
     """Measured torque, N*m, shape (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0))
     """Measured minus fitted torque, N*m, shape (n,)."""
+    segments: tuple[Segment, ...] = ()
+    """Where each point comes from, (n,); empty for moving data."""
     time: Array = field(default_factory=lambda: np.zeros(0))
     """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
     position: Array = field(default_factory=lambda: np.zeros(0))

@@ -59,6 +59,14 @@ class Segment:
     labels: Mapping[str, str] = field(default_factory=dict)
     """temperature and load of its run."""
 
+    @property
+    def place(self) -> tuple[str, int, int]:
+        """File, first sample and one past the last, by which it is told from every other."""
+        return self.file, self.start, self.stop
+
+    def __str__(self) -> str:
+        return f"{self.file} rows {self.start}-{self.stop} at {self.velocity:.3g}"
+
 
 def find_segments(
     record: Record, thresholds: Thresholds, encoder_resolution: float | None = None

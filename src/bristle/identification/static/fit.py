@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
@@ -28,21 +29,27 @@ _FRICTION = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Where:
-    """What is known of each equation beside its velocity and torque; each array is (n,), or empty where unknown."""
+class PointInfo:
+    """What is known of each equation beside its velocity and torque."""
 
-    names: tuple[str, ...] = ()
-    """How a user finds the point again; empty for moving data."""
-    stick_slip: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    segments: tuple[Segment, ...] = ()
+    """The segment behind each point, (n,); empty for moving data."""
     time: Array = field(default_factory=lambda: np.zeros(0))
+    """s from the start of its run, (n,); empty where unknown."""
     position: Array = field(default_factory=lambda: np.zeros(0))
+    """rad, (n,); empty where unknown."""
+
+    @property
+    def stick_slip(self) -> NDArray[np.bool_]:
+        """Which points stick and slip, (n,); empty for moving data."""
+        return np.array([s.stick_slip for s in self.segments], dtype=bool)
 
 
 def fit_static(
     problem: Regression,
     options: FitOptions,
     kind: JointKind,
-    where: Where,
+    where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
     timings: dict[str, float] | None = None,
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
@@ -62,7 +69,7 @@ def fit_static(
     v_s_range = options.v_s_range or default_range(problem.velocity)
     too_few = _too_few(problem)
     if too_few:
-        return {d: _nothing(d, problem, kind, too_few) for d in problem.directions}, {}
+        return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
     core = infer(problem, options, kind, v_s_range)
     beside = _beside(problem, core, options, kind, v_s_range, where)
     errors = tuple(
@@ -113,7 +120,7 @@ def _too_few(problem: Regression) -> Diagnostic | None:
     return None
 
 
-def _nothing(direction: str, problem: Regression, kind: JointKind, why: Diagnostic) -> StaticFit:
+def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Diagnostic) -> StaticFit:
     names = (*_FRICTION, *problem.linear_names[2 * len(problem.directions) :])
     parameters = {name: Estimate(value=None, unit=unit(name, kind), doubts=(why,)) for name in names}
     return StaticFit(
@@ -126,6 +133,7 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, why: Diagnost
         doubts=(why,),
         velocity=problem.velocity if problem.smooth is None else np.zeros(0),
         torque=problem.torque if problem.smooth is None else np.zeros(0),
+        segments=where.segments,
     )
 
 
@@ -146,7 +154,7 @@ def _beside(
     options: FitOptions,
     kind: JointKind,
     v_s_range: tuple[float, float],
-    where: Where,
+    where: PointInfo,
 ) -> _Beside:
     plain: dict[str, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
@@ -158,11 +166,11 @@ def _beside(
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
-    doubts = [*huber_doubts(core.parameters, robust, errors, weight, where.names), *core.doubts]
+    doubts = [*huber_doubts(core.parameters, robust, errors, weight, tuple(map(str, where.segments))), *core.doubts]
     without: Mapping[str, Estimate] = {}
-    if where.stick_slip.any():
-        rest = problem.rows(np.logical_not(where.stick_slip))
-        doubts.append(Kind.STICK_SLIP_POINTS(sticking=int(where.stick_slip.sum()), points=where.stick_slip.size))
+    if (sticks := where.stick_slip).any():
+        rest = problem.rows(np.logical_not(sticks))
+        doubts.append(Kind.STICK_SLIP_POINTS(sticking=int(sticks.sum()), points=sticks.size))
         if nothing := _too_few(rest):
             doubts.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
@@ -180,7 +188,7 @@ def _equation_velocity(problem: Regression) -> Array:
     return problem.velocity if problem.smooth is None else problem.smooth @ problem.velocity
 
 
-def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors: tuple[HoldOut, ...]) -> StaticFit:
+def _static_fit(core: Inferred, part: str, where: PointInfo, beside: _Beside, errors: tuple[HoldOut, ...]) -> StaticFit:
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
     problem, theta = core.problem, core.solution.theta
     two = len(problem.directions) == 2
@@ -225,6 +233,7 @@ def _static_fit(core: Inferred, part: str, where: Where, beside: _Beside, errors
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],
+        segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
         time=where.time[rows[: where.time.size]],
         position=where.position[rows[: where.position.size]],
     )

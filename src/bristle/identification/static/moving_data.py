@@ -13,7 +13,7 @@ from bristle.errors import InputError
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, regressors
 from bristle.identification.results import Crosscheck, StaticFit
 from bristle.identification.static import problem as regression
-from bristle.identification.static.fit import Where, fit_static
+from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import Regression
 
 
@@ -33,7 +33,7 @@ def fit_moving(
 
     every, (time, position), _ = problem(records)
     training, fast = _above(every, experiment.fit.moving_above)
-    where = Where(time=time[fast], position=position[fast[: position.size]])
+    where = PointInfo(time=time[fast], position=position[fast[: position.size]])
     if prior is not None and "inertia" in asked:
         free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
         sigma = float(np.std(training.torque - free))

@@ -33,20 +33,20 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
 def checks(joint: Joint) -> Iterator[str]:
     """Each fit of a joint beside a full nonlinear one on the same data."""
     for direction, check in joint.crosscheck.items():
-        yield from _check(f"{joint.name} {direction}", "grid", check)
+        yield from _check(f"{joint.name} {direction}", "grid", check, direction)
     if joint.tracking is not None and joint.tracking.check is not None:
         yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.check)
     elif joint.tracking is not None:
         yield f"{joint.name}, moving runs: a simulated position has no second route; it was not checked"
 
 
-def _check(title: str, first: str, check: Crosscheck) -> Iterator[str]:
+def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> Iterator[str]:
     yield f"{title}: {check.verdict}"
     yield f"  cost: {first} {check.cost_grid:.8g}, full fit {check.cost_full:.8g}; starts {check.starts}, reached {check.reached}"
     for name, value in check.parameters.items():
         distance = check.difference_in_se.get(name)
         apart = "" if distance is None else f" {distance:+.2e} standard errors from {first}"
-        yield f"  {name:<12} {value:<14.7g}{apart}"
+        yield f"  {name.within(direction):<12} {value:<14.7g}{apart}"
 
 
 def segments(measured: Measured) -> Iterator[str]:

@@ -58,8 +58,8 @@ def curve_figure(joint: Joint) -> Figure:
         for sign in _signs(fit):
             _curve(whole, fit, look, sign, magnitude=False)
             _curve(slow, fit, look, sign, magnitude=True)
-        _fitted_points(whole, joint, fit, look, direction(d))
-        _fitted_points(slow, joint, fit, look, "", magnitude=True)
+        _fitted_points(whole, fit, look, direction(d))
+        _fitted_points(slow, fit, look, "", magnitude=True)
     decimal_log(slow)
     _label(whole, axis("velocity", joint.kind), axis("torque", joint.kind, "friction"))
     _label(slow, axis("velocity", joint.kind, "magnitude of"), axis("torque", joint.kind, "magnitude of"))
@@ -90,13 +90,14 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
         ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
 
 
-def _fitted_points(ax: Axes, joint: Joint, fit: StaticFit, look: Look, label: str, *, magnitude: bool = False) -> None:
+def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitude: bool = False) -> None:
     """The points that were fitted, with the standard error of the segment that each came from; stick-slip points hollow."""
-    known = {s.velocity: s for s in joint.segments if s.accepted}
     k = thinned(fit.velocity.size)
-    found = [known.get(v) for v in fit.velocity[k].tolist()]
-    error = np.array([np.nan if s is None or s.standard_error is None else s.standard_error for s in found])
-    sticks = np.array([bool(s and s.stick_slip) for s in found], dtype=bool)
+    behind = [fit.segments[i] for i in k] if fit.segments else []
+    error = np.array(
+        [np.nan if s.standard_error is None else s.standard_error for s in behind] or np.full(k.size, np.nan)
+    )
+    sticks = np.array([s.stick_slip for s in behind] or np.zeros(k.size), dtype=bool)
     x, y = fit.velocity[k], fit.torque[k]
     if magnitude:
         x, y = np.abs(x), y * np.sign(x)
@@ -111,10 +112,10 @@ def _fitted_points(ax: Axes, joint: Joint, fit: StaticFit, look: Look, label: st
 
 def _rejected(ax: Axes, joint: Joint) -> None:
     """Rejected segments as crosses, accepted ones that were not fitted (held out) as diamonds."""
-    fitted = {v for _, fit in _directions(joint) for v in fit.velocity.tolist()}
+    fitted = {s.place for _, fit in _directions(joint) for s in fit.segments}
     groups = (
         ("rejected", "x", [s for s in joint.segments if not s.accepted]),
-        ("held out", "D", [s for s in joint.segments if s.accepted and s.velocity not in fitted]),
+        ("held out", "D", [s for s in joint.segments if s.accepted and s.place not in fitted]),
     )
     for name, marker, chosen in groups:
         if chosen:
