@@ -304,9 +304,8 @@ def sensitivity(
     """
     if symbolic:
         from bristle.questions.sensitivity.formulas import formulas
-        from bristle.questions.sensitivity.page import symbolic_text
 
-        _print([symbolic_text(formulas())])
+        _print([formulas().text()])
         return
     from bristle import sensitivity as run
     from bristle import write_sensitivity

@@ -1,5 +1,6 @@
 """Local sensitivity, its map and its tornado: finite differences, identities of the equations, the notes' figures; and the command."""
 
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -355,6 +356,20 @@ def test_the_command_writes_a_page(folder: Path, known: study.Exploration, monke
     assert "in the friction of wrist" in page
 
 
+def test_without_sympy_only_the_formulas_are_left_out(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without SymPy everything else is found and written; the text says what is not there, with the command that installs it."""
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    ran = run("sensitivity", folder / "e.yaml", "-o", folder / "plain", "--samples", 0)
+    assert (ran.code, ran.said) == (0, [])
+    assert (
+        "No formulas: formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'."
+        in ran.out
+    )
+    assert 'id="formulas"' not in (folder / "plain" / "index.html").read_text(encoding="utf-8")
+    assert (folder / "plain" / "tables" / "shares.csv").exists()
+    assert not (folder / "plain" / "tables" / "formulas.csv").exists()
+
+
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_no_label_of_the_map_leaves_the_figure(known: study.Exploration, kind: Kind) -> None:
     """Whatever the amplitudes, every label of the map lies within the figure."""
@@ -370,7 +385,7 @@ def test_symbolic_prints_formulas_and_writes_nothing(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     ran = run("sensitivity", "--symbolic")
     assert ran.code == 0
-    assert "sigma_0*sigma_1*z*abs(v) / g**2" in ran.out
+    assert "sigma_0*sigma_1*z*abs(v)/g**2" in ran.out
     assert "It is not dT_f/dalpha_0" in ran.out
     assert not tree(tmp_path)
 

@@ -15,7 +15,6 @@ from bristle.page.columns import shown
 from bristle.page.page import write_part
 from bristle.page.wording import number, pretty, slugs, symbol
 from bristle.questions.sensitivity import figures
-from bristle.questions.sensitivity.formulas import LATEX, Formulas, abbreviated, formulas, written
 from bristle.questions.sensitivity.local import claimed, ranked
 from bristle.questions.sensitivity.sobol_figures import sobol_figure, sobol_frame, sobol_sentences
 from bristle.questions.sensitivity.study import Expected, Exploration
@@ -58,9 +57,13 @@ def frames(x: Exploration) -> dict[str, Frame]:
     """Every table by the name of its file."""
     found = {
         "parameters": parameters(x), "shares": shares(x), "map": mapped(x), "tornado": swings(x),
-        "information": pd.concat([information(x, e) for e in x.expected], ignore_index=True), "formulas": formula_frame(formulas()),
+        "information": pd.concat([information(x, e) for e in x.expected], ignore_index=True),
     }  # fmt: skip  # a table
-    return found | ({} if x.sobol is None else {"sobol": sobol_frame(x.sobol, x.kind)})
+    if x.formulas is not None:
+        found["formulas"] = pd.DataFrame(x.formulas.rows())
+    if x.sobol is not None:
+        found["sobol"] = sobol_frame(x.sobol, x.kind)
+    return found
 
 
 def parameters(x: Exploration) -> Frame:
@@ -126,45 +129,6 @@ def information(x: Exploration, expected: Expected) -> Frame:
             }
         )  # fmt: skip  # a table
     return pd.DataFrame(rows).astype({"standard_error": object, "percent": object, "own_standard_error": object})
-
-
-def formula_frame(f: Formulas) -> Frame:
-    """One row per formula: what it is, as text, as text with g for g(v), and as LaTeX with g."""
-    rows = [("g(v)", f.stribeck), ("T_f", f.torque)]
-    rows += [(f"dT_f/d{name} at fixed z", tree) for name, tree in f.partial.items() if name != "z"]
-    rows += [("dT_f/dz", f.partial["z"])]
-    rows += [(f"dT_ss/d{name}, steady sliding", tree) for name, tree in f.steady.items()]
-    rows += [("(19) as printed, without -gamma_1 and e", f.printed)]
-    return pd.DataFrame(
-        [
-            {
-                "what": what,
-                "formula": written(tree),
-                "with_g": written(tree if what == "g(v)" else abbreviated(tree, f.stribeck)),
-                "latex": written(tree if what == "g(v)" else abbreviated(tree, f.stribeck), LATEX),
-            }
-            for what, tree in rows
-        ]
-    )
-
-
-def symbolic_text(f: Formulas) -> str:
-    """What `bristle sensitivity --symbolic` prints."""
-    lines = ["Derivatives of the friction torque T_f (3)-(5), by CasADi.", ""]
-    for what, formula, with_g, latex in formula_frame(f).astype(str).itertuples(index=False, name=None):
-        short = "" if with_g == formula else f"    = {with_g}\n"
-        lines.append(f"{what}\n    = {formula}\n{short}    LaTeX: {latex}\n")
-    return "\n".join([*lines, *printed_sentences(f)])
-
-
-def printed_sentences(f: Formulas) -> list[str]:
-    """What the printed (19) is, compared term by term with CasADi's derivatives."""
-    same = ", ".join(f"dT_f/d{name}" for name in f.printed_is) or "none of these derivatives"
-    extra = "" if "alpha_0" in f.printed_is else " It is not dT_f/dalpha_0, which it is said to be."
-    return [
-        f"The right-hand side of the paper's (19) is, term by term, {same}.{extra}",
-        "Total derivatives add dT_f/dz dz/dp, with z through the whole motion; in steady sliding they are those of T_ss above.",
-    ]
 
 
 def said(x: Exploration) -> list[str]:
@@ -239,8 +203,7 @@ def _of_information(x: Exploration, expected: Expected) -> str:
 
 def context(x: Exploration) -> Mapping[str, Any]:
     """What the template names."""
-    f = formulas()
-    table = formula_frame(f)
+    table = None if x.formulas is None else pd.DataFrame(x.formulas.rows())
     T = pretty(unit("torque", x.kind))
     informed = [
         {
@@ -263,9 +226,9 @@ def context(x: Exploration) -> Mapping[str, Any]:
         "parameters": shown(parameters(x).rename(columns={"assumed": "assumed?"})),
         "shares": shown(shares(x).rename(columns={"partial": "at fixed z", "settled": "total, last period"})),
         "informed": informed,
-        "printed": printed_sentences(f),
-        "formulas": shown(table[["what", "with_g"]].rename(columns={"with_g": "formula"})),
-        "latex": shown(table[["what", "latex"]]),
+        "printed": [] if x.formulas is None else x.formulas.sentences(),
+        "formulas": None if table is None else shown(table[["what", "with_g"]].rename(columns={"with_g": "formula"})),
+        "latex": None if table is None else shown(table[["what", "latex"]]),
         "sobol": None if x.sobol is None else shown(sobol_frame(x.sobol, x.kind)),
         "sobol_said": () if x.sobol is None else sobol_sentences(x.sobol, x.kind),
         "slug": slugs([x.name])[0],

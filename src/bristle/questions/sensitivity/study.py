@@ -13,6 +13,7 @@ from bristle.identification.fisher import STATIC, Information, motion_informatio
 from bristle.identification.results import Joint
 from bristle.model.parameters import Kind, Lugre, Pair, unit
 from bristle.progress import Progress, teller
+from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import Model
 from bristle.questions.sensitivity.local import Local, Map, Motion, Tornado, grid, local, sensitivity_map, tornado
 from bristle.questions.sensitivity.parameter_box import box_of
@@ -59,6 +60,7 @@ class Exploration:
     tornado: tuple[Tornado, ...]
     expected: tuple[Expected, ...]
     sobol: Global | None
+    formulas: Formulas | None
     assumptions: tuple[str, ...]
     seed: int = SEED
 
@@ -97,10 +99,11 @@ def explore(
     swings = tornado(model.p, box, moved) if box else ()
     expected = tuple(x for x in (_of_motion(joint, model, moved), _of_static(joint)) if x is not None)
     found, why = _sobol(model, box, moved, subject, samples, progress)
+    written, unwritten = _formulas()
     return Exploration(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=moved, box=box, local=near,
         settled=near.shares(last=moved.samples), map=mapped, tornado=swings,
-        expected=expected, sobol=found, assumptions=(*model.said, *said, *why),
+        expected=expected, sobol=found, formulas=written, assumptions=(*model.said, *said, *why, *unwritten),
     )  # fmt: skip  # a list of values
 
 
@@ -120,6 +123,14 @@ def _sobol(
         return global_sensitivity(model.p, box, own, samples=samples, seed=SEED, progress=progress), ()
     except InputError as error:
         return None, (f"No Sobol indices: {error}.",)
+
+
+def _formulas() -> tuple[Formulas | None, tuple[str, ...]]:
+    """The derivatives as formulas, or the sentence why there are none."""
+    try:
+        return formulas(), ()
+    except InputError as error:
+        return None, (f"No formulas: {error}.",)
 
 
 def _of_motion(joint: Joint, model: Model, moved: Motion) -> Expected:
