@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model.parameters import Lugre
-from bristle.questions.sensitivity.formulas import abbreviated, formula_of, formulas, latex, text
+from bristle.questions.sensitivity.formulas import abbreviated, as_latex, as_text, formula_of, formulas
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import run
@@ -86,7 +86,7 @@ def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) ->
     _, *slopes = (float(x) for x in functions.torque_sensitivity()(z, v, *p))
     for name, slope in zip(("z", *Lugre._fields), slopes, strict=True):
         formula = FORMULAS.partial[name]
-        for written in (text(formula), python_of(latex(formula))):
+        for written in (as_text(formula), python_of(as_latex(formula))):
             assert value(written, point(z, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
@@ -96,7 +96,7 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
     """Each printed derivative of the steady torque has the value of CasADi's; those by sigma_0 and sigma_1 are zero."""
     slopes = [float(x) for x in functions.steady_jacobian()(v, *p[:4])]
     for name, slope in zip(Lugre._fields, [*slopes, 0.0, 0.0], strict=True):
-        assert value(text(FORMULAS.steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+        assert value(as_text(FORMULAS.steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
 @FEW
@@ -104,11 +104,11 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
 def test_abbreviations_keep_the_value(z: float, v: float, p: Lugre[float]) -> None:
     """With g for g(v) each formula keeps its value, and g is the Stribeck curve (5)."""
     names = point(z, v, p)
-    g = value(text(FORMULAS.stribeck), names)
+    g = value(as_text(FORMULAS.stribeck), names)
     assert g == pytest.approx(p.alpha_0 + p.alpha_1 * math.exp(-((v / p.v_s) ** 2)), rel=1e-12)
     for formula in (FORMULAS.torque, *FORMULAS.partial.values()):
-        whole, short = value(text(formula), names), abbreviated(formula, FORMULAS.stribeck)
-        for written in (text(short), python_of(latex(short))):
+        whole, short = value(as_text(formula), names), abbreviated(formula, FORMULAS.stribeck)
+        for written in (as_text(short), python_of(as_latex(short))):
             assert value(written, names | {"g": g}) == pytest.approx(whole, rel=1e-9, abs=1e-12)
 
 
@@ -117,8 +117,8 @@ def test_the_printed_law_is_another_derivative() -> None:
     assert FORMULAS.printed_is == ("alpha_1",)
     assert FORMULAS.printed == FORMULAS.partial["alpha_1"] != FORMULAS.partial["alpha_0"]
     at = point(0.003, 0.03, GRIPPER)
-    assert value(text(FORMULAS.printed), at) == pytest.approx(0.0149170, abs=5e-8)
-    assert value(text(FORMULAS.partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
+    assert value(as_text(FORMULAS.printed), at) == pytest.approx(0.0149170, abs=5e-8)
+    assert value(as_text(FORMULAS.partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
 
 
 def test_formulas_are_readable() -> None:
@@ -129,7 +129,7 @@ def test_formulas_are_readable() -> None:
     assert short["dT_f/dsigma_0 at fixed z"] == "z - sigma_1*z*abs(v)/g"
     assert short["dT_ss/dalpha_0, steady sliding"] == "sign(v)"
     assert short["g(v)"] == "alpha_0 + alpha_1*exp(-v**2/v_s**2)"
-    assert latex(FORMULAS.partial["z"]).startswith(
+    assert as_latex(FORMULAS.partial["z"]).startswith(
         r"- \frac{\sigma_{0} \sigma_{1} \left|{v}\right|}{\alpha_{0} + \alpha_{1}"
     )
 
@@ -185,15 +185,15 @@ def test_any_expression_keeps_its_value(expression: Any, a: float, b: float) -> 
     """Whatever is collected, reordered and written has the value of the CasADi expression, as text and as LaTeX."""
     exact = float(ca.Function("f", [X, Y], [expression])(a, b))
     formula = formula_of(expression)
-    for written in (text(formula), python_of(latex(formula))):
+    for written in (as_text(formula), python_of(as_latex(formula))):
         assert value(written, {"a": a, "b": b}) == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
 def test_numbers_are_raised_with_their_factors() -> None:
     """A number within a power is raised as well: (2 a b)**2 is 4 a**2 b**2, and 1 / (2 a) has the 2 below."""
-    assert text(formula_of((2 * X * Y) ** 2)) == "4*a**2*b**2"
-    assert text(formula_of(1 / (2 * X))) == "1/(2*a)"
-    assert text(formula_of(1 / (4 * X * X))) == "1/(4*a**2)"
+    assert as_text(formula_of((2 * X * Y) ** 2)) == "4*a**2*b**2"
+    assert as_text(formula_of(1 / (2 * X))) == "1/(2*a)"
+    assert as_text(formula_of(1 / (4 * X * X))) == "1/(4*a**2)"
 
 
 @FEW
@@ -202,7 +202,7 @@ def test_order_does_not_matter(first: Any, second: Any) -> None:
     """Sums and products are the same formula either way round, and what is taken off itself is nothing."""
     assert formula_of(first + second) == formula_of(second + first)
     assert formula_of(first * second) == formula_of(second * first)
-    assert text(formula_of(first - first)) == "0"
+    assert as_text(formula_of(first - first)) == "0"
 
 
 def test_what_cannot_be_written_is_refused() -> None:

@@ -37,7 +37,6 @@ from bristle.questions.sensitivity.local import (
     sensitivity_map,
     tornado,
 )
-from bristle.questions.sensitivity.page import text
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW
@@ -255,12 +254,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def known(folder: Path) -> study.Exploration:
+def known(folder: Path) -> study.SensitivityStudy:
     """The same joint, explored without Sobol indices."""
     return bristle.sensitivity(folder / "e.yaml", samples=0)
 
 
-def test_a_joint_of_points_has_an_assumed_bristle(known: study.Exploration) -> None:
+def test_a_joint_of_points_has_an_assumed_bristle(known: study.SensitivityStudy) -> None:
     """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval; what was fitted is what is used."""
     assert {name.rstrip("+-") for name in known.model.assumed} == {"sigma_0", "sigma_1"}
     assert {name.rstrip("+-") for name in known.box} == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
@@ -271,7 +270,7 @@ def test_a_joint_of_points_has_an_assumed_bristle(known: study.Exploration) -> N
     assert known.motion.top_speed == pytest.approx(0.4, rel=0.05)
 
 
-def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.Exploration) -> None:
+def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.SensitivityStudy) -> None:
     """The information of the joint's own constant velocities gives the standard errors that its static fit has."""
     static = known.expected[1]
     assert static.what == "the constant velocities"
@@ -279,9 +278,9 @@ def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.Ex
         assert static.errors[name] == pytest.approx(error, rel=1e-6)
 
 
-def test_the_text_says_what_was_found(known: study.Exploration) -> None:
+def test_the_text_says_what_was_found(known: study.SensitivityStudy) -> None:
     """Six parameters with three shares each, a sentence on the claim, and every assumption."""
-    lines = text(known)
+    lines = known.text().splitlines()
     assert sum(line.split()[0] in Lugre._fields for line in lines[2:8]) == 6
     assert sum(line.startswith("The paper's claim") for line in lines) == 1
     assert len([line for line in lines if "assumed" in line]) >= 2
@@ -294,7 +293,7 @@ def test_nothing_known_is_refused(tmp_path: Path) -> None:
         of_joint(measured, identify_joint(measured))
 
 
-def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.Exploration) -> None:
+def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.SensitivityStudy) -> None:
     """One joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude; sigma_0 bends by 1/1000 of the travel."""
     measured = measure(folder / "e.yaml")
     joint, (limits, _) = identify_joint(measured), limits_of(measured)
@@ -307,7 +306,7 @@ def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.Exp
     assert any("sigma_1" in s and "a guessed inertia" in s for s in known.assumptions)
 
 
-def test_the_whole_range_of_motions_can_be_explored(known: study.Exploration, folder: Path) -> None:
+def test_the_whole_range_of_motions_can_be_explored(known: study.SensitivityStudy, folder: Path) -> None:
     """At the corners of what is accepted, and of the maps around them, every share is a finite number; just beyond, the motion is refused."""
     limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
     (low, high), (slow, fast) = RANGE, FREQUENCIES
@@ -341,9 +340,11 @@ def test_a_position_that_stands_still_is_refused(tmp_path: Path) -> None:
         of_joint(stopped, joint)
 
 
-def test_the_command_writes_a_page(folder: Path, known: study.Exploration, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_a_page(
+    folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The command prints what was found and writes index.html with a table and a figure of each kind."""
-    monkeypatch.setattr(api, "explore", lambda *_: known)
+    monkeypatch.setattr(api, "study_sensitivity", lambda *_: known)
     ran = run("sensitivity", folder / "e.yaml", "-o", folder / "out", "--samples", 0)
     assert (ran.code, ran.said) == (0, [])
     assert "The paper's claim" in ran.out
@@ -371,7 +372,7 @@ def test_without_sympy_only_the_formulas_are_left_out(folder: Path, monkeypatch:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_no_label_of_the_map_leaves_the_figure(known: study.Exploration, kind: Kind) -> None:
+def test_no_label_of_the_map_leaves_the_figure(known: study.SensitivityStudy, kind: Kind) -> None:
     """Whatever the amplitudes, every label of the map lies within the figure."""
     figure = map_figure(replace(known, kind=kind, map=replace(known.map, amplitudes=known.map.amplitudes * 1e-5)))
     figure.draw_without_rendering()

@@ -60,8 +60,8 @@ class Formulas:
         }  # fmt: skip  # a table
         short = {what: abbreviated(formula, self.stribeck) for what, formula in others.items()}
         return (
-            Written("g(v)", text(self.stribeck), text(self.stribeck), latex(self.stribeck)),
-            *(Written(what, text(formula), text(short[what]), latex(short[what])) for what, formula in others.items()),
+            Written("g(v)", as_text(self.stribeck), as_text(self.stribeck), as_latex(self.stribeck)),
+            *(Written(what, as_text(x), as_text(short[what]), as_latex(short[what])) for what, x in others.items()),
         )
 
     def sentences(self) -> list[str]:
@@ -130,12 +130,12 @@ def abbreviated(formula: Formula, stribeck: Formula) -> Formula:
     return formula.xreplace({stribeck: _sympy().Symbol("g", real=True)})
 
 
-def text(formula: Formula) -> str:
+def as_text(formula: Formula) -> str:
     """A formula as Python reads it; SymPy calls the absolute value Abs."""
     return str(_sympy().sstr(formula)).replace("Abs(", "abs(")
 
 
-def latex(formula: Formula) -> str:
+def as_latex(formula: Formula) -> str:
     """A formula as LaTeX's mathematics reads it."""
     return str(_sympy().latex(formula))
 

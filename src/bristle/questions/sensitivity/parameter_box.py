@@ -78,19 +78,19 @@ def box_of(estimates: Mapping[str, Estimate]) -> tuple[dict[str, tuple[float, fl
     Other parameters are left out; so are those without a finite interval, with a sentence. An interval is cut at its physical bound, with a sentence.
     """
     box: dict[str, tuple[float, float]] = {}
-    said = []
+    notes = []
     for name, e in estimates.items():
         bare = name.rstrip("+-")
         if bare not in Lugre._fields or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:
-            said.append(f"{name}: without a finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
+            notes.append(f"{name}: without a finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
             continue
         low, high = e.interval
         if low < 0 or (low == 0 and bare in _POSITIVE):
             low = _SMALL * min(e.value, high) if bare in _POSITIVE else 0.0
-            said.append(
+            notes.append(
                 f"{name}: its interval reaches down to what cannot be; it is drawn from {low:.3g} {e.unit} on (assumed)."
             )
         box[name] = (low, high)
-    return box, tuple(said)
+    return box, tuple(notes)
