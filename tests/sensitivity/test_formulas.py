@@ -33,7 +33,7 @@ OPERATORS: dict[type, Any] = {
 
 
 def value(text: str, names: Mapping[str, float]) -> float:
-    """A printed formula at some values: names, numbers, + - * / **, and the three functions; nothing else is allowed."""
+    """A printed formula at some values: names, numbers, + - * / **, and three functions; nothing else is allowed."""
 
     def at(node: ast.AST) -> float:
         """The value of one node."""
@@ -56,7 +56,7 @@ def value(text: str, names: Mapping[str, float]) -> float:
 
 
 def python_of(latex: str) -> str:
-    """The LaTeX that SymPy writes as Python: from the inside out, so that braces never nest; a space between factors is a product."""
+    """The LaTeX that SymPy writes as Python: from the inside out, so that braces never nest; a space is a product."""
     text = re.sub(r"\\?(alpha|sigma|v)_\{(\w)\}", r"\1_\2", latex)
     text = text.replace(r"\left|{", "ABS{").replace(r"}\right|", "}").replace(r"\operatorname{sign}", "SIGN")
     text = text.replace(r"\left(", "(").replace(r" \right)", ")").replace(r"\right)", ")").replace(r"\cdot", "*")
@@ -113,7 +113,7 @@ def test_abbreviations_keep_the_value(z: float, v: float, p: Lugre[float]) -> No
 
 
 def test_the_printed_law_is_another_derivative() -> None:
-    """(19) as printed is dT_f / dalpha_1 term by term, and at the notes' point both are 0.0149170 where dT_f / dalpha_0 is 0.0177452."""
+    """(19) as printed is dT_f / dalpha_1 term by term, not dT_f / dalpha_0; the values are those of docs/paper.md."""
     assert FORMULAS.printed_is == ("alpha_1",)
     assert FORMULAS.printed == FORMULAS.partial["alpha_1"] != FORMULAS.partial["alpha_0"]
     at = point(0.003, 0.03, GRIPPER)
@@ -135,7 +135,7 @@ def test_formulas_are_readable() -> None:
 
 
 def test_the_documentation_prints_these_formulas() -> None:
-    """Each formula in docs/sensitivity.md is the one that the command prints with g for g(v), character for character."""
+    """Each formula in docs/sensitivity.md is the one that the command prints with g, character for character."""
     docs = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8")
     short = {row.what: row.with_g for row in FORMULAS.rows()}
     shown = dict(re.findall(r"^(.+)\n    = (.+)$", docs, flags=re.MULTILINE))

@@ -59,7 +59,7 @@ _LINE = 68
 
 @styled
 def time_figure(study: SensitivityStudy) -> Figure:
-    """Velocity, and under it each parameter's derivative of torque over time: total (solid), partial at fixed z (dashed)."""
+    """Velocity, and under it each parameter's derivative of torque vs time: total (solid), at fixed z (dashed)."""
     seen = np.flatnonzero(study.local.time <= _PERIODS / study.motion.frequency)
     k = seen[thinned(seen.size, _MOST)]
     time, velocity = study.local.time[k], study.local.velocity[k]
@@ -98,7 +98,7 @@ def _starred(study: SensitivityStudy, name: str) -> str:
 
 @styled
 def shares_figure(study: SensitivityStudy) -> Figure:
-    """RMS of each derivative over the RMS of the friction torque, total and at fixed z, as bars with numbers, the largest total first."""
+    """RMS of each derivative over the RMS of the friction torque as bars: total and at fixed z, largest total first."""
     total, partial = study.local.shares(), study.local.shares(partial=True)
     order = [Lugre._fields.index(name) for name in study.local.ranking]
     figure = new_figure(3.7)
@@ -128,7 +128,7 @@ def shares_figure(study: SensitivityStudy) -> Figure:
 
 @styled
 def first_figure(study: SensitivityStudy) -> Figure:
-    """Which parameter ranks first for each amplitude and frequency, by colour and symbol; a line around where the paper's claim holds."""
+    """Which parameter ranks first at each amplitude and frequency; a line around where the paper's claim holds."""
     figure = new_figure(5.4)
     figure.subplots_adjust(left=0.16, top=0.86)
     ax = figure.subplots()
@@ -219,14 +219,17 @@ def map_figure(study: SensitivityStudy) -> Figure:
 
 
 def _cells(ax: Axes, values: NDArray[Any], **look: Any) -> QuadMesh:
-    """Cells by their values (rows, columns), with whole numbers at their middles; `look` as matplotlib's pcolormesh has it."""
+    """Cells by their values (rows, columns), centred on whole numbers; `look` as matplotlib's pcolormesh has it."""
     edges = (np.arange(size + 1) - 0.5 for size in values.shape[::-1])
     return ax.pcolormesh(*edges, values, edgecolors="face", linewidth=0.3, **look)
 
 
 @styled
 def tornado_figure(study: SensitivityStudy) -> Figure | None:
-    """What each parameter's interval does to each output, percent, from its lower end (open) to its upper end (filled); None without intervals."""
+    """What each parameter's interval does to each output, percent; None without intervals.
+
+    A bar is open at the interval's lower end and filled at its upper end.
+    """
     if not study.tornado:
         return None
     rows = [max(len(_moving(chart)), 1) for chart in study.tornado]
@@ -273,7 +276,7 @@ def _tornado(ax: Axes, chart: Tornado, kind: Kind) -> None:
 
 @styled
 def correlation_figure(study: SensitivityStudy, expected: Expected) -> Figure:
-    """Correlation of the estimates that a measurement would give, by shade and number; a cross where a parameter is not seen."""
+    """Correlation of the estimates that a measurement would give; a cross where a parameter is not seen."""
     info = expected.information
     seen = np.isfinite(info.standard_errors)
     size = len(info.names)

@@ -1,6 +1,7 @@
-"""The friction torque and its derivatives as formulas: the law's CasADi expression becomes a SymPy one, and that text and LaTeX.
+"""The friction torque and its derivatives as formulas: CasADi expression -> SymPy -> text and LaTeX.
 
-Nothing here knows a derivative; all come from `model.law` by CasADi. SymPy collects like terms and factors, so that one formula has one form.
+Nothing here knows a derivative; all come from `model.law` by CasADi. SymPy collects like terms and factors, so that one
+formula has one form.
 """
 
 import operator
@@ -70,7 +71,8 @@ class Formulas:
         extra = "" if "alpha_0" in self.printed_is else " It is not dT_f/dalpha_0, which it is said to be."
         return [
             f"The right-hand side of the paper's (19) is, term by term, {same}.{extra}",
-            "Total derivatives add dT_f/dz dz/dp, with z through the whole motion; in steady sliding they are those of T_ss above.",
+            "Total derivatives add dT_f/dz dz/dp, with z through the whole motion; "
+            "in steady sliding they are those of T_ss above.",
         ]
 
     def text(self) -> str:
@@ -83,7 +85,10 @@ class Formulas:
 
 
 def formulas() -> Formulas:
-    """Everything that `bristle sensitivity --symbolic` prints, from `model.law` by CasADi. Raises InputError where SymPy is not installed."""
+    """Everything that `bristle sensitivity --symbolic` prints, from `model.law` by CasADi.
+
+    Raises InputError where SymPy is not installed.
+    """
     z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
     torque, steady = law.torque(z, v, p), law.steady_torque(v, p)
     return Formulas(

@@ -1,9 +1,10 @@
-"""What matters, and when: the derivative of the friction torque by each parameter along a sinusoidal motion, at fixed z and through the bristle.
+"""What matters, and when: derivatives of the friction torque by each parameter along a sinusoidal motion.
 
     partial    p dT_f / dp  at the bristle's deflection as it is
     total      p (dT_f / dp + dT_f / dz dz / dp),  z along the whole motion
 
-Both in N*m for a change of the parameter by its own size, so that parameters compare. Of a pair of sets both directions change by the same share.
+Both in N*m for a change of the parameter by its own size, so that parameters compare. Of a pair of sets both directions
+change by the same share.
 """
 
 from collections.abc import Mapping, Sequence
@@ -72,9 +73,12 @@ class Motion(NamedTuple):
 
 
 def motion(amplitude: float, frequency: float) -> Motion:
-    """The motion over the paper's window of 10 s at 1 kHz; two periods where that is longer, 200 samples a period where it is faster.
+    """The motion over the paper's window of 10 s at 1 kHz.
 
-    Raises InputError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency outside `FREQUENCIES`.
+    A slow motion lasts two periods, where that is longer; a fast one has 200 samples a period.
+
+    Raises InputError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency
+    outside `FREQUENCIES`.
     """
     for name, x in (("amplitude", amplitude), ("frequency", frequency)):
         if not 0 < x < np.inf:
@@ -185,7 +189,10 @@ def claimed(shares: Array) -> bool:
 
 
 def grid(reference: Motion) -> tuple[Array, Array]:
-    """Amplitudes from 1/1000 to 10 times that of a motion, frequencies from 1/20 to 20 times its own, in thirds of a decade; it is among them."""
+    """Amplitudes (13,), rad, and frequencies (9,), Hz, of a map around a motion, in thirds of a decade.
+
+    Amplitudes go from 1/1000 to 10 times its own, frequencies from 1/20 to 20 times; the motion is among them.
+    """
     third = np.arange(-9, 4) / 3
     return reference.amplitude * 10**third, reference.frequency * 10 ** (np.arange(-4, 5) / 3)
 
@@ -254,7 +261,7 @@ def tornado(
 
 
 def replaced(p: Lugre[float] | Pair[float], name: str, value: float) -> Lugre[float] | Pair[float]:
-    """The parameters with one of them another; its name as in `information.names_of`, or bare for both sets of a pair."""
+    """The parameters with one of them another; its name as in `fisher.names_of`, or bare for both sets of a pair."""
     if isinstance(p, Lugre):
         return p._replace(**{name: value})
     if name[-1] not in "+-":

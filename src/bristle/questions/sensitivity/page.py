@@ -29,7 +29,7 @@ _COLUMNS = {
 
 
 def write_sensitivity(study: SensitivityStudy, folder: Path) -> Path:
-    """Write what was found as a page with figures and tables; returns the path of index.html. Raises as `write_part` does."""
+    """Write what was found as a page with figures and tables; returns index.html. Raises as `write_part` does."""
     drawn: dict[str, Any] = {
         "time": (figures.time_figure, "derivatives over time"),
         "shares": (figures.shares_figure, "shares of the torque"),

@@ -1,6 +1,7 @@
-"""Sobol indices by SALib: which share of an output's variance each parameter makes alone, and which with all others, over a box of parameters.
+"""Sobol indices by SALib: the share of an output's variance that each parameter makes alone, and with all others.
 
-The parameters are drawn independently; correlations of a fit are not in it. Saltelli's sampling: samples * (parameters + 2) evaluations.
+The parameters are drawn from a box, independently; correlations of a fit are not in it. Saltelli's sampling:
+samples * (parameters + 2) evaluations.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +30,7 @@ LEVEL = 0.95
 RESAMPLES = 200
 """... so often."""
 PERIODS, COUNTED = 2, 1
-"""Of the reference in each closed loop, and how many of the last of them count; the error then is within about 1 % of the settled one."""
+"""Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
 _TICKS = 9_000_000
 """Control periods of all closed loops together, which bounds their samples: about half a minute."""
 _LEAST = 32
@@ -51,7 +52,7 @@ _BARELY = 1e-200
 
 
 class Effect(NamedTuple):
-    """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % confidence interval."""
+    """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % interval."""
 
     parameter: str
     first: float
@@ -113,8 +114,8 @@ def indices(
         samples: a power of two; the function is evaluated at samples * (p + 2) points.
         seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
 
-    Raises InputError where SALib is not installed, the box or the samples cannot be used, or the function's values are not finite numbers of
-    that shape.
+    Raises InputError where SALib is not installed, the box or the samples cannot be used, or the function's values are
+    not finite, and ValueError where they are not of that shape.
     """
     spans = spans_of(box)
     points = _points(spans, samples, seed)
@@ -132,7 +133,8 @@ def _points(spans: Sequence[Span], samples: int, seed: int) -> Array:
     """Saltelli's sample of the box, (samples * (p + 2), p)."""
     if samples < 2 or samples & (samples - 1) or seed < 0:
         raise InputError(
-            f"got {samples} samples and seed {seed}; expected a power of two, as 256 or 1024, and a seed of zero or more"
+            f"got {samples} samples and seed {seed}; "
+            "expected a power of two, as 256 or 1024, and a seed of zero or more"
         )
     shares = _salib().sample.sobol.sample(_problem(spans), samples, calc_second_order=False, seed=seed)
     return np.column_stack([span.at(share) for span, share in zip(spans, shares.T, strict=True)])
@@ -186,13 +188,13 @@ def global_sensitivity(
 ) -> Global:
     """Sobol indices of three outputs of a joint along its reference, amplitude sin(2 pi frequency t) of the subject.
 
-    The RMS of T_f over a period of steady motion; the breakaway torque alpha_0 + alpha_1, the mean of both directions; and the RMS position error
-    of the simulated loop whose compensator has the model p while the plant is drawn: over the last of `PERIODS` periods from rest. That loop is slow:
-    it gets fewer samples, as each output says.
+    The RMS of T_f over a period of steady motion; the breakaway torque alpha_0 + alpha_1, the mean of both directions;
+    and the RMS position error of the simulated loop whose compensator has the model p while the plant is drawn: over
+    the last of `PERIODS` periods from rest. That loop is slow: it gets fewer samples, as each output says.
 
     Args:
         p: the nominal parameters; those that are not in the box stay so.
-        box: intervals by the names of parameters: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one.
+        box: intervals by name: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one.
         subject: whose loop and reference it is; its own friction is not used.
         samples: a power of two, >= 32; of torque and breakaway.
         seed: as in `indices`.
@@ -233,7 +235,7 @@ def global_sensitivity(
 
 
 def _breakaway(joints: Pair[Array]) -> Array:
-    """g(0) = alpha_0 + alpha_1, the limit of the steady curve (9) where v goes to zero from above, N*m; the mean of both directions."""
+    """g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions."""
     levels = [evaluate(functions.steady_torque(), _BARELY, *p[:4])[0] for p in joints]
     return np.asarray(np.mean(levels, axis=0))
 
@@ -282,7 +284,7 @@ def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array
 def _tracking_output(
     subject: Subject, spans: Sequence[Span], error: Callable[[Array], Array], points: Array, seed: int
 ) -> Output:
-    """The loop's output; without indices where a plant drawn cannot be run, as with too long a control period, or its loop diverges."""
+    """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
     try:
         _refuse_loop(subject)
         errors = _batched(error, points, _BATCH)

@@ -1,4 +1,4 @@
-"""Everything that is found out about which parameters of a joint matter: local, mapped and global sensitivity, and Fisher information."""
+"""Which parameters of a joint matter: local, mapped and global sensitivity, and Fisher information."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -87,15 +87,16 @@ class SensitivityStudy:
     seed: int = SEED
 
     def text(self) -> str:
-        """What `bristle sensitivity` prints: the shares, what was found in sentences, and what was assumed; a line each."""
+        """What `bristle sensitivity` prints: shares, findings and assumptions, a line each."""
         from bristle.questions.sensitivity.text import study_text
 
         return study_text(self)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per parameter, the largest total share first: `rank`, `parameter`, and its shares `total`, `partial` and `settled`.
+        """One row per parameter, the largest total share first: `rank`, `parameter`, `total`, `partial` and `settled`.
 
-        A share is the RMS of p dT_f / dp over the RMS of T_f, total (through the bristle) or partial (at fixed z), and total over the last period.
+        A share is the RMS of p dT_f / dp over the RMS of T_f: total (through the bristle), partial (at fixed z), and
+        total over the last period.
         """
         from bristle.questions.sensitivity.tables import share_table
 
@@ -104,7 +105,8 @@ class SensitivityStudy:
     def write(self, folder: Path) -> Path:
         """Write a page with figures and tables into a folder; returns the path of index.html.
 
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
         """
         from bristle.questions.sensitivity.page import write_sensitivity
 
@@ -115,7 +117,8 @@ def check_samples(samples: int) -> None:
     """Raises InputError where so many samples cannot be drawn; 0 is no Sobol indices at all."""
     if samples and (not _FEWEST <= samples <= _MOST or samples & (samples - 1)):
         raise InputError(
-            f"samples: got {samples}; expected a power of two from {_FEWEST} to {_MOST}, or 0 to leave the Sobol indices out"
+            f"samples: got {samples}; expected a power of two from {_FEWEST} to {_MOST}, "
+            "or 0 to leave the Sobol indices out"
         )
 
 
@@ -129,7 +132,7 @@ def study_sensitivity(
 
     Args:
         joint: as it was identified.
-        request: the friction model, the motion and the loop, or the sentence why there is none, as `of_joint` or `of_gripper` gives them.
+        request: friction model, motion, and the loop or the sentence why there is none, as `of_joint` gives them.
         samples: of the Sobol indices, as `check_samples` has it.
         progress: told of every step.
 
@@ -221,13 +224,14 @@ def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[
     if fit is not None and fit.quantity == "torque" and fit.rms > 0:
         steps = np.diff(fit.time)
         between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
-        source = f"Noise: as the moving runs' fit leaves it, {fit.rms:.3g} {torque_unit} in an equation every {between:.3g} s"
+        source = f"Noise: as the moving runs' fit leaves it, {fit.rms:.3g} {torque_unit}"
+        source += f" in an equation every {between:.3g} s"
         if variance_inflation > 1:
             source += f", and {np.sqrt(variance_inflation):.1f} times that for its correlation"
         return fit.rms * float(np.sqrt(variance_inflation * between / period)), f"{source}."
     noise = _NOISE * float(np.mean([one.alpha_0 for one in ([p] if isinstance(p, Lugre) else p)]))
-    source = f"Noise: assumed white, {noise:.3g} {torque_unit} ({_NOISE:.0%} of alpha_0) at 1 kHz; standard errors go in proportion."
-    return noise * float(np.sqrt(1e-3 / period)), source
+    source = f"Noise: assumed white, {noise:.3g} {torque_unit} ({_NOISE:.0%} of alpha_0) at 1 kHz"
+    return noise * float(np.sqrt(1e-3 / period)), f"{source}; standard errors go in proportion."
 
 
 def _constant_velocities_tell(joint: Joint) -> Expected | None:

@@ -45,7 +45,7 @@ def parameter_table(study: SensitivityStudy) -> Frame:
 
 
 def share_table(study: SensitivityStudy) -> Frame:
-    """RMS of p dT_f / dp over the RMS of T_f: total, at fixed z, and total over the last period; the largest total first."""
+    """One row per parameter, the largest total share first; columns as `SensitivityStudy.to_frame` has them."""
     frame = pd.DataFrame(
         {
             "parameter": Lugre._fields,
@@ -60,7 +60,7 @@ def share_table(study: SensitivityStudy) -> Frame:
 
 
 def map_table(study: SensitivityStudy) -> Frame:
-    """One row per motion: amplitude, frequency, every parameter's share, which is first, and whether the paper's two are the first two."""
+    """One row per motion: amplitude, frequency, every parameter's share, which is first, whether the claim holds."""
     amplitude, frequency = np.meshgrid(study.map.amplitudes, study.map.frequencies, indexing="ij")
     shares = study.map.shares.reshape(-1, len(Lugre._fields))
     frame = pd.DataFrame({"amplitude": amplitude.ravel(), "frequency": frequency.ravel()})
@@ -82,7 +82,7 @@ def tornado_table(study: SensitivityStudy) -> Frame:
 
 
 def information_table(study: SensitivityStudy, expected: Expected) -> Frame:
-    """One row per parameter of a measurement: expected standard error, in percent of the value, that of the joint's fit, whether it is seen."""
+    """One row per parameter of a measurement: expected standard error, that of the joint's fit, whether it is seen."""
     info = expected.information
     columns = (info.names, info.point.tolist(), info.standard_errors.tolist(), expected.seen.tolist())
     rows = [
@@ -97,7 +97,7 @@ def information_table(study: SensitivityStudy, expected: Expected) -> Frame:
 
 
 def sobol_table(sobol: Global, kind: Kind) -> Frame:
-    """One row for each output and parameter: the interval drawn from, both indices with the half-widths of their confidence intervals, samples."""
+    """One row for each output and parameter: the interval drawn from, both indices with their half-widths, samples."""
     rows = [
         {
             "output": output_name(output.name, kind), "parameter": drawn.parameter, "lower": drawn.low, "upper": drawn.high,

@@ -40,9 +40,12 @@ def findings(study: SensitivityStudy) -> list[str]:
     """Whether the paper's claim holds, along the motion and over the map, and what each measurement would tell."""
     total, fixed_z = study.local.shares(), study.local.shares(partial=True)
     order = ranked(total)[:_NAMED]
-    at = f"{number(study.motion.amplitude, 3)} {pretty(unit('position', study.kind))} at {number(study.motion.frequency, 3)} Hz"
+    amplitude = f"{number(study.motion.amplitude, 3)} {pretty(unit('position', study.kind))}"
     holds = "holds" if claimed(total) else "does not hold"
-    claim = f"The paper's claim that α₀ and α₂ matter most {holds} for {at}: RMS of p · dT/dp over that of T is {_largest(total)} (total)."
+    claim = (
+        f"The paper's claim that α₀ and α₂ matter most {holds} for {amplitude} at "
+        f"{number(study.motion.frequency, 3)} Hz: RMS of p · dT/dp over that of T is {_largest(total)} (total)."
+    )
     if ranked(study.settled)[:_NAMED] != order:
         claim += f" In its last period, when the bristle's first deflection is over: {_largest(study.settled)}."
     sentences = [claim]
@@ -73,17 +76,18 @@ def _claim_over_map(study: SensitivityStudy) -> str:
         else:
             parts.append(f"{at} from {number(float(amplitudes[broken[-1] + 1]), 2)} {position_unit} up")
     first = ", ".join(symbol(Lugre._fields[k]) for k in np.unique(study.map.first))
-    return f"Of {claim.size} motions on the map it holds for {int(claim.sum())}: {', '.join(parts)}. First in rank somewhere: {first}."
+    holds = f"Of {claim.size} motions on the map it holds for {int(claim.sum())}: {', '.join(parts)}."
+    return f"{holds} First in rank somewhere: {first}."
 
 
 def _told_by(expected: Expected) -> str:
     """Which parameters a measurement sees, and which of its directions it hardly does."""
     names = expected.information.names
     lost = [symbol(name) for name, seen in zip(names, expected.seen, strict=True) if not seen]
-    tells = f"From {expected.what} alone all of {', '.join(map(symbol, names))} are identifiable."
+    tells = f"all of {', '.join(map(symbol, names))} are identifiable."
     if lost:
-        tells = f"From {expected.what} alone {', '.join(lost)} would not be identifiable (standard error over half the value)."
-    return " ".join([tells, *map(with_symbols, expected.information.unseen)])
+        tells = f"{', '.join(lost)} would not be identifiable (standard error over half the value)."
+    return " ".join([f"From {expected.what} alone {tells}", *map(with_symbols, expected.information.unseen)])
 
 
 def with_symbols(sentence: str) -> str:
@@ -103,7 +107,7 @@ def heading(name: str, kind: Kind) -> str:
 
 
 def sobol_sentences(sobol: Global, kind: Kind) -> tuple[str, ...]:
-    """What is to be said of it: each output's parameters by their share, what was drawn and how often, and what is not in it."""
+    """Each output's parameters by their share of its variance, then what was drawn and what is not in it."""
     drawn = ", ".join(
         f"{symbol(s.parameter)} {span((s.low, s.high), 3)}{' (log-uniform)' if s.logarithmic else ''}"
         for s in sobol.spans
@@ -111,9 +115,10 @@ def sobol_sentences(sobol: Global, kind: Kind) -> tuple[str, ...]:
     reference = f"{number(sobol.amplitude, 3)} {pretty(unit('position', kind))} at {number(sobol.frequency, 3)} Hz"
     return (
         *(_variance_shares(output, kind) for output in sobol.outputs),
-        f"Drawn uniformly unless said otherwise, and independently, which the parameters of a fit are not: {drawn}. Seed {sobol.seed}.",
-        f"SIMULATED: a sine of {reference}; in the loop the compensator keeps the nominal "
-        f"parameters while the plant is drawn. ± of an index is {100 * LEVEL:.0f} % by a bootstrap, wider than these evenly spread samples need.",
+        "Drawn uniformly unless said otherwise, and independently, which the parameters of a fit are not: "
+        f"{drawn}. Seed {sobol.seed}.",
+        f"SIMULATED: a sine of {reference}; in the loop the compensator keeps the nominal parameters while the plant "
+        f"is drawn. ± of an index is {100 * LEVEL:.0f} % by a bootstrap, wider than these evenly spread samples need.",
     )
 
 
