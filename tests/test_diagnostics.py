@@ -173,7 +173,6 @@ ALLOWED = {
         "The fit did not converge",
     ): "an outcome read from a results file, whose schema has it as text alone",
     ("questions/joint_report/static_figures.py", "95 % band"): "an entry of a legend, in the list of those drawn",
-    ("questions/sensitivity/formulas.py", " + "): "the sign that a sum was just begun with",
     ("simulation/edro.py", "Ramp controller"): "an assumption of the data that ship with it, replaced by its own words",
 }
 """Where a text of several words is asked for, and why that is no decision by what a diagnostic says; no reader of data is among them."""

@@ -23,7 +23,7 @@ from bristle.questions.method_validation.results import Trial
 from bristle.questions.method_validation.run import REPETITIONS, STARTS, run_trial
 from bristle.questions.method_validation.run import check as check_trial
 from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
-from bristle.questions.sensitivity.study import SAMPLES, Exploration, check_samples, explore
+from bristle.questions.sensitivity.study import SAMPLES, SensitivityStudy, check_samples, study_sensitivity
 from bristle.questions.session_comparison.compare import compare as compare_sessions
 from bristle.questions.session_comparison.results import Comparison
 from bristle.simulation import edro
@@ -201,7 +201,7 @@ def sensitivity(
     frequency: float | str | None = None,
     samples: int = SAMPLES,
     progress: Progress | None = None,
-) -> Exploration:
+) -> SensitivityStudy:
     """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
 
     Args:
@@ -221,18 +221,16 @@ def sensitivity(
         progress(f"identifying {loaded.joint.name}", 0, 1)
     measured = measure(loaded)
     joint = identify_joint(measured)
-    asked = (of_gripper if experiment is None else of_joint)(measured, joint, amplitude, frequency)
-    return explore(joint, asked, samples, progress)
+    request = (of_gripper if experiment is None else of_joint)(measured, joint, amplitude, frequency)
+    return study_sensitivity(joint, request, samples, progress)
 
 
-def write_sensitivity(explored: Exploration, folder: Path | str) -> Path:
+def write_sensitivity(result: SensitivityStudy, folder: Path | str) -> Path:
     """Write what `sensitivity` returned as a page with figures and tables into a folder; returns the path of index.html.
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.questions.sensitivity.page import write_sensitivity as write
-
-    return write(explored, Path(folder))
+    return result.write(Path(folder))
 
 
 def trial(

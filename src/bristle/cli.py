@@ -304,19 +304,17 @@ def sensitivity(
     """
     if symbolic:
         from bristle.questions.sensitivity.formulas import formulas
-        from bristle.questions.sensitivity.page import symbolic_text
 
-        _print([symbolic_text(formulas())])
+        _print([formulas().text()])
         return
     from bristle import sensitivity as run
     from bristle import write_sensitivity
-    from bristle.questions.sensitivity.page import text
 
     folder = _folder(output, experiment, "-sensitivity")
     with shown() as progress:
-        found = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
-    _print(text(found))
-    _print([f"Page: {write_sensitivity(found, folder)}"], done=True)
+        study = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
+    _print([study.text()])
+    _print([f"Page: {write_sensitivity(study, folder)}"], done=True)
 
 
 @app.command()

@@ -1,10 +1,12 @@
-"""The printed formulas: evaluated, they are CasADi's derivatives; as trees, like formulas are equal and unlike ones are not."""
+"""The printed formulas: evaluated, they are CasADi's derivatives; like formulas are equal and unlike ones are not."""
 
 import ast
 import math
 import operator
 import re
+import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -12,10 +14,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model.parameters import Lugre
-from bristle.questions.sensitivity.formulas import LATEX, Tree, abbreviated, formulas, tree_of, written
+from bristle.questions.sensitivity.formulas import abbreviated, as_latex, as_text, formula_of, formulas
 from bristle.simulation.edro import TABLE_1
+
+from ..conftest import run
 
 FEW = settings(max_examples=40, deadline=None)
 FORMULAS = formulas()
@@ -28,7 +33,7 @@ OPERATORS: dict[type, Any] = {
 
 
 def value(text: str, names: Mapping[str, float]) -> float:
-    """A printed formula at some values: names, numbers, + - * / **, and the three functions; nothing else is allowed."""
+    """A printed formula at some values: names, numbers, + - * / **, and three functions; nothing else is allowed."""
 
     def at(node: ast.AST) -> float:
         """The value of one node."""
@@ -51,15 +56,16 @@ def value(text: str, names: Mapping[str, float]) -> float:
 
 
 def python_of(latex: str) -> str:
-    """The LaTeX that bristle writes as Python: from the inside out, so that braces never nest."""
-    text = latex.replace(r"\,", "*").replace(r"\left|", "abs(").replace(r"\right|", ")")
-    text = text.replace(r"\left(", "(").replace(r"\right)", ")").replace(r"\operatorname{sgn}", "sign")
-    text = re.sub(r"\\(alpha|sigma)", r"\1", text)
+    """The LaTeX that SymPy writes as Python: from the inside out, so that braces never nest; a space is a product."""
+    text = re.sub(r"\\?(alpha|sigma|v)_\{(\w)\}", r"\1_\2", latex)
+    text = text.replace(r"\left|{", "ABS{").replace(r"}\right|", "}").replace(r"\operatorname{sign}", "SIGN")
+    text = text.replace(r"\left(", "(").replace(r" \right)", ")").replace(r"\right)", ")").replace(r"\cdot", "*")
     for _ in range(20):
         text = re.sub(r"\be\^\{([^{}]*)\}", r"exp(\1)", text)
         text = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", r"((\1)/(\2))", text)
-        text = re.sub(r"\^\{(\d+)\}", r"**\1", text)
-    return text
+        text = re.sub(r"(?<!\be)\^\{([^{}]*)\}", r"**(\1)", text)
+        text = re.sub(r"(ABS|SIGN)\{([^{}]*)\}", lambda call: f"{call[1].lower()}({call[2]})", text)
+    return re.sub(r"(?<=[\w)]) +(?=[\w(])", "*", text)
 
 
 def point(z: float, v: float, p: Lugre[float]) -> dict[str, float]:
@@ -79,9 +85,9 @@ def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) ->
     """Each printed derivative of T_f, as text and as LaTeX, has the value of CasADi's own function anywhere."""
     _, *slopes = (float(x) for x in functions.torque_sensitivity()(z, v, *p))
     for name, slope in zip(("z", *Lugre._fields), slopes, strict=True):
-        tree = FORMULAS.partial[name]
-        for text in (written(tree), python_of(written(tree, LATEX))):
-            assert value(text, point(z, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+        formula = FORMULAS.partial[name]
+        for written in (as_text(formula), python_of(as_latex(formula))):
+            assert value(written, point(z, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
 @FEW
@@ -90,7 +96,7 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
     """Each printed derivative of the steady torque has the value of CasADi's; those by sigma_0 and sigma_1 are zero."""
     slopes = [float(x) for x in functions.steady_jacobian()(v, *p[:4])]
     for name, slope in zip(Lugre._fields, [*slopes, 0.0, 0.0], strict=True):
-        assert value(written(FORMULAS.steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+        assert value(as_text(FORMULAS.steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
 @FEW
@@ -98,45 +104,68 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
 def test_abbreviations_keep_the_value(z: float, v: float, p: Lugre[float]) -> None:
     """With g for g(v) each formula keeps its value, and g is the Stribeck curve (5)."""
     names = point(z, v, p)
-    g = value(written(FORMULAS.stribeck), names)
+    g = value(as_text(FORMULAS.stribeck), names)
     assert g == pytest.approx(p.alpha_0 + p.alpha_1 * math.exp(-((v / p.v_s) ** 2)), rel=1e-12)
-    for tree in (FORMULAS.torque, *FORMULAS.partial.values()):
-        short = written(abbreviated(tree, FORMULAS.stribeck))
-        assert value(short, names | {"g": g}) == pytest.approx(value(written(tree), names), rel=1e-9, abs=1e-12)
+    for formula in (FORMULAS.torque, *FORMULAS.partial.values()):
+        whole, short = value(as_text(formula), names), abbreviated(formula, FORMULAS.stribeck)
+        for written in (as_text(short), python_of(as_latex(short))):
+            assert value(written, names | {"g": g}) == pytest.approx(whole, rel=1e-9, abs=1e-12)
 
 
 def test_the_printed_law_is_another_derivative() -> None:
-    """(19) as printed is dT_f / dalpha_1 term by term, and at the notes' point both are 0.0149170 where dT_f / dalpha_0 is 0.0177452."""
+    """(19) as printed is dT_f / dalpha_1 term by term, not dT_f / dalpha_0; the values are those of docs/paper.md."""
     assert FORMULAS.printed_is == ("alpha_1",)
     assert FORMULAS.printed == FORMULAS.partial["alpha_1"] != FORMULAS.partial["alpha_0"]
     at = point(0.003, 0.03, GRIPPER)
-    assert value(written(FORMULAS.printed), at) == pytest.approx(0.0149170, abs=5e-8)
-    assert value(written(FORMULAS.partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
+    assert value(as_text(FORMULAS.printed), at) == pytest.approx(0.0149170, abs=5e-8)
+    assert value(as_text(FORMULAS.partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
 
 
 def test_formulas_are_readable() -> None:
-    """The formulas read as one would write them by hand."""
-    short = {name: written(abbreviated(tree, FORMULAS.stribeck)) for name, tree in FORMULAS.partial.items()}
-    assert short["alpha_0"] == "sigma_0*sigma_1*z*abs(v) / g**2"
-    assert short["alpha_2"] == "v"
-    assert short["sigma_0"] == "z - sigma_1*z*abs(v) / g"
-    assert written(FORMULAS.steady["alpha_0"]) == "sign(v)"
-    assert written(FORMULAS.stribeck) == "alpha_0 + alpha_1*exp(-(v / v_s)**2)"
+    """The formulas read as one would write them by hand, in the terminal and in LaTeX."""
+    short = {row.what: row.with_g for row in FORMULAS.rows()}
+    assert short["dT_f/dalpha_0 at fixed z"] == "sigma_0*sigma_1*z*abs(v)/g**2"
+    assert short["dT_f/dalpha_2 at fixed z"] == "v"
+    assert short["dT_f/dsigma_0 at fixed z"] == "z - sigma_1*z*abs(v)/g"
+    assert short["dT_ss/dalpha_0, steady sliding"] == "sign(v)"
+    assert short["g(v)"] == "alpha_0 + alpha_1*exp(-v**2/v_s**2)"
+    assert as_latex(FORMULAS.partial["z"]).startswith(
+        r"- \frac{\sigma_{0} \sigma_{1} \left|{v}\right|}{\alpha_{0} + \alpha_{1}"
+    )
+
+
+def test_the_documentation_prints_these_formulas() -> None:
+    """Each formula in docs/sensitivity.md is the one that the command prints with g, character for character."""
+    docs = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8")
+    short = {row.what: row.with_g for row in FORMULAS.rows()}
+    shown = dict(re.findall(r"^(.+)\n    = (.+)$", docs, flags=re.MULTILINE))
+    assert len(shown) == 3
+    assert shown.items() <= short.items()
 
 
 def test_latex_braces_are_balanced() -> None:
     """Every LaTeX formula closes what it opens, in order."""
-    for tree in (FORMULAS.torque, FORMULAS.printed, *FORMULAS.partial.values(), *FORMULAS.steady.values()):
-        text, depth = written(tree, LATEX), 0
-        for character in text:
+    for row in FORMULAS.rows():
+        depth = 0
+        for character in row.latex:
             depth += (character == "{") - (character == "}")
             assert depth >= 0
         assert depth == 0
-        assert text.count(r"\left") == text.count(r"\right")
+        assert row.latex.count(r"\left") == row.latex.count(r"\right")
+
+
+def test_without_sympy_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A missing SymPy is said in one sentence, with the command that installs it; on the command line that is all."""
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    with pytest.raises(InputError, match=r"pip install 'bristle\[sensitivity\]'"):
+        formulas()
+    ran = run("sensitivity", "--symbolic")
+    assert (ran.code, len(ran.said)) == (2, 1)
+    assert "formulas need SymPy" in ran.said[0]
 
 
 NAMES = ("a", "b")
-X, Y = ca.SX.sym("a"), ca.SX.sym("b")
+X, Y = map(ca.SX.sym, NAMES)
 leaves = st.sampled_from([X, Y, ca.SX(1.0), ca.SX(2.0), ca.SX(0.5)])
 
 
@@ -150,38 +179,33 @@ def grown(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     )  # fmt: skip  # a list of ways
 
 
-def tree(expression: Any) -> Tree:
-    """The tree of an expression of a and b."""
-    return tree_of(ca.Function("f", [X, Y], [ca.densify(expression)], [*NAMES], ["y"]))
-
-
 @FEW
 @given(st.recursive(leaves, grown, max_leaves=8), st.floats(0.5, 1.5), st.floats(0.5, 1.5))
 def test_any_expression_keeps_its_value(expression: Any, a: float, b: float) -> None:
     """Whatever is collected, reordered and written has the value of the CasADi expression, as text and as LaTeX."""
     exact = float(ca.Function("f", [X, Y], [expression])(a, b))
-    found = tree(expression)
-    for text in (written(found), python_of(written(found, LATEX))):
-        assert value(text, {"a": a, "b": b}) == pytest.approx(exact, rel=1e-9, abs=1e-9)
+    formula = formula_of(expression)
+    for written in (as_text(formula), python_of(as_latex(formula))):
+        assert value(written, {"a": a, "b": b}) == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
 def test_numbers_are_raised_with_their_factors() -> None:
     """A number within a power is raised as well: (2 a b)**2 is 4 a**2 b**2, and 1 / (2 a) has the 2 below."""
-    assert written(tree((2 * X * Y) ** 2)) == "4*a**2*b**2"
-    assert written(tree(1 / (2 * X))) == "1 / (2*a)"
-    assert written(tree(1 / (4 * X * X))) == "1 / (4*a**2)"
+    assert as_text(formula_of((2 * X * Y) ** 2)) == "4*a**2*b**2"
+    assert as_text(formula_of(1 / (2 * X))) == "1/(2*a)"
+    assert as_text(formula_of(1 / (4 * X * X))) == "1/(4*a**2)"
 
 
 @FEW
 @given(st.recursive(leaves, grown, max_leaves=4), st.recursive(leaves, grown, max_leaves=4))
 def test_order_does_not_matter(first: Any, second: Any) -> None:
-    """Sums and products are the same tree either way round, and what is taken off itself is nothing."""
-    assert tree(first + second) == tree(second + first)
-    assert tree(first * second) == tree(second * first)
-    assert written(tree(first - first)) == "0"
+    """Sums and products are the same formula either way round, and what is taken off itself is nothing."""
+    assert formula_of(first + second) == formula_of(second + first)
+    assert formula_of(first * second) == formula_of(second * first)
+    assert as_text(formula_of(first - first)) == "0"
 
 
 def test_what_cannot_be_written_is_refused() -> None:
     """An operation that has no place in a formula raises ValueError with its number."""
     with pytest.raises(ValueError, match="cannot be written"):
-        tree(ca.atan2(X, Y))
+        formula_of(ca.atan2(X, Y))

@@ -1,5 +1,6 @@
-"""Local sensitivity, its map and its tornado: finite differences, identities of the equations, the notes' figures; and the command."""
+"""Local sensitivity, its map and its tornado, by differences, identities and documented figures; and the command."""
 
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +37,6 @@ from bristle.questions.sensitivity.local import (
     sensitivity_map,
     tornado,
 )
-from bristle.questions.sensitivity.page import text
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW
@@ -49,8 +49,8 @@ PAPER = motion(1.0, 0.5)
 SLOW_SMALL = motion(0.02, 0.2)
 STEP = 1e-4
 """Relative, of the finite differences."""
-"""Total shares in the order of `Lugre`, as the notes have them."""
-NOTES: Mapping[Motion, tuple[str, ...]] = {
+"""Total shares in the order of `Lugre`, as docs/sensitivity.md has them."""
+DOCUMENTED: Mapping[Motion, tuple[str, ...]] = {
     PAPER: ("0.18", "0.0007", "0.83", "0.0014", "0.015", "0.008"),
     SLOW_SMALL: ("0.74", "0.20", "0.03", "0.03", "0.36", "0.005"),
 }
@@ -64,9 +64,9 @@ def moved(p: Lugre[float] | Pair[float], name: str, share: float) -> Lugre[float
 
 
 @pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
-def test_shares_are_the_notes_figures(at: Motion) -> None:
-    """Over 10 s at 1 kHz from an undeflected bristle, every share rounds to the figure that the notes give."""
-    for figure, share in zip(NOTES[at], local(P, at).shares(), strict=True):
+def test_shares_are_the_documented_ones(at: Motion) -> None:
+    """Over 10 s at 1 kHz from an undeflected bristle, every share rounds to the one of docs/sensitivity.md."""
+    for figure, share in zip(DOCUMENTED[at], local(P, at).shares(), strict=True):
         digits = len(figure.partition(".")[2])
         assert f"{share:.{digits}f}" == figure
 
@@ -82,7 +82,7 @@ def test_the_claim_holds_for_the_papers_motion_and_not_for_small_ones() -> None:
 @pytest.mark.parametrize("p", [P, PAIR], ids=["one set", "a pair"])
 @pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
 def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | Pair[float], at: Motion) -> None:
-    """Each total derivative equals the extrapolated central difference of the whole simulated torque to 1e-6 of its norm."""
+    """Each total derivative is the extrapolated central difference of the simulated torque, to 1e-6 of its norm."""
     velocity, found = at.course.velocity, local(p, at)
     for k, name in enumerate(Lugre._fields):
 
@@ -120,7 +120,10 @@ motions = st.builds(Motion, st.floats(0.003, 2.0), st.floats(0.1, 3.0), st.just(
 @FEW
 @given(sets, motions)
 def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: Motion) -> None:
-    """T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do: their derivatives add up to T_f itself (Euler), total and partial."""
+    """T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do.
+
+    Their derivatives add up to T_f itself (Euler), total and partial.
+    """
     found = local(p, at)
     own = [k for k, name in enumerate(Lugre._fields) if name != "v_s"]
     size = np.abs(found.torque).max()
@@ -146,7 +149,10 @@ def test_a_pair_of_equal_sets_is_one_set() -> None:
 
 
 def test_fast_sliding_leaves_the_steady_derivatives() -> None:
-    """While the joint slides fast, the total derivative by alpha_0 is its sign times alpha_0, that by sigma_0 nothing: not so at fixed z."""
+    """In fast sliding the total derivatives are those of the steady torque; at fixed z they are not.
+
+    By alpha_0 it is the sign of v times alpha_0, by sigma_0 nothing.
+    """
     found = local(P, PAPER)
     fast = (np.abs(found.velocity) > 10 * P.v_s) & (found.time > 1.0)
     np.testing.assert_allclose(found.total[fast, 0], P.alpha_0 * np.sign(found.velocity[fast]), rtol=2e-3)
@@ -166,7 +172,10 @@ def test_the_map_holds_the_motion() -> None:
 
 
 def test_the_map_has_the_three_regimes() -> None:
-    """On the gripper's map fast wide motions are alpha_2's, slow wide ones alpha_0's, tiny ones sigma_0's, where the claim does not hold."""
+    """On the gripper's map fast wide motions are alpha_2's, slow wide ones alpha_0's, tiny ones sigma_0's.
+
+    For the tiny ones the paper's claim does not hold.
+    """
     found = sensitivity_map(P, *grid(PAPER))
     first = np.array(Lugre._fields)[found.first]
     assert (first[-1, -1], first[6, 0], first[0, 0]) == ("alpha_2", "alpha_0", "sigma_0")
@@ -177,14 +186,20 @@ def test_the_map_has_the_three_regimes() -> None:
 
 
 def test_a_bristle_that_only_bends_is_a_spring() -> None:
-    """Where the amplitude is far below the bristle's reach and the motion slow, T = sigma_0 q: sigma_0's share is one, the others' nothing."""
+    """Where the amplitude is far below the bristle's reach and the motion slow, T = sigma_0 q.
+
+    The share of sigma_0 is one, the others' nothing.
+    """
     shares = sensitivity_map(P, np.array([1e-6]), np.array([1e-3])).shares[0, 0]
     assert shares[4] == pytest.approx(1.0, abs=1e-3)
     assert np.delete(shares, 4).max() < 1e-3
 
 
 def test_tornado_of_closed_forms() -> None:
-    """Breakaway moves by the widths of alpha_0's and alpha_1's intervals alone; steady torque at top speed by that of alpha_2 times the speed."""
+    """Breakaway moves by the widths of alpha_0's and alpha_1's intervals alone.
+
+    The steady torque at top speed moves by the width of alpha_2's interval times the speed.
+    """
     intervals = {name: (0.9 * x, 1.2 * x) for name, x in P._asdict().items()}
     charts = {chart.output: chart for chart in tornado(P, intervals, PAPER)}
     widths = {name: {s.parameter: s.width for s in chart.swings} for name, chart in charts.items()}
@@ -202,7 +217,7 @@ def test_tornado_of_closed_forms() -> None:
 
 
 def test_tornado_agrees_with_the_derivatives() -> None:
-    """For narrow intervals the RMS torque moves as its own derivative says, <T p dT/dp> / RMS, of one set and of each of a pair's."""
+    """For narrow intervals the RMS torque moves as its own derivative says, <T p dT/dp> / RMS."""
     found = local(P, PAPER)
     narrow = {name: (x * (1 - 1e-4), x * (1 + 1e-4)) for name, x in P._asdict().items()}
     whole = tornado(P, narrow, PAPER)[0]
@@ -228,7 +243,7 @@ def test_replaced_moves_one_parameter() -> None:
 @FEW
 @given(st.floats(1e-4, 1e3), st.floats(*FREQUENCIES))
 def test_a_motion_has_whole_windows(amplitude: float, frequency: float) -> None:
-    """Whatever is asked for, at least two periods are seen, with at least 200 samples each, and no more than some 400 000 samples."""
+    """At least two periods are seen, with at least 200 samples each, and no more than some 400 000 samples in all."""
     found = motion(amplitude, frequency)
     assert found.duration * frequency >= 2 * (1 - 1e-9)
     assert 1 / (frequency * found.period) >= 200 * (1 - 1e-9)
@@ -254,13 +269,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def known(folder: Path) -> study.Exploration:
+def known(folder: Path) -> study.SensitivityStudy:
     """The same joint, explored without Sobol indices."""
     return bristle.sensitivity(folder / "e.yaml", samples=0)
 
 
-def test_a_joint_of_points_has_an_assumed_bristle(known: study.Exploration) -> None:
-    """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval; what was fitted is what is used."""
+def test_a_joint_of_points_has_an_assumed_bristle(known: study.SensitivityStudy) -> None:
+    """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval.
+
+    What was fitted is what is used.
+    """
     assert {name.rstrip("+-") for name in known.model.assumed} == {"sigma_0", "sigma_1"}
     assert {name.rstrip("+-") for name in known.box} == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
     assert any("sigma_0" in s and "assumed" in s for s in known.assumptions)
@@ -270,7 +288,7 @@ def test_a_joint_of_points_has_an_assumed_bristle(known: study.Exploration) -> N
     assert known.motion.top_speed == pytest.approx(0.4, rel=0.05)
 
 
-def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.Exploration) -> None:
+def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.SensitivityStudy) -> None:
     """The information of the joint's own constant velocities gives the standard errors that its static fit has."""
     static = known.expected[1]
     assert static.what == "the constant velocities"
@@ -278,12 +296,26 @@ def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.Ex
         assert static.errors[name] == pytest.approx(error, rel=1e-6)
 
 
-def test_the_text_says_what_was_found(known: study.Exploration) -> None:
+def test_the_text_says_what_was_found(known: study.SensitivityStudy) -> None:
     """Six parameters with three shares each, a sentence on the claim, and every assumption."""
-    lines = text(known)
+    lines = known.text().splitlines()
     assert sum(line.split()[0] in Lugre._fields for line in lines[2:8]) == 6
     assert sum(line.startswith("The paper's claim") for line in lines) == 1
     assert len([line for line in lines if "assumed" in line]) >= 2
+
+
+def test_the_study_is_a_frame_and_a_page(known: study.SensitivityStudy, folder: Path) -> None:
+    """Its frame has a row for each parameter, the largest total share first, as its page's table has it."""
+    frame = known.to_frame()
+    assert tuple(frame["parameter"]) == known.local.ranking
+    assert frame["rank"].tolist() == [1, 2, 3, 4, 5, 6]
+    for column, shares in (("total", known.local.shares()), ("settled", known.settled)):
+        assert dict(zip(frame["parameter"], frame[column], strict=True)) == dict(
+            zip(Lugre._fields, shares, strict=True)
+        )
+    assert known.write(folder / "own") == folder / "own" / "index.html"
+    written = (folder / "own" / "tables" / "shares.csv").read_text(encoding="utf-8").splitlines()
+    assert [line.split(",")[1] for line in written[1:]] == frame["parameter"].tolist()
 
 
 def test_nothing_known_is_refused(tmp_path: Path) -> None:
@@ -293,8 +325,11 @@ def test_nothing_known_is_refused(tmp_path: Path) -> None:
         of_joint(measured, identify_joint(measured))
 
 
-def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.Exploration) -> None:
-    """One joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude; sigma_0 bends by 1/1000 of the travel."""
+def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.SensitivityStudy) -> None:
+    """One joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude.
+
+    By sigma_0 the bristle bends by 1/1000 of the travel.
+    """
     measured = measure(folder / "e.yaml")
     joint, (limits, _) = identify_joint(measured), limits_of(measured)
     start = start_of(measured, joint, limits)
@@ -306,8 +341,11 @@ def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.Exp
     assert any("sigma_1" in s and "a guessed inertia" in s for s in known.assumptions)
 
 
-def test_the_whole_range_of_motions_can_be_explored(known: study.Exploration, folder: Path) -> None:
-    """At the corners of what is accepted, and of the maps around them, every share is a finite number; just beyond, the motion is refused."""
+def test_the_whole_range_of_motions_can_be_explored(known: study.SensitivityStudy, folder: Path) -> None:
+    """At the corners of what is accepted, and of the maps around them, every share is a finite number.
+
+    Just beyond, the motion is refused.
+    """
     limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
     (low, high), (slow, fast) = RANGE, FREQUENCIES
     speed = limits.velocity / (2 * np.pi)
@@ -331,7 +369,7 @@ def test_the_whole_range_of_motions_can_be_explored(known: study.Exploration, fo
 
 
 def test_a_position_that_stands_still_is_refused(tmp_path: Path) -> None:
-    """Where the position is one number throughout there is no travel to guess a bristle from: one sentence that names plan.position."""
+    """A position that is one number throughout has no travel to guess a bristle from; it names plan.position."""
     measured = measure(write(tmp_path, speeds()))
     joint = identify_joint(measured)
     still = replace(measured.runs[0].record, position=np.ones(speeds().size))
@@ -340,9 +378,11 @@ def test_a_position_that_stands_still_is_refused(tmp_path: Path) -> None:
         of_joint(stopped, joint)
 
 
-def test_the_command_writes_a_page(folder: Path, known: study.Exploration, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_a_page(
+    folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The command prints what was found and writes index.html with a table and a figure of each kind."""
-    monkeypatch.setattr(api, "explore", lambda *_: known)
+    monkeypatch.setattr(api, "study_sensitivity", lambda *_: known)
     ran = run("sensitivity", folder / "e.yaml", "-o", folder / "out", "--samples", 0)
     assert (ran.code, ran.said) == (0, [])
     assert "The paper's claim" in ran.out
@@ -355,8 +395,25 @@ def test_the_command_writes_a_page(folder: Path, known: study.Exploration, monke
     assert "in the friction of wrist" in page
 
 
+def test_without_sympy_only_the_formulas_are_left_out(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without SymPy everything else is found and written.
+
+    The text says what is not there, with the command that installs it.
+    """
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    ran = run("sensitivity", folder / "e.yaml", "-o", folder / "plain", "--samples", 0)
+    assert (ran.code, ran.said) == (0, [])
+    assert (
+        "No formulas: formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'."
+        in ran.out
+    )
+    assert 'id="formulas"' not in (folder / "plain" / "index.html").read_text(encoding="utf-8")
+    assert (folder / "plain" / "tables" / "shares.csv").exists()
+    assert not (folder / "plain" / "tables" / "formulas.csv").exists()
+
+
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_no_label_of_the_map_leaves_the_figure(known: study.Exploration, kind: Kind) -> None:
+def test_no_label_of_the_map_leaves_the_figure(known: study.SensitivityStudy, kind: Kind) -> None:
     """Whatever the amplitudes, every label of the map lies within the figure."""
     figure = map_figure(replace(known, kind=kind, map=replace(known.map, amplitudes=known.map.amplitudes * 1e-5)))
     figure.draw_without_rendering()
@@ -370,7 +427,7 @@ def test_symbolic_prints_formulas_and_writes_nothing(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     ran = run("sensitivity", "--symbolic")
     assert ran.code == 0
-    assert "sigma_0*sigma_1*z*abs(v) / g**2" in ran.out
+    assert "sigma_0*sigma_1*z*abs(v)/g**2" in ran.out
     assert "It is not dT_f/dalpha_0" in ran.out
     assert not tree(tmp_path)
 

@@ -21,9 +21,11 @@ from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.page.style import render_as
 from bristle.questions.sensitivity import sobol
+from bristle.questions.sensitivity.figures import sobol_figure
 from bristle.questions.sensitivity.parameter_box import box_of, joints_at, ordered
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity, indices
-from bristle.questions.sensitivity.sobol_figures import sobol_figure, sobol_frame, sobol_sentences
+from bristle.questions.sensitivity.tables import sobol_table
+from bristle.questions.sensitivity.text import sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import Subject
 
@@ -77,7 +79,7 @@ def found() -> Global:
 
 @pytest.mark.parametrize("seed", [0, 7])
 def test_ishigami(seed: int) -> None:
-    """At N = 8192 every index of Ishigami's function is within 0.01 of its exact value, and within its own confidence interval."""
+    """At N = 8192 every index of Ishigami's function is within 0.01 of its exact value, and within its own interval."""
     (own,) = indices(ishigami, dict.fromkeys("abc", (-np.pi, np.pi)), 8192, seed)
     for index, half, exact in zip(
         shares(own),
@@ -104,7 +106,10 @@ def test_permuted_names_permute_the_indices(order: tuple[int, ...]) -> None:
 
 
 def test_steady_friction_is_additive() -> None:
-    """The steady torque is linear in all alphas: each makes its own variance, slope**2 width**2 / 12, alone and in total, at every speed at once."""
+    """The steady torque is linear in all alphas.
+
+    Each makes its own variance, slope**2 width**2 / 12, alone and in total, at every speed at once.
+    """
     speeds = np.array([0.01, 0.1, 1.0])
 
     def torque(x: Array) -> Array:
@@ -121,7 +126,10 @@ def test_steady_friction_is_additive() -> None:
 
 
 def test_breakaway_torque_is_additive(found: Global) -> None:
-    """alpha_0 + alpha_1 of independent uniform parameters: S_i = Var_i / sum Var within 0.01, nothing of alpha_2, and the mean of the sum."""
+    """For alpha_0 + alpha_1 of independent uniform parameters S_i = Var_i / sum Var, within 0.01.
+
+    Alpha_2 has nothing of it, and the mean is that of the sum.
+    """
     own = found.outputs[1].indices
     assert own is not None
     variance = np.array([0.01**2, 0.009**2, 0.0])
@@ -153,7 +161,10 @@ def test_shares_are_shares(found: Global) -> None:
 
 
 def test_same_seed_same_result_whatever_the_order(found: Global) -> None:
-    """A seed fixes samples and bootstrap, zero too, and the order of the box changes nothing; another seed gives other numbers."""
+    """A seed fixes samples and bootstrap, zero too, and the order of the box changes nothing.
+
+    Another seed gives other numbers.
+    """
     again = global_sensitivity(Pair(GRIPPER, GRIPPER), dict(reversed(BOX.items())), SUBJECT, samples=1024)
     assert again == found
     functions_of = [indices(ishigami, dict.fromkeys("abc", (0.0, 1.0)), 64, seed) for seed in (0, 0, 1)]
@@ -161,7 +172,10 @@ def test_same_seed_same_result_whatever_the_order(found: Global) -> None:
 
 
 def test_each_output_says_how_often_it_was_tried(found: Global) -> None:
-    """Torque and breakaway get all samples, the loops as many as they can afford; each is a power of two, times p + 2."""
+    """Torque and breakaway get all samples, the loops as many as they can afford.
+
+    Each is a power of two, times p + 2.
+    """
     owns = [output.indices for output in found.outputs]
     assert [own and own.samples for own in owns] == [1024, 1024, 32]
     assert [own and own.evaluations for own in owns] == [5120, 5120, 160]
@@ -171,13 +185,19 @@ def test_each_output_says_how_often_it_was_tried(found: Global) -> None:
     ("parameters", "ticks", "samples"), [(6, 4000, 256), (12, 4000, 128), (6, 10**7, 32), (1, 100, 16384)]
 )
 def test_loops_are_afforded(monkeypatch: pytest.MonkeyPatch, parameters: int, ticks: int, samples: int) -> None:
-    """With the default budget six parameters get 256 samples at the paper's reference; a long run gets the fewest, not none."""
+    """With the default budget six parameters get 256 samples at the paper's reference.
+
+    A long run gets the fewest, not none.
+    """
     monkeypatch.undo()
     assert sobol._affordable(parameters, ticks) == samples
 
 
 def test_rms_torque_explained_by_its_closed_form() -> None:
-    """A stiff joint without Stribeck has T = alpha_0 sgn v + alpha_2 v: its RMS over a sine in closed form, for many joints at once."""
+    """A stiff joint without Stribeck has T = alpha_0 sgn v + alpha_2 v.
+
+    Its RMS over a sine is a closed form, for many joints at once.
+    """
     alpha_0, alpha_2 = np.linspace(0.01, 0.03, 40), np.linspace(0.05, 0.02, 40)
     one = np.ones(40)
     p = Lugre(alpha_0, 0 * one, alpha_2, one, 1e7 * one, 0 * one)
@@ -188,7 +208,10 @@ def test_rms_torque_explained_by_its_closed_form() -> None:
 
 
 def test_a_narrow_stribeck_peak_is_not_missed() -> None:
-    """A peak that lasts less than a sample is there: nodes lie as close as the smallest v_s asks for; as a rollout of a hundred times the samples."""
+    """A peak that lasts less than a sample is there: nodes lie as close as the smallest v_s asks for.
+
+    The RMS is that of a rollout with a hundred times the samples.
+    """
     p, n = Lugre(0.02, 0.2, 0.001, 0.01, 500.0, 0.0), 20_000
     v = 2 * np.pi * 0.5 * np.cos(2 * np.pi * np.arange(2 * n + 1) / n)
     whole = rollout(v, 2 / n, p).torque[-n:]
@@ -219,7 +242,10 @@ def test_rms_torque_is_that_of_the_rollout(name: str, amplitude: float, frequenc
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.1, 10.0), st.floats(1e-3, 3.0), st.floats(0.05, 5.0))
 def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: float) -> None:
-    """T_f is of degree one in all parameters but v_s, and directions may be exchanged; no joint of a batch sees another."""
+    """T_f is of degree one in all parameters but v_s, and directions may be exchanged.
+
+    No joint of a batch sees another.
+    """
     scaled = [p._replace(**{n: factor * x for n, x in p._asdict().items() if n != "v_s"}) for p in PAIR]
     both = Pair(*(Lugre(*(np.array(x) for x in zip(p, q, strict=True))) for p, q in zip(PAIR, scaled, strict=True)))
     plain, more = rms_torque(both, amplitude, frequency)
@@ -230,7 +256,7 @@ def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: f
 
 
 def test_the_compensator_keeps_the_nominal_model() -> None:
-    """Over a box that is next to nothing the loop is that of the nominal plant with the nominal model, whatever the subject's own are."""
+    """Over a box that is next to nothing the loop is that of the nominal plant and model, not of the subject's own."""
     p = GRIPPER._replace(alpha_0=0.05)
     own = global_sensitivity(p, {"alpha_2": (0.0393999, 0.0394001)}, SUBJECT, samples=32).outputs[2].indices
     case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
@@ -240,7 +266,10 @@ def test_the_compensator_keeps_the_nominal_model() -> None:
 
 
 def test_the_plant_is_drawn() -> None:
-    """A plant with more viscous friction than its model has a larger error: over a box above the model, that explains all of the variance."""
+    """A plant with more viscous friction than its model has a larger error.
+
+    Over a box above the model, that explains all of the variance.
+    """
     own = global_sensitivity(GRIPPER, {"alpha_2": (0.05, 0.08)}, SUBJECT, samples=32).outputs[2].indices
     assert own is not None
     exact = global_sensitivity(GRIPPER, {"alpha_2": (0.0394, 0.03941)}, SUBJECT, samples=32).outputs[2].indices
@@ -250,7 +279,7 @@ def test_the_plant_is_drawn() -> None:
 
 
 def test_loops_have_settled() -> None:
-    """At the paper's reference the error of the period that counts is within 1 % of that four periods later, at corners of a box of 20 %."""
+    """The error of the period that counts is within 1 % of that four periods later, at corners of a box of 20 %."""
     cases = [
         SUBJECT.case(plant=Pair(*(p._replace(alpha_0=a * p.alpha_0, alpha_2=b * p.alpha_2) for p in PAIR)))
         for a, b in ((0.8, 0.8), (1.2, 0.8), (0.8, 1.2), (1.2, 1.2))
@@ -286,7 +315,10 @@ def test_an_output_that_nothing_changes_has_no_indices() -> None:
 
 
 def test_loops_that_cannot_be_run_say_so() -> None:
-    """A period that the loop does not bear, or a plant with which it diverges: no indices of the loop, with the reason; the others stand."""
+    """A control period that the loop does not bear, or a plant with which it diverges, leaves the loop out.
+
+    It has no indices but the reason; the other outputs stand.
+    """
     long = global_sensitivity(GRIPPER, BOX, replace(SUBJECT, period=0.05, frequency=0.2, amplitude=1.0), samples=32)
     assert long.outputs[2].indices is None
     assert "shorten the period" in long.outputs[2].reason
@@ -300,7 +332,7 @@ def test_loops_that_cannot_be_run_say_so() -> None:
 
 @pytest.mark.parametrize(("frequency", "named"), [(1e4, "more than 0.02 of"), (1e-6, "at most 300000 are")])
 def test_a_reference_beyond_the_loops_is_said(frequency: float, named: str) -> None:
-    """At frequencies that no loop can be simulated at, torque and breakaway have their indices, the loop its reason, at once."""
+    """Where no loop can be simulated, torque and breakaway have their indices, the loop its reason, at once."""
     *others, loop = global_sensitivity(GRIPPER, BOX, replace(SUBJECT, frequency=frequency), samples=32).outputs
     assert loop.indices is None
     assert named in loop.reason
@@ -352,7 +384,10 @@ def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_box_of_a_fit() -> None:
-    """95 % intervals as they are, cut where they reach what cannot be; no box, but a sentence, where there is none; other parameters left out."""
+    """The box has the 95 % intervals as they are, cut where they reach what cannot be.
+
+    Where there is none a sentence says so; other parameters are left out.
+    """
     intervals: dict[str, tuple[float, tuple[float, float] | None]] = {
         "alpha_0+": (0.02, (0.01, 0.03)), "alpha_1+": (0.005, (-0.01, 0.02)), "v_s": (0.07, (-0.1, 0.2)),
         "sigma_0": (6.0, (3.0, np.inf)), "sigma_1": (0.02, None), "inertia": (0.1, (0.0, 0.2)),
@@ -372,7 +407,10 @@ def bars(ax: Axes) -> list[float]:
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_the_figure_shows_the_indices(found: Global, kind: Kind) -> None:
-    """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force; whiskers are inside."""
+    """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force.
+
+    Whiskers are inside.
+    """
     figure = sobol_figure(found, kind, name="<a> & $b$", simulated=True)
     for ax, output in zip(figure.axes, found.outputs, strict=True):
         own = output.indices
@@ -397,12 +435,15 @@ def test_the_figure_says_what_there_is_not(found: Global) -> None:
     assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
     nothing = tuple(replace(output, indices=None, reason="None.") for output in outputs)
     assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
-    assert sobol_frame(replace(found, outputs=nothing), "revolute").empty
+    assert sobol_table(replace(found, outputs=nothing), "revolute").empty
 
 
 def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
-    """One row for each output and parameter; the sentences name the largest first, what was drawn, the seed, and that it is simulated."""
-    frame = sobol_frame(found, "revolute")
+    """One row for each output and parameter.
+
+    The sentences name the largest first, what was drawn, the seed, and that it is simulated.
+    """
+    frame = sobol_table(found, "revolute")
     effects = [e for output in found.outputs if output.indices for e in output.indices.effects]
     assert frame["total"].tolist() == [e.total for e in effects]
     assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3

@@ -1,9 +1,10 @@
-"""What matters, and when: the derivative of the friction torque by each parameter along a sinusoidal motion, at fixed z and through the bristle.
+"""What matters, and when: derivatives of the friction torque by each parameter along a sinusoidal motion.
 
     partial    p dT_f / dp  at the bristle's deflection as it is
     total      p (dT_f / dp + dT_f / dz dz / dp),  z along the whole motion
 
-Both in N*m for a change of the parameter by its own size, so that parameters compare. Of a pair of sets both directions change by the same share.
+Both in N*m for a change of the parameter by its own size, so that parameters compare. Of a pair of sets both directions
+change by the same share.
 """
 
 from collections.abc import Mapping, Sequence
@@ -72,9 +73,12 @@ class Motion(NamedTuple):
 
 
 def motion(amplitude: float, frequency: float) -> Motion:
-    """The motion over the paper's window of 10 s at 1 kHz; two periods where that is longer, 200 samples a period where it is faster.
+    """The motion over the paper's window of 10 s at 1 kHz.
 
-    Raises InputError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency outside `FREQUENCIES`.
+    A slow motion lasts two periods, where that is longer; a fast one has 200 samples a period.
+
+    Raises InputError where the amplitude, rad, or the frequency, Hz, is not positive and finite, or the frequency
+    outside `FREQUENCIES`.
     """
     for name, x in (("amplitude", amplitude), ("frequency", frequency)):
         if not 0 < x < np.inf:
@@ -129,13 +133,13 @@ def ranked(shares: Array) -> tuple[str, ...]:
     return tuple(Lugre._fields[k] for k in np.argsort(-shares, kind="stable"))
 
 
-def local(p: Lugre[float] | Pair[float], moved: Motion) -> Local:
+def local(p: Lugre[float] | Pair[float], reference: Motion) -> Local:
     """Both derivatives of the friction torque along a motion; exact, by CasADi."""
-    velocity = moved.course.velocity
-    rolled = rollout_jacobian(velocity, moved.period, p, 0.0)
+    velocity = reference.course.velocity
+    rolled = rollout_jacobian(velocity, reference.period, p, 0.0)
     scaled = cleared(rolled.by_parameters) * np.concatenate([p] if isinstance(p, Lugre) else p)
     return Local(
-        time=moved.time,
+        time=reference.time,
         velocity=velocity,
         torque=rolled.torque,
         partial=_partial(rolled.z, velocity, p),
@@ -184,10 +188,13 @@ def claimed(shares: Array) -> bool:
     return set(ranked(shares)[:2]) == CLAIMED
 
 
-def grid(moved: Motion) -> tuple[Array, Array]:
-    """Amplitudes from 1/1000 to 10 times that of a motion, frequencies from 1/20 to 20 times its own, in thirds of a decade; it is among them."""
+def grid(reference: Motion) -> tuple[Array, Array]:
+    """Amplitudes (13,), rad, and frequencies (9,), Hz, of a map around a motion, in thirds of a decade.
+
+    Amplitudes go from 1/1000 to 10 times its own, frequencies from 1/20 to 20 times; the motion is among them.
+    """
     third = np.arange(-9, 4) / 3
-    return moved.amplitude * 10**third, moved.frequency * 10 ** (np.arange(-4, 5) / 3)
+    return reference.amplitude * 10**third, reference.frequency * 10 ** (np.arange(-4, 5) / 3)
 
 
 def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencies: Array) -> Map:
@@ -197,8 +204,8 @@ def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencie
 
 
 def _settled(p: Lugre[float] | Pair[float], amplitude: float, frequency: float) -> Array:
-    moved = Motion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))
-    return local(p, moved).shares(last=_CELL)
+    reference = Motion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))
+    return local(p, reference).shares(last=_CELL)
 
 
 class Swing(NamedTuple):
@@ -237,24 +244,24 @@ OUTPUTS: dict[str, str] = {
 
 
 def tornado(
-    p: Lugre[float] | Pair[float], intervals: Mapping[str, tuple[float, float]], moved: Motion
+    p: Lugre[float] | Pair[float], intervals: Mapping[str, tuple[float, float]], reference: Motion
 ) -> tuple[Tornado, ...]:
     """Each output with every parameter moved alone from one end of its interval to the other.
 
     `intervals` holds parameters by their names as in `replaced`; who has none is left out.
     """
-    middle = _outputs(p, moved)
-    ends = {name: [_outputs(replaced(p, name, x), moved) for x in interval] for name, interval in intervals.items()}
-    found = []
+    middle = _outputs(p, reference)
+    ends = {name: [_outputs(replaced(p, name, x), reference) for x in interval] for name, interval in intervals.items()}
+    charts = []
     for output, quantity in OUTPUTS.items():
         swings = [Swing(name, low[output], high[output]) for name, (low, high) in ends.items()]
         widest = tuple(sorted(swings, key=lambda swing: -swing.width))
-        found.append(Tornado(output=output, quantity=quantity, value=middle[output], swings=widest))
-    return tuple(found)
+        charts.append(Tornado(output=output, quantity=quantity, value=middle[output], swings=widest))
+    return tuple(charts)
 
 
 def replaced(p: Lugre[float] | Pair[float], name: str, value: float) -> Lugre[float] | Pair[float]:
-    """The parameters with one of them another; its name as in `information.names_of`, or bare for both sets of a pair."""
+    """The parameters with one of them another; its name as in `fisher.names_of`, or bare for both sets of a pair."""
     if isinstance(p, Lugre):
         return p._replace(**{name: value})
     if name[-1] not in "+-":
@@ -263,10 +270,12 @@ def replaced(p: Lugre[float] | Pair[float], name: str, value: float) -> Lugre[fl
     return p._replace(**{side: getattr(p, side)._replace(**{name[:-1]: value})})
 
 
-def _outputs(p: Lugre[float] | Pair[float], moved: Motion) -> dict[str, float]:
+def _outputs(p: Lugre[float] | Pair[float], reference: Motion) -> dict[str, float]:
     sets: Sequence[Lugre[float]] = [p] if isinstance(p, Lugre) else p
-    torques = [evaluate(functions.steady_torque(), np.array([_SLOWEST, moved.top_speed]), *one[:4])[0] for one in sets]
+    torques = [
+        evaluate(functions.steady_torque(), np.array([_SLOWEST, reference.top_speed]), *one[:4])[0] for one in sets
+    ]
     deflections = [evaluate(functions.steady_deflection(), _SLOWEST, *one)[0] for one in sets]
     breakaway, fast = np.mean(torques, axis=0).tolist()
-    settled = float(rms(rollout(moved.course.velocity, moved.period, p, 0.0).torque[-moved.samples :]))
+    settled = float(rms(rollout(reference.course.velocity, reference.period, p, 0.0).torque[-reference.samples :]))
     return dict(zip(OUTPUTS, (settled, breakaway, fast, float(np.mean(deflections))), strict=True))

@@ -40,7 +40,8 @@ def spans_of(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
     for name, (low, high) in box.items():
         if not (np.isfinite([low, high]).all() and low < high):
             raise InputError(
-                f"box: {name}: got [{low:g}, {high:g}]; expected finite numbers, low < high: leave out what is to stay as it is"
+                f"box: {name}: got [{low:g}, {high:g}]; expected finite numbers, low < high: "
+                "leave out what is to stay as it is"
             )
     return tuple(Span(name, low, high, low > 0 and high > DECADE * low) for name, (low, high) in box.items())
 
@@ -48,13 +49,16 @@ def spans_of(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
 def ordered(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
     """The intervals in the order of `Lugre`, whatever the order of the box, so that this does not change the samples.
 
-    Names are those of `Lugre`, for both directions at once, or with + or - for one. Raises InputError where a name or an interval cannot be.
+    Names are those of `Lugre`, for both directions at once, or with + or - for one.
+
+    Raises InputError where a name or an interval cannot be.
     """
     known = {name + d: None for name in Lugre._fields for d in ("", "+", "-")}
     for name, (low, _) in box.items():
         if name not in known or (name[-1] in "+-" and name[:-1] in box):
             raise InputError(
-                f"box: got {name!r} among {', '.join(box)}; expected {', '.join(Lugre._fields)}, each for both directions, or with + and - for one"
+                f"box: got {name!r} among {', '.join(box)}; expected {', '.join(Lugre._fields)}, "
+                "each for both directions, or with + and - for one"
             )
         if low < 0 or (low == 0 and name.rstrip("+-") in _POSITIVE):
             raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
@@ -73,24 +77,26 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
 
 
 def box_of(estimates: Mapping[str, Estimate]) -> tuple[dict[str, tuple[float, float]], tuple[str, ...]]:
-    """The box of the 95 % intervals of LuGre parameters by name, with + or - where they are of one direction, and what is to be said of it.
+    """The box of the 95 % intervals of LuGre parameters, and a sentence on each that is left out or cut.
 
-    Other parameters are left out; so are those without a finite interval, with a sentence. An interval is cut at its physical bound, with a sentence.
+    Names have a + or - where they are of one direction. Parameters that are not LuGre's are left out, and so are those
+    without a finite interval, with a sentence. An interval is cut at its physical bound, with a sentence.
     """
     box: dict[str, tuple[float, float]] = {}
-    said = []
+    notes = []
     for name, e in estimates.items():
         bare = name.rstrip("+-")
         if bare not in Lugre._fields or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:
-            said.append(f"{name}: without a finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
+            notes.append(f"{name}: without a finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
             continue
         low, high = e.interval
         if low < 0 or (low == 0 and bare in _POSITIVE):
             low = _SMALL * min(e.value, high) if bare in _POSITIVE else 0.0
-            said.append(
-                f"{name}: its interval reaches down to what cannot be; it is drawn from {low:.3g} {e.unit} on (assumed)."
+            notes.append(
+                f"{name}: its interval reaches down to what cannot be; "
+                f"it is drawn from {low:.3g} {e.unit} on (assumed)."
             )
         box[name] = (low, high)
-    return box, tuple(said)
+    return box, tuple(notes)

@@ -1,6 +1,7 @@
-"""Sobol indices by SALib: which share of an output's variance each parameter makes alone, and which with all others, over a box of parameters.
+"""Sobol indices by SALib: the share of an output's variance that each parameter makes alone, and with all others.
 
-The parameters are drawn independently; correlations of a fit are not in it. Saltelli's sampling: samples * (parameters + 2) evaluations.
+The parameters are drawn from a box, independently; correlations of a fit are not in it. Saltelli's sampling:
+samples * (parameters + 2) evaluations.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +22,6 @@ from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.parameter_box import Span, joints_at, ordered, spans_of
 from bristle.simulation.joint_loop import Subject
 
-"""Called with what is being done, how many steps are done, and how many there are."""
 RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
 """Names of the outputs."""
 _Quantity = Literal["torque", "position"]
@@ -30,7 +30,7 @@ LEVEL = 0.95
 RESAMPLES = 200
 """... so often."""
 PERIODS, COUNTED = 2, 1
-"""Of the reference in each closed loop, and how many of the last of them count; the error then is within about 1 % of the settled one."""
+"""Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
 _TICKS = 9_000_000
 """Control periods of all closed loops together, which bounds their samples: about half a minute."""
 _LEAST = 32
@@ -52,7 +52,7 @@ _BARELY = 1e-200
 
 
 class Effect(NamedTuple):
-    """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % confidence interval."""
+    """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % interval."""
 
     parameter: str
     first: float
@@ -114,8 +114,8 @@ def indices(
         samples: a power of two; the function is evaluated at samples * (p + 2) points.
         seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
 
-    Raises InputError where SALib is not installed, the box or the samples cannot be used, or the function's values are not finite numbers of
-    that shape.
+    Raises InputError where SALib is not installed, the box or the samples cannot be used, or the function's values are
+    not finite, and ValueError where they are not of that shape.
     """
     spans = spans_of(box)
     points = _points(spans, samples, seed)
@@ -126,29 +126,32 @@ def indices(
         )
     if not np.isfinite(values).all():
         raise InputError("function returned a value that is not finite; expected numbers throughout: narrow the box")
-    return tuple(_analysed(spans, column, samples, seed) for column in values.reshape(len(points), -1).T)
+    return tuple(_analysed(spans, column, seed) for column in values.reshape(len(points), -1).T)
 
 
 def _points(spans: Sequence[Span], samples: int, seed: int) -> Array:
     """Saltelli's sample of the box, (samples * (p + 2), p)."""
     if samples < 2 or samples & (samples - 1) or seed < 0:
         raise InputError(
-            f"got {samples} samples and seed {seed}; expected a power of two, as 256 or 1024, and a seed of zero or more"
+            f"got {samples} samples and seed {seed}; "
+            "expected a power of two, as 256 or 1024, and a seed of zero or more"
         )
     shares = _salib().sample.sobol.sample(_problem(spans), samples, calc_second_order=False, seed=seed)
-    return np.column_stack([span.at(own) for span, own in zip(spans, shares.T, strict=True)])
+    return np.column_stack([span.at(share) for span, share in zip(spans, shares.T, strict=True)])
 
 
-def _analysed(spans: Sequence[Span], values: Array, samples: int, seed: int) -> Indices:
+def _analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
+    """The indices of one output by its values at the points of `_points`, (samples * (p + 2),)."""
     effects: tuple[Effect, ...] = ()
     if np.ptp(values) > _SAME * np.abs(values).max():
-        found = _salib().analyze.sobol.analyze(
+        by_kind = _salib().analyze.sobol.analyze(
             _problem(spans), values, calc_second_order=False, num_resamples=RESAMPLES, conf_level=LEVEL, seed=seed + 1
         )  # SALib takes a seed of zero for none
-        columns = (found[key].tolist() for key in ("S1", "S1_conf", "ST", "ST_conf"))
+        columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
         effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))
     return Indices(
-        effects=effects, mean=float(values.mean()), deviation=float(values.std()), samples=samples, evaluations=values.size
+        effects=effects, mean=float(values.mean()), deviation=float(values.std()),
+        samples=values.size // (len(spans) + 2), evaluations=values.size,
     )  # fmt: skip  # a list of values
 
 
@@ -185,13 +188,13 @@ def global_sensitivity(
 ) -> Global:
     """Sobol indices of three outputs of a joint along its reference, amplitude sin(2 pi frequency t) of the subject.
 
-    The RMS of T_f over a period of steady motion; the breakaway torque alpha_0 + alpha_1, the mean of both directions; and the RMS position error
-    of the simulated loop whose compensator has the model p while the plant is drawn: over the last of `PERIODS` periods from rest. That loop is slow:
-    it gets fewer samples, as each output says.
+    The RMS of T_f over a period of steady motion; the breakaway torque alpha_0 + alpha_1, the mean of both directions;
+    and the RMS position error of the simulated loop whose compensator has the model p while the plant is drawn: over
+    the last of `PERIODS` periods from rest. That loop is slow: it gets fewer samples, as each output says.
 
     Args:
         p: the nominal parameters; those that are not in the box stay so.
-        box: intervals by the names of parameters: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one.
+        box: intervals by name: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one.
         subject: whose loop and reference it is; its own friction is not used.
         samples: a power of two, >= 32; of torque and breakaway.
         seed: as in `indices`.
@@ -203,35 +206,28 @@ def global_sensitivity(
     spans = ordered(box)
     if samples < _LEAST:
         raise InputError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
-    fewer = min(samples, _affordable(len(spans), _ticks(subject)))
-    points, looped = _points(spans, samples, seed), _points(spans, fewer, seed)
-    tell = teller(progress, -(-len(points) // _ROWS) - (-len(looped) // _BATCH))
+    points = _points(spans, samples, seed)
+    loop_points = _points(spans, min(samples, _affordable(len(spans), _ticks(subject))), seed)
+    tell = teller(progress, -(-len(points) // _ROWS) - (-len(loop_points) // _BATCH))
 
-    def torque(own: Array) -> Array:
+    def torque(batch: Array) -> Array:
         """RMS of T_f, N*m."""
         tell("Sobol: friction torque")
-        return rms_torque(joints_at(pair, spans, own), subject.amplitude, subject.frequency)
+        return rms_torque(joints_at(pair, spans, batch), subject.amplitude, subject.frequency)
 
-    def error(own: Array) -> Array:
+    def error(batch: Array) -> Array:
         """RMS error of the loops, rad."""
         tell("Sobol: compensated loops")
-        return _rms_error(subject, pair, joints_at(pair, spans, own))
+        return _rms_error(subject, pair, joints_at(pair, spans, batch))
 
-    def tracked() -> Output:
-        """The loop's output; without indices where not every plant drawn can be run, as with too long a control period."""
-        try:
-            _refuse_loop(subject)
-            errors = _batched(error, looped, _BATCH)
-        except InputError as refused:
-            why = f"Not every plant drawn can be run: {refused}."
-            return Output(name=TRACKING, quantity="position", indices=None, reason=why)
-        return _tracked(spans, errors, fewer, seed, subject.amplitude)
-
-    moved = _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), samples, seed)
-    broken = _output(BREAKAWAY, "torque", spans, _breakaway(joints_at(pair, spans, points)), samples, seed)
+    torques, breakaways = _batched(torque, points, _ROWS), _breakaway(joints_at(pair, spans, points))
     return Global(
         spans=spans,
-        outputs=(moved, broken, tracked()),
+        outputs=(
+            _output(RMS_TORQUE, "torque", spans, torques, seed),
+            _output(BREAKAWAY, "torque", spans, breakaways, seed),
+            _tracking_output(subject, spans, error, loop_points, seed),
+        ),
         amplitude=subject.amplitude,
         frequency=subject.frequency,
         seed=seed,
@@ -239,7 +235,7 @@ def global_sensitivity(
 
 
 def _breakaway(joints: Pair[Array]) -> Array:
-    """g(0) = alpha_0 + alpha_1, the limit of the steady curve (9) where v goes to zero from above, N*m; the mean of both directions."""
+    """g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions."""
     levels = [evaluate(functions.steady_torque(), _BARELY, *p[:4])[0] for p in joints]
     return np.asarray(np.mean(levels, axis=0))
 
@@ -277,16 +273,28 @@ def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Ar
     return np.concatenate([function(points[first : first + size]) for first in range(0, len(points), size)])
 
 
-def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array, samples: int, seed: int) -> Output:
-    found = _analysed(spans, values, samples, seed)
-    if found.effects:
-        return Output(name=name, quantity=quantity, indices=found)
+def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array, seed: int) -> Output:
+    """An output by its values at Saltelli's points."""
+    indices = _analysed(spans, values, seed)
+    if indices.effects:
+        return Output(name=name, quantity=quantity, indices=indices)
     return Output(name=name, quantity=quantity, indices=None, reason="None of the parameters drawn changes it.")
 
 
-def _tracked(spans: Sequence[Span], errors: Array, samples: int, seed: int, amplitude: float) -> Output:
-    lost = int(np.count_nonzero(~(errors < _LOST * amplitude)))
-    if lost:
-        reason = f"The loop diverges with {lost} of the {errors.size} plants drawn; narrow the box, or lower the gains."
-        return Output(name=TRACKING, quantity="position", indices=None, reason=reason)
-    return _output(TRACKING, "position", spans, errors, samples, seed)
+def _tracking_output(
+    subject: Subject, spans: Sequence[Span], error: Callable[[Array], Array], points: Array, seed: int
+) -> Output:
+    """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
+    try:
+        _refuse_loop(subject)
+        errors = _batched(error, points, _BATCH)
+    except InputError as refused:
+        why = f"Not every plant drawn can be run: {refused}."
+        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+    diverged = int(np.count_nonzero(~(errors < _LOST * subject.amplitude)))
+    if diverged:
+        why = (
+            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
+        )
+        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+    return _output(TRACKING, "position", spans, errors, seed)

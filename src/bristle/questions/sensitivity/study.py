@@ -1,10 +1,12 @@
-"""Everything that is found out about which parameters of a joint matter: local, mapped and global sensitivity, and Fisher information."""
+"""Which parameters of a joint matter: local, mapped and global sensitivity, and Fisher information."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.errors import InputError
@@ -13,21 +15,30 @@ from bristle.identification.fisher import STATIC, Information, motion_informatio
 from bristle.identification.results import Joint
 from bristle.model.parameters import Kind, Lugre, Pair, unit
 from bristle.progress import Progress, teller
+from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import Model
 from bristle.questions.sensitivity.local import Local, Map, Motion, Tornado, grid, local, sensitivity_map, tornado
 from bristle.questions.sensitivity.parameter_box import box_of
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity
 from bristle.simulation.joint_loop import Subject
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SAMPLES = 1024
 """Of the Sobol indices, if no other number is given."""
 SEED = 0
-_LEAST = 32
+_FEWEST, _MOST = 32, 2**17
+"""Samples of the Sobol indices; with the most of them a joint of six parameters takes some minutes."""
 _STRIBECK = ("alpha_1", "v_s")
 """What a fit without a Stribeck term does not have."""
 _NOISE = 0.05
 """Where no moving run tells the noise: this share of alpha_0, white, at 1 kHz."""
 _STEPS = 5
+_UNSEEN = 0.5
+"""A parameter with a larger standard error than this share of its value is not identifiable from a measurement."""
+_MAY_BE_ZERO = ("offset", "gravity", "inertia")
+"""Identifiable with any finite standard error."""
 
 
 class Expected(NamedTuple):
@@ -40,14 +51,24 @@ class Expected(NamedTuple):
     noise: str
     """What the noise is taken from; one sentence."""
 
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Whether the measurement would identify each parameter of the information, (p,)."""
+        errors, may_be_zero = (
+            self.information.standard_errors,
+            [x.startswith(_MAY_BE_ZERO) for x in self.information.names],
+        )
+        return (errors < _UNSEEN * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Exploration:
+class SensitivityStudy:
     """Everything that is found out about which parameters of a joint matter."""
 
     name: str
     kind: Kind
     simulated: bool
+    """Whether what is known of the joint comes from simulated data."""
     model: Model
     motion: Motion
     box: Mapping[str, tuple[float, float]]
@@ -59,118 +80,162 @@ class Exploration:
     tornado: tuple[Tornado, ...]
     expected: tuple[Expected, ...]
     sobol: Global | None
+    formulas: Formulas | None
+    """None where SymPy is not installed."""
     assumptions: tuple[str, ...]
+    """What was assumed or left out, a sentence each."""
     seed: int = SEED
 
+    def text(self) -> str:
+        """What `bristle sensitivity` prints: shares, findings and assumptions, a line each."""
+        from bristle.questions.sensitivity.text import study_text
 
-_MOST = 2**17
-"""Samples of the Sobol indices, with which a joint of six parameters takes some minutes."""
+        return study_text(self)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row per parameter, the largest total share first: `rank`, `parameter`, `total`, `partial` and `settled`.
+
+        A share is the RMS of p dT_f / dp over the RMS of T_f: total (through the bristle), partial (at fixed z), and
+        total over the last period.
+        """
+        from bristle.questions.sensitivity.tables import share_table
+
+        return share_table(self)
+
+    def write(self, folder: Path) -> Path:
+        """Write a page with figures and tables into a folder; returns the path of index.html.
+
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
+        """
+        from bristle.questions.sensitivity.page import write_sensitivity
+
+        return write_sensitivity(self, folder)
 
 
 def check_samples(samples: int) -> None:
     """Raises InputError where so many samples cannot be drawn; 0 is no Sobol indices at all."""
-    if samples and (not _LEAST <= samples <= _MOST or samples & (samples - 1)):
+    if samples and (not _FEWEST <= samples <= _MOST or samples & (samples - 1)):
         raise InputError(
-            f"samples: got {samples}; expected a power of two from {_LEAST} to {_MOST}, or 0 to leave the Sobol indices out"
+            f"samples: got {samples}; expected a power of two from {_FEWEST} to {_MOST}, "
+            "or 0 to leave the Sobol indices out"
         )
 
 
-def explore(
+def study_sensitivity(
     joint: Joint,
-    asked: tuple[Model, Motion, Subject | str],
+    request: tuple[Model, Motion, Subject | str],
     samples: int = SAMPLES,
     progress: Progress | None = None,
-) -> Exploration:
-    """Local, mapped and global sensitivity and the information of a joint; `asked` as `of_joint` or `of_gripper` gives it.
+) -> SensitivityStudy:
+    """Local, mapped and global sensitivity and the information of a joint.
+
+    Args:
+        joint: as it was identified.
+        request: friction model, motion, and the loop or the sentence why there is none, as `of_joint` gives them.
+        samples: of the Sobol indices, as `check_samples` has it.
+        progress: told of every step.
 
     Raises InputError where so many samples cannot be drawn.
     """
     check_samples(samples)
-    model, moved, subject = asked
+    model, motion, loop = request
     tell = teller(progress, _STEPS)
     tell("derivatives along the motion")
-    near = local(model.p, moved)
+    along_motion = local(model.p, motion)
     tell("map over amplitude and frequency")
-    mapped = sensitivity_map(model.p, *grid(moved))
-    box, said = box_of(model.estimates)
+    mapped = sensitivity_map(model.p, *grid(motion))
+    box, cut = box_of(model.estimates)
     tell("tornado charts and information")
-    swings = tornado(model.p, box, moved) if box else ()
-    expected = tuple(x for x in (_of_motion(joint, model, moved), _of_static(joint)) if x is not None)
-    found, why = _sobol(model, box, moved, subject, samples, progress)
-    return Exploration(
-        name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=moved, box=box, local=near,
-        settled=near.shares(last=moved.samples), map=mapped, tornado=swings,
-        expected=expected, sobol=found, assumptions=(*model.said, *said, *why),
+    charts = tornado(model.p, box, motion) if box else ()
+    expected = (_motion_tells(joint, model, motion), _constant_velocities_tell(joint))
+    sobol, no_sobol = _sobol(model, box, motion, loop, samples, progress)
+    written, no_formulas = _formulas()
+    return SensitivityStudy(
+        name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=motion, box=box, local=along_motion,
+        settled=along_motion.shares(last=motion.samples), map=mapped, tornado=charts,
+        expected=tuple(x for x in expected if x is not None), sobol=sobol, formulas=written,
+        assumptions=(*model.said, *cut, *no_sobol, *no_formulas),
     )  # fmt: skip  # a list of values
 
 
 def _sobol(
-    model: Model, box: Mapping[str, tuple[float, float]], moved: Motion, subject: Subject | str, samples: int,
+    model: Model, box: Mapping[str, tuple[float, float]], motion: Motion, loop: Subject | str, samples: int,
     progress: Progress | None,
 ) -> tuple[Global | None, tuple[str, ...]]:  # fmt: skip
     """Sobol indices over the intervals, or the sentence why there are none."""
     if not samples:
         return None, ("Sobol indices were not asked for (samples: 0).",)
-    if isinstance(subject, str) or not box:
-        return None, (
-            f"No Sobol indices: {subject if isinstance(subject, str) else 'no parameter has a finite interval'}.",
-        )
-    own = replace(subject, amplitude=moved.amplitude, frequency=moved.frequency)
+    if isinstance(loop, str):
+        return None, (f"No Sobol indices: {loop}.",)
+    if not box:
+        return None, ("No Sobol indices: no parameter has a finite interval.",)
+    along_motion = replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
     try:
-        return global_sensitivity(model.p, box, own, samples=samples, seed=SEED, progress=progress), ()
+        return global_sensitivity(model.p, box, along_motion, samples=samples, seed=SEED, progress=progress), ()
     except InputError as error:
         return None, (f"No Sobol indices: {error}.",)
 
 
-def _of_motion(joint: Joint, model: Model, moved: Motion) -> Expected:
+def _formulas() -> tuple[Formulas | None, tuple[str, ...]]:
+    """The derivatives as formulas, or the sentence why there are none."""
+    try:
+        return formulas(), ()
+    except InputError as error:
+        return None, (f"No formulas: {error}.",)
+
+
+def _motion_tells(joint: Joint, model: Model, motion: Motion) -> Expected:
     """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
-    noise, said = _noise(joint, model.p, moved.period)
-    course, fit = moved.course, joint.moving
+    noise, noise_source = _noise(joint, model.p, motion.period)
+    course, fit = motion.course, joint.moving
     columns = {
         "inertia": course.acceleration, "offset": np.ones_like(course.velocity),
         "gravity_sin": np.sin(course.position), "gravity_cos": np.cos(course.position),
     }  # fmt: skip  # a table
-    fitted = {str(name): x for name, x in fit.known.items()} if fit is not None else {"inertia": 0.0}
-    free = fitted if fit is None else tuple(map(str, fit.names))
+    values = {str(name): x for name, x in fit.known.items()} if fit is not None else {"inertia": 0.0}
+    free = values if fit is None else tuple(map(str, fit.names))
     extra = {name: column for name, column in columns.items() if name in free}
     friction = names_of(model.p)
-    names = (*friction, *extra)
-    values = np.array(
-        [*np.concatenate([model.p] if isinstance(model.p, Lugre) else model.p), *(fitted[n] for n in extra)]
+    point = np.array(
+        [*np.concatenate([model.p] if isinstance(model.p, Lugre) else model.p), *(values[name] for name in extra)]
     )
-    matrix = motion_information(course.velocity, moved.period, model.p, noise, extra)
+    matrix = motion_information(course.velocity, motion.period, model.p, noise, extra)
     held = [name for name in friction if name in model.assumed and name.startswith(_STRIBECK)]
     errors = {name: e.standard_error for name, e in model.estimates.items() if e.standard_error}
     if fit is not None:
         errors |= {str(n): e.standard_error for n, e in fit.parameters.items() if str(n) in extra and e.standard_error}
-    return _expected("the motion", Information(names=names, point=values, matrix=matrix), errors, said, held)
+    information = Information(names=(*friction, *extra), point=point, matrix=matrix)
+    return _expected("the motion", information, errors, noise_source, held)
 
 
 def _expected(what: str, full: Information, errors: Mapping[str, float], noise: str, held: Sequence[str]) -> Expected:
     """The information of all but what is held, which the joint's own fit does not have."""
     kept = [k for k, name in enumerate(full.names) if name not in held]
     names = tuple(full.names[k] for k in kept)
-    info = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
-    said = f"{noise} Held as known, because the joint's own fit has none: {', '.join(held)}." if held else noise
-    return Expected(what, info, errors, said)
+    information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
+    if held:
+        noise += f" Held as known, because the joint's own fit has none: {', '.join(held)}."
+    return Expected(what, information, errors, noise)
 
 
 def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, str]:
     """Standard deviation of the white noise of a torque sample at this period, N*m, and where it is from."""
-    fit = joint.moving
+    fit, torque_unit = joint.moving, unit("torque", joint.kind)
     if fit is not None and fit.quantity == "torque" and fit.rms > 0:
         steps = np.diff(fit.time)
-        between, stretch = float(np.median(steps[steps > 0])), inflation(fit.residuals)
-        said = f"as the moving runs' fit leaves it, {fit.rms:.3g} {unit('torque', joint.kind)} in an equation every {between:.3g} s"
-        wide = f", and {np.sqrt(stretch):.1f} times that for its correlation" if stretch > 1 else ""
-        return fit.rms * float(np.sqrt(stretch * between / period)), f"Noise: {said}{wide}."
-    level = p.alpha_0 if isinstance(p, Lugre) else (p.positive.alpha_0 + p.negative.alpha_0) / 2
-    noise = _NOISE * level
-    said = f"assumed white, {noise:.3g} {unit('torque', joint.kind)} ({_NOISE:.0%} of alpha_0) at 1 kHz; standard errors go in proportion"
-    return noise * float(np.sqrt(1e-3 / period)), f"Noise: {said}."
+        between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
+        source = f"Noise: as the moving runs' fit leaves it, {fit.rms:.3g} {torque_unit}"
+        source += f" in an equation every {between:.3g} s"
+        if variance_inflation > 1:
+            source += f", and {np.sqrt(variance_inflation):.1f} times that for its correlation"
+        return fit.rms * float(np.sqrt(variance_inflation * between / period)), f"{source}."
+    noise = _NOISE * float(np.mean([one.alpha_0 for one in ([p] if isinstance(p, Lugre) else p)]))
+    source = f"Noise: assumed white, {noise:.3g} {torque_unit} ({_NOISE:.0%} of alpha_0) at 1 kHz"
+    return noise * float(np.sqrt(1e-3 / period)), f"{source}; standard errors go in proportion."
 
 
-def _of_static(joint: Joint) -> Expected | None:
+def _constant_velocities_tell(joint: Joint) -> Expected | None:
     """What the joint's own constant velocities tell, at the scatter that was seen."""
     fits = {d: fit for d, fit in joint.static.items() if d in ("+", "-", "both") and fit.rms and fit.velocity.size}
     sets = {d: p for d, fit in fits.items() if (p := fit.values()) is not None}
@@ -181,12 +246,14 @@ def _of_static(joint: Joint) -> Expected | None:
     errors: dict[str, float] = {}
     held: list[str] = []
     for k, (d, p) in enumerate(sets.items()):
-        fit, own = fits[d], slice(4 * k, 4 * k + 4)
+        fit, block = fits[d], slice(4 * k, 4 * k + 4)
         scatter = float(np.sqrt(fit.residuals @ fit.residuals / max(fit.dof or fit.n - len(fit.names), 1)))
-        matrix[own, own] = static_information(fit.velocity, p, scatter)
-        known = dict(zip(names[own], (fit.parameters.get(name) for name in STATIC), strict=True))
-        errors |= {name: e.standard_error for name, e in known.items() if e is not None and e.standard_error}
-        held += [name for name, e in known.items() if e is None or e.value is None]
-    values = np.concatenate([p[:4] for p in sets.values()])
-    info = Information(names=names, point=values, matrix=matrix)
-    return _expected("the constant velocities", info, errors, "Noise: the scatter that the static fit leaves.", held)
+        matrix[block, block] = static_information(fit.velocity, p, scatter)
+        estimates = dict(zip(names[block], (fit.parameters.get(name) for name in STATIC), strict=True))
+        errors |= {name: e.standard_error for name, e in estimates.items() if e is not None and e.standard_error}
+        held += [name for name, e in estimates.items() if e is None or e.value is None]
+    point = np.concatenate([p[:4] for p in sets.values()])
+    information = Information(names=names, point=point, matrix=matrix)
+    return _expected(
+        "the constant velocities", information, errors, "Noise: the scatter that the static fit leaves.", held
+    )
