@@ -20,7 +20,7 @@ from bristle.identification.fisher import (
 )
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import default_range
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import TABLE_1
@@ -90,7 +90,9 @@ def test_noise_of_each_point_weighs_it() -> None:
 def test_directions_of_a_pair_do_not_mix() -> None:
     """Of a pair the positive velocities see the positive set alone, and the other way round."""
     matrix = static_information(np.concatenate([V, -V]), PAIR, NOISE)
-    assert names_of(PAIR, STATIC)[:5] == ("alpha_0+", "alpha_1+", "alpha_2+", "v_s+", "alpha_0-")
+    assert names_of(PAIR, STATIC)[:5] == tuple(
+        map(ParameterName.parse, ("alpha_0+", "alpha_1+", "alpha_2+", "v_s+", "alpha_0-"))
+    )
     assert not matrix[:4, 4:].any()
     np.testing.assert_allclose(matrix[:4, :4], static_information(V, P, NOISE), rtol=1e-12)
     np.testing.assert_allclose(matrix[4:, 4:], static_information(-V, PAIR.negative, NOISE), rtol=1e-12)
@@ -142,7 +144,7 @@ def test_what_is_not_seen_has_no_error_bound() -> None:
     rng = np.random.default_rng(1)
     x, y = rng.normal(size=(2, 30))
     matrix = gram(np.column_stack([x, y, y, np.zeros(30)]), 1.0)
-    info = Information(names=("a", "b", "c", "d"), point=np.ones(4), matrix=matrix)
+    info = Information(names=tuple(map(ParameterName.parse, "abcd")), point=np.ones(4), matrix=matrix)
     assert info.standard_errors[1:].tolist() == [np.inf] * 3
     assert np.isfinite(info.standard_errors[0])
     assert np.isfinite(info.correlation).all()

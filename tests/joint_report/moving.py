@@ -1,6 +1,5 @@
 """Joints with moving runs, built by hand: Table 1's gripper, two stretches, three reversals, and residuals that are known."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +9,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Consistency, Crosscheck, Estimate, HoldOut, Joint, TrackingFit
 from bristle.model.parameters import ParameterName, unit
 
+from ..names import named
 from .conftest import TABLE_1, loaded
 
 VALUES = {f"{name}{d}": value for d, p in TABLE_1.items() for name, value in p._asdict().items()} | {"inertia": 1.3e-3}
@@ -59,11 +59,6 @@ def compared(parameter: str, difference: float | None, verdict: Diagnostic, stag
         tracking_value=1.05 * value if seen else None, tracking_error=0.01 * value if seen else None, joint_value=value,
         joint_error=0.005 * value, difference=difference, verdict=verdict,
     )  # fmt: skip  # as above
-
-
-def named(values: Mapping[str, float]) -> dict[ParameterName, float]:
-    """Values of parameters that are given by text, as alpha_0+."""
-    return {ParameterName.parse(name): x for name, x in values.items()}
 
 
 def checked() -> Crosscheck:

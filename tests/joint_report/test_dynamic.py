@@ -16,8 +16,9 @@ from bristle.model.parameters import ParameterName
 from bristle.questions.joint_report import results_file, tables
 from bristle.questions.joint_report.dynamic import agreement
 
+from ..names import named
 from .conftest import TABLE_1
-from .moving import DIFFER, IPOPT, NOT_SHOWN, UNSEEN, VALUES, compared, moving, named, tracked, without
+from .moving import DIFFER, IPOPT, NOT_SHOWN, UNSEEN, VALUES, compared, moving, tracked, without
 
 GOLDEN = Path(__file__).parent / "tracking_report.txt"
 

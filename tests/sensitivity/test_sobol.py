@@ -29,13 +29,15 @@ from bristle.questions.sensitivity.text import sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import Subject
 
+from ..names import named, parse
+
 PAIR = edro.TABLE_1["gripper rotation"]
 GRIPPER = PAIR.positive
 SUBJECT = Subject(
     name="gripper rotation", kind="revolute", plant=PAIR, model=PAIR, J=edro.inertia(PAIR), gains=edro.PID_GAINS, amplitude=0.2, frequency=2.0,
     slow=0.5, period=1e-3, adaptation=Adaptation(), start={}, simulated=True,
 )  # fmt: skip  # a list of values
-BOX = {"alpha_0": (0.015, 0.025), "alpha_1": (0.001, 0.01), "alpha_2": (0.03, 0.05)}
+BOX = named({"alpha_0": (0.015, 0.025), "alpha_1": (0.001, 0.01), "alpha_2": (0.03, 0.05)})
 
 
 def ishigami(x: Array) -> Array:
@@ -80,7 +82,7 @@ def found() -> Global:
 @pytest.mark.parametrize("seed", [0, 7])
 def test_ishigami(seed: int) -> None:
     """At N = 8192 every index of Ishigami's function is within 0.01 of its exact value, and within its own interval."""
-    (own,) = indices(ishigami, dict.fromkeys("abc", (-np.pi, np.pi)), 8192, seed)
+    (own,) = indices(ishigami, dict.fromkeys(map(parse, "abc"), (-np.pi, np.pi)), 8192, seed)
     for index, half, exact in zip(
         shares(own),
         ([e.first_half for e in own.effects], [e.total_half for e in own.effects]),
@@ -99,8 +101,8 @@ def test_ishigami(seed: int) -> None:
 def test_permuted_names_permute_the_indices(order: tuple[int, ...]) -> None:
     """Parameters that change places take their indices with them."""
     back = np.argsort(order)
-    (own,) = indices(lambda x: ishigami(x[:, back]), {"abc"[k]: (-np.pi, np.pi) for k in order}, 8192)
-    assert [e.parameter for e in own.effects] == ["abc"[k] for k in order]
+    (own,) = indices(lambda x: ishigami(x[:, back]), {parse("abc"[k]): (-np.pi, np.pi) for k in order}, 8192)
+    assert [e.parameter for e in own.effects] == [parse("abc"[k]) for k in order]
     for index, exact in zip(shares(own), ishigami_exact(), strict=True):
         assert index == pytest.approx(exact[list(order)], abs=0.01)
 
@@ -140,7 +142,7 @@ def test_breakaway_torque_is_additive(found: Global) -> None:
 
 def test_a_wide_interval_is_drawn_by_its_logarithm() -> None:
     """Over four decades log(x) has the variance of a uniform one; over less than one decade x itself is uniform."""
-    box = {"x": (1e-2, 1e2), "y": (1.0, 9.0)}
+    box = named({"x": (1e-2, 1e2), "y": (1.0, 9.0)})
     (own,) = indices(lambda p: np.log(p[:, 0]) + p[:, 1], box, 8192)
     variance = np.array([np.log(1e4) ** 2, 64.0])
     assert shares(own)[0] == pytest.approx(variance / variance.sum(), abs=0.01)
@@ -167,7 +169,7 @@ def test_same_seed_same_result_whatever_the_order(found: Global) -> None:
     """
     again = global_sensitivity(Pair(GRIPPER, GRIPPER), dict(reversed(BOX.items())), SUBJECT, samples=1024)
     assert again == found
-    functions_of = [indices(ishigami, dict.fromkeys("abc", (0.0, 1.0)), 64, seed) for seed in (0, 0, 1)]
+    functions_of = [indices(ishigami, dict.fromkeys(map(parse, "abc"), (0.0, 1.0)), 64, seed) for seed in (0, 0, 1)]
     assert functions_of[0] == functions_of[1] != functions_of[2]
 
 
@@ -258,7 +260,7 @@ def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: f
 def test_the_compensator_keeps_the_nominal_model() -> None:
     """Over a box that is next to nothing the loop is that of the nominal plant and model, not of the subject's own."""
     p = GRIPPER._replace(alpha_0=0.05)
-    own = global_sensitivity(p, {"alpha_2": (0.0393999, 0.0394001)}, SUBJECT, samples=32).outputs[2].indices
+    own = global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2].indices
     case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
     run = simulate(Wiring(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
     assert own is not None
@@ -270,9 +272,9 @@ def test_the_plant_is_drawn() -> None:
 
     Over a box above the model, that explains all of the variance.
     """
-    own = global_sensitivity(GRIPPER, {"alpha_2": (0.05, 0.08)}, SUBJECT, samples=32).outputs[2].indices
+    own = global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2].indices
     assert own is not None
-    exact = global_sensitivity(GRIPPER, {"alpha_2": (0.0394, 0.03941)}, SUBJECT, samples=32).outputs[2].indices
+    exact = global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2].indices
     assert exact is not None
     assert own.mean > 1.2 * exact.mean
     assert own.effects[0].total == pytest.approx(1.0, abs=0.2)
@@ -292,7 +294,7 @@ def test_loops_have_settled() -> None:
 
 def test_one_direction_alone_is_drawn() -> None:
     """A name with its sign moves that set only: half of it reaches the breakaway torque, which is the mean of both."""
-    box = {"alpha_0+": (0.01, 0.03), "alpha_1": (0.0, 0.01)}
+    box = named({"alpha_0+": (0.01, 0.03), "alpha_1": (0.0, 0.01)})
     own = global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1].indices
     assert own is not None
     assert shares(own)[0] == pytest.approx([0.5, 0.5], abs=0.01)
@@ -305,12 +307,12 @@ def test_one_direction_alone_is_drawn() -> None:
 
 def test_an_output_that_nothing_changes_has_no_indices() -> None:
     """sigma_1 has no part in the breakaway torque: None, with the reason, where shares of no variance do not exist."""
-    found = global_sensitivity(GRIPPER, {"sigma_1": (0.01, 0.02)}, SUBJECT, samples=32)
+    found = global_sensitivity(GRIPPER, named({"sigma_1": (0.01, 0.02)}), SUBJECT, samples=32)
     torque, breakaway, _ = found.outputs
     assert torque.indices is not None
     assert breakaway.indices is None
     assert breakaway.reason == "None of the parameters drawn changes it."
-    (flat,) = indices(lambda x: 3.0 + 0 * x[:, 0], {"x": (0.0, 1.0)}, 32)
+    (flat,) = indices(lambda x: 3.0 + 0 * x[:, 0], named({"x": (0.0, 1.0)}), 32)
     assert (flat.effects, flat.mean, flat.deviation) == ((), 3.0, 0.0)
 
 
@@ -351,20 +353,20 @@ def test_progress_counts_up() -> None:
     ("call", "said"),
     [
         (lambda: indices(ishigami, {}, 64), "box is empty"),
-        (lambda: indices(ishigami, {"a": (1.0, 1.0)}, 64), "low < high"),
-        (lambda: indices(ishigami, {"a": (0.0, np.inf)}, 64), "finite"),
-        (lambda: indices(ishigami, {"a": (0.0, 1.0)}, 100), "power of two"),
-        (lambda: indices(ishigami, {"a": (0.0, 1.0)}, 0), "power of two"),
-        (lambda: indices(ishigami, {"a": (0.0, 1.0)}, 64, -1), "seed"),
-        (lambda: indices(lambda x: x[:1, 0], {"a": (0.0, 1.0)}, 64), "shape"),
-        (lambda: indices(lambda x: x[:, :, None], {"a": (0.0, 1.0)}, 64), "shape"),
-        (lambda: indices(lambda x: x[:, 0] * np.nan, {"a": (0.0, 1.0)}, 64), "not finite"),
+        (lambda: indices(ishigami, named({"a": (1.0, 1.0)}), 64), "low < high"),
+        (lambda: indices(ishigami, named({"a": (0.0, np.inf)}), 64), "finite"),
+        (lambda: indices(ishigami, named({"a": (0.0, 1.0)}), 100), "power of two"),
+        (lambda: indices(ishigami, named({"a": (0.0, 1.0)}), 0), "power of two"),
+        (lambda: indices(ishigami, named({"a": (0.0, 1.0)}), 64, -1), "seed"),
+        (lambda: indices(lambda x: x[:1, 0], named({"a": (0.0, 1.0)}), 64), "shape"),
+        (lambda: indices(lambda x: x[:, :, None], named({"a": (0.0, 1.0)}), 64), "shape"),
+        (lambda: indices(lambda x: x[:, 0] * np.nan, named({"a": (0.0, 1.0)}), 64), "not finite"),
         (lambda: global_sensitivity(GRIPPER, BOX, SUBJECT, samples=16), "at least 32"),
         (lambda: global_sensitivity(GRIPPER, BOX, SUBJECT, samples=1000), "power of two"),
-        (lambda: global_sensitivity(GRIPPER, {"J": (0.0, 1.0)}, SUBJECT), "'J'"),
-        (lambda: global_sensitivity(GRIPPER, {**BOX, "alpha_0+": (0.1, 1.0)}, SUBJECT), "alpha_0"),
-        (lambda: global_sensitivity(GRIPPER, {"v_s": (0.0, 1.0)}, SUBJECT), "low end of 0"),
-        (lambda: global_sensitivity(GRIPPER, {"alpha_1": (-0.1, 1.0)}, SUBJECT), "low end of -0.1"),
+        (lambda: global_sensitivity(GRIPPER, named({"J": (0.0, 1.0)}), SUBJECT), "'J'"),
+        (lambda: global_sensitivity(GRIPPER, {**BOX, parse("alpha_0+"): (0.1, 1.0)}, SUBJECT), "alpha_0"),
+        (lambda: global_sensitivity(GRIPPER, named({"v_s": (0.0, 1.0)}), SUBJECT), "low end of 0"),
+        (lambda: global_sensitivity(GRIPPER, named({"alpha_1": (-0.1, 1.0)}), SUBJECT), "low end of -0.1"),
     ],
 )
 def test_bad_input_is_refused(call: Callable[[], object], said: str) -> None:
@@ -392,12 +394,12 @@ def test_the_box_of_a_fit() -> None:
         "alpha_0+": (0.02, (0.01, 0.03)), "alpha_1+": (0.005, (-0.01, 0.02)), "v_s": (0.07, (-0.1, 0.2)),
         "sigma_0": (6.0, (3.0, np.inf)), "sigma_1": (0.02, None), "inertia": (0.1, (0.0, 0.2)),
     }  # fmt: skip  # a table
-    estimates = {name: Estimate(value=x, unit="-", interval=own) for name, (x, own) in intervals.items()}
-    estimates["alpha_2"] = Estimate(value=None, unit="-")
+    estimates = named({name: Estimate(value=x, unit="-", interval=own) for name, (x, own) in intervals.items()})
+    estimates[parse("alpha_2")] = Estimate(value=None, unit="-")
     box, said = box_of(estimates)
-    assert box == {"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)}
+    assert box == named({"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)})
     assert [sentence.split(":")[0] for sentence in said] == ["alpha_1+", "v_s", "sigma_0", "sigma_1"]
-    assert [span.parameter for span in ordered(box)] == ["alpha_0+", "alpha_1+", "v_s"]
+    assert [str(span.parameter) for span in ordered(box)] == ["alpha_0+", "alpha_1+", "v_s"]
 
 
 def bars(ax: Axes) -> list[float]:

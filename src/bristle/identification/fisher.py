@@ -7,6 +7,7 @@ Noise is white: one standard deviation for all samples, or one each. Information
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, Stribeck
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
 from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 
@@ -35,7 +36,7 @@ _PART = 0.3
 class Information:
     """What a measurement tells of some parameters."""
 
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     point: Array
     """The parameters' values, where the model was linearised, (p,)."""
     matrix: Array
@@ -56,9 +57,10 @@ class Information:
         freeze(self)
 
 
-def names_of(p: Lugre[float] | Pair[float], bare: Sequence[str] = Lugre._fields) -> tuple[str, ...]:
-    """The names of one set's parameters, or of a pair's: those of the positive set with a +, then those of the negative one with a -."""
-    return tuple(bare) if isinstance(p, Lugre) else tuple(name + sign for sign in "+-" for name in bare)
+def names_of(p: Lugre[float] | Pair[float], names: Sequence[str] = Lugre._fields) -> tuple[ParameterName, ...]:
+    """The parameters of one set, which are of both directions, or of a pair: those of the positive set, then those of the negative one."""
+    directions = (Direction.BOTH,) if isinstance(p, Lugre) else (Direction.POSITIVE, Direction.NEGATIVE)
+    return tuple(ParameterName(name, d) for d in directions for name in names)
 
 
 def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float]) -> Array:
@@ -86,7 +88,7 @@ def static_information(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair
 
 
 def motion_jacobian(
-    velocity: Array, step: float | Array, p: Lugre[float] | Pair[float], extra: Mapping[str, Array] | None = None
+    velocity: Array, step: float | Array, p: Lugre[float] | Pair[float], extra: Mapping[Any, Array] | None = None
 ) -> Array:
     """The derivative dT_f / dp along a motion, through the bristle: (n, 6 + k) or (n, 12 + k), the k columns of `extra` last.
 
@@ -105,7 +107,7 @@ def motion_information(
     step: float | Array,
     p: Lugre[float] | Pair[float],
     noise: float | Array,
-    extra: Mapping[str, Array] | None = None,
+    extra: Mapping[Any, Array] | None = None,
 ) -> Array:
     """Information of the torque along a motion: F, (6 + k, 6 + k) in the order of `Lugre`, or (12 + k, 12 + k) for a pair.
 
@@ -142,7 +144,7 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
     return errors, correlation
 
 
-def directions(matrix: Array, names: Sequence[str]) -> tuple[str, ...]:
+def directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]:
     """Directions that are hardly seen, in words, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
     size = np.sqrt(np.diag(matrix))
     said = [f"Nothing is seen of {name}." for name, s in zip(names, size, strict=True) if s == 0]

@@ -301,7 +301,7 @@ def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
     return said
 
 
-def hardly_seen(members: Sequence[tuple[str, float]]) -> Diagnostic:
+def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
     """What data say of a direction of parameters that they hardly see; its members are names with their shares of it."""
     if len(members) == 1:
         return Kind.HARDLY_SEEN(name=members[0][0])

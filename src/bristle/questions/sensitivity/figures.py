@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from bristle.model.parameters import Kind, Lugre, unit
+from bristle.model.parameters import Kind, Lugre, ParameterName, unit
 from bristle.page.style import WIDTH, new_figure, styled, thinned, title
 from bristle.page.wording import axis, measured, number, pretty, printable, shortened, symbol
 from bristle.questions.sensitivity.local import Tornado
@@ -93,7 +93,7 @@ def time_figure(study: SensitivityStudy) -> Figure:
 
 def _starred(study: SensitivityStudy, name: str) -> str:
     """A parameter's symbol, with a star where its value is assumed in a direction."""
-    return symbol(name) + ("*" if any(assumed.rstrip("+-") == name for assumed in study.model.assumed) else "")
+    return symbol(name) + ("*" if any(assumed.name == name for assumed in study.model.assumed) else "")
 
 
 @styled
@@ -249,7 +249,7 @@ def tornado_figure(study: SensitivityStudy) -> Figure | None:
     return figure
 
 
-def _moving(chart: Tornado) -> list[tuple[str, float, float]]:
+def _moving(chart: Tornado) -> list[tuple[ParameterName, float, float]]:
     """Parameters that move the output, with its change at both ends, percent."""
     return [
         (swing.parameter, 100 * (swing.at_low / chart.value - 1), 100 * (swing.at_high / chart.value - 1))

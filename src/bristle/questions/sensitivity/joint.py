@@ -13,7 +13,7 @@ from bristle.identification.known_joint import DEFLECTION, KnownJoint, guessed_i
 from bristle.identification.limits import Limits, limits_of
 from bristle.identification.presliding.fit import DAMPING_RATIO
 from bristle.identification.results import Estimate, Joint
-from bristle.model.parameters import Direction, Kind, Lugre, Pair, unit
+from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, unit
 from bristle.questions.sensitivity.local import Motion, motion
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import Subject, of_paper, one_way
@@ -31,10 +31,9 @@ class Model(NamedTuple):
     """What is known of a joint's friction."""
 
     p: Lugre[float] | Pair[float]
-    estimates: Mapping[str, Estimate]
-    """By name as in `information.names_of`, bare where both directions share it."""
-    assumed: tuple[str, ...]
-    """Names of what is not known, and was filled in."""
+    estimates: Mapping[ParameterName, Estimate]
+    assumed: tuple[ParameterName, ...]
+    """What is not known, and was filled in."""
     said: tuple[str, ...]
 
 
@@ -130,7 +129,7 @@ def of_gripper(
     p = edro.TABLE_1[joint.name].positive
     known = known_joint(joint)
     found = {name: known.estimate(name, Direction.POSITIVE) for name in Lugre._fields}
-    own = {name: _moved(e, getattr(p, name)) for name, e in found.items() if e is not None}
+    own = {ParameterName(n, Direction.BOTH): _moved(e, getattr(p, n)) for n, e in found.items() if e is not None}
     said = (
         "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
         "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these numbers; the paper gives none.",
@@ -162,19 +161,19 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
         sentences.append(f"Only direction {directions[0]} is known; it is taken for both.")
     identified = inertia_of(measured.experiment, joint)
     J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
-    sets, estimates, assumed = [], dict[str, Estimate](), list[str]()
+    sets, estimates, assumed = [], dict[ParameterName, Estimate](), list[ParameterName]()
     for d in directions:
         p, missing = known.filled(d, limits.travel, J), known.missing(d)
         sets.append(p)
-        tag = d if len(directions) > 1 else ""
-        assumed += [name + tag for name in missing]
+        own = d if len(directions) > 1 else Direction.BOTH
+        assumed += [ParameterName(name, own) for name in missing]
         sentences += [
-            f"{name}{tag}: these data do not show it; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}."
+            f"{ParameterName(name, own)}: these data do not show it; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}."
             for name, how in _how(missing, None if identified else J, joint.kind).items()
         ]
         for parameter, e in known.estimates.items():
             if parameter.name in Lugre._fields and parameter.direction in (d, Direction.BOTH):
-                estimates[str(parameter) if len(directions) > 1 else parameter.name] = e
+                estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
     return Model(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(sentences))
 
 

@@ -20,7 +20,7 @@ from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.fisher import cleared
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_jacobian
 from bristle.model.vectorize import evaluate
 from bristle.simulation.joint_loop import sine
@@ -211,7 +211,7 @@ def _settled(p: Lugre[float] | Pair[float], amplitude: float, frequency: float) 
 class Swing(NamedTuple):
     """What one parameter does to an output on its way through an interval."""
 
-    parameter: str
+    parameter: ParameterName
     at_low: float
     """The output at the interval's lower end, all else as it is."""
     at_high: float
@@ -244,11 +244,11 @@ OUTPUTS: dict[str, str] = {
 
 
 def tornado(
-    p: Lugre[float] | Pair[float], intervals: Mapping[str, tuple[float, float]], reference: Motion
+    p: Lugre[float] | Pair[float], intervals: Mapping[ParameterName, tuple[float, float]], reference: Motion
 ) -> tuple[Tornado, ...]:
     """Each output with every parameter moved alone from one end of its interval to the other.
 
-    `intervals` holds parameters by their names as in `replaced`; who has none is left out.
+    A parameter without an interval is left out.
     """
     middle = _outputs(p, reference)
     ends = {name: [_outputs(replaced(p, name, x), reference) for x in interval] for name, interval in intervals.items()}
@@ -260,20 +260,19 @@ def tornado(
     return tuple(charts)
 
 
-def replaced(p: Lugre[float] | Pair[float], name: str, value: float) -> Lugre[float] | Pair[float]:
-    """The parameters with one of them another; its name as in `fisher.names_of`, or bare for both sets of a pair."""
+def replaced(p: Lugre[float] | Pair[float], parameter: ParameterName, value: float) -> Lugre[float] | Pair[float]:
+    """The parameters with one of them another, of one direction or in both sets of a pair."""
+    name, direction = parameter
     if isinstance(p, Lugre):
         return p._replace(**{name: value})
-    if name[-1] not in "+-":
-        return Pair(*(one._replace(**{name: value}) for one in p))
-    side = "positive" if name.endswith("+") else "negative"
-    return p._replace(**{side: getattr(p, side)._replace(**{name[:-1]: value})})
+    sets = zip("+-", p, strict=True)
+    return Pair(*(one if direction in "+-" and direction != d else one._replace(**{name: value}) for d, one in sets))
 
 
 def _outputs(p: Lugre[float] | Pair[float], reference: Motion) -> dict[str, float]:
     sets: Sequence[Lugre[float]] = [p] if isinstance(p, Lugre) else p
     torques = [
-        evaluate(functions.steady_torque(), np.array([_SLOWEST, reference.top_speed]), *one[:4])[0] for one in sets
+        evaluate(functions.steady_torque(), np.array([_SLOWEST, reference.top_speed]), *one.stribeck)[0] for one in sets
     ]
     deflections = [evaluate(functions.steady_deflection(), _SLOWEST, *one)[0] for one in sets]
     breakaway, fast = np.mean(torques, axis=0).tolist()

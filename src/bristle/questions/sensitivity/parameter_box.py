@@ -8,7 +8,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.identification.results import Estimate
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, in_direction
 
 DECADE = 10.0
 """An interval whose ends have a larger ratio is drawn log-uniformly."""
@@ -20,7 +20,7 @@ _POSITIVE = ("alpha_0", "v_s", "sigma_0")
 class Span(NamedTuple):
     """The interval from which one parameter is drawn."""
 
-    parameter: str
+    parameter: ParameterName
     low: float
     high: float
     logarithmic: bool
@@ -33,7 +33,7 @@ class Span(NamedTuple):
         return self.low + (self.high - self.low) * share
 
 
-def spans_of(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
+def spans_of(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ...]:
     """The intervals of a box, in its order. Raises InputError where it is empty or one of them is not an interval."""
     if not box:
         raise InputError("box is empty; expected at least one parameter with its interval")
@@ -46,21 +46,23 @@ def spans_of(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
     return tuple(Span(name, low, high, low > 0 and high > DECADE * low) for name, (low, high) in box.items())
 
 
-def ordered(box: Mapping[str, tuple[float, float]]) -> tuple[Span, ...]:
+def ordered(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ...]:
     """The intervals in the order of `Lugre`, whatever the order of the box, so that this does not change the samples.
 
-    Names are those of `Lugre`, for both directions at once, or with + or - for one.
+    They are of LuGre parameters, of both directions at once or of one.
 
     Raises InputError where a name or an interval cannot be.
     """
-    known = {name + d: None for name in Lugre._fields for d in ("", "+", "-")}
+    directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
+    known = [ParameterName(name, d) for name in Lugre._fields for d in directions]
     for name, (low, _) in box.items():
-        if name not in known or (name[-1] in "+-" and name[:-1] in box):
+        whole = name._replace(direction=Direction.BOTH)
+        if name not in known or (name != whole and whole in box):
             raise InputError(
-                f"box: got {name!r} among {', '.join(box)}; expected {', '.join(Lugre._fields)}, "
+                f"box: got {str(name)!r} among {', '.join(map(str, box))}; expected {', '.join(Lugre._fields)}, "
                 "each for both directions, or with + and - for one"
             )
-        if low < 0 or (low == 0 and name.rstrip("+-") in _POSITIVE):
+        if low < 0 or (low == 0 and name.name in _POSITIVE):
             raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
     return spans_of({name: box[name] for name in known if name in box})
 
@@ -70,22 +72,29 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
     drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
     return Pair(
         *(
-            Lugre(*(drawn.get(name + d, drawn.get(name, np.full(len(points), x))) for name, x in p._asdict().items()))
+            Lugre(
+                *(
+                    np.full(len(points), x) if (own := in_direction(drawn, name, d)) is None else own
+                    for name, x in p._asdict().items()
+                )
+            )
             for d, p in zip("+-", pair, strict=True)
         )
     )
 
 
-def box_of(estimates: Mapping[str, Estimate]) -> tuple[dict[str, tuple[float, float]], tuple[str, ...]]:
+def box_of(
+    estimates: Mapping[ParameterName, Estimate],
+) -> tuple[dict[ParameterName, tuple[float, float]], tuple[str, ...]]:
     """The box of the 95 % intervals of LuGre parameters, and a sentence on each that is left out or cut.
 
-    Names have a + or - where they are of one direction. Parameters that are not LuGre's are left out, and so are those
+    Parameters that are not LuGre's are left out, and so are those
     without a finite interval, with a sentence. An interval is cut at its physical bound, with a sentence.
     """
-    box: dict[str, tuple[float, float]] = {}
+    box: dict[ParameterName, tuple[float, float]] = {}
     notes = []
     for name, e in estimates.items():
-        bare = name.rstrip("+-")
+        bare = name.name
         if bare not in Lugre._fields or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:

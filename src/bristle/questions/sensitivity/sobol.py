@@ -15,7 +15,7 @@ from bristle.control.closed_loop import simulate
 from bristle.control.wiring import Wiring
 from bristle.errors import InputError
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, ParameterName
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
@@ -54,7 +54,7 @@ _BARELY = 1e-200
 class Effect(NamedTuple):
     """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % interval."""
 
-    parameter: str
+    parameter: ParameterName
     first: float
     """Of it alone, the others averaged over."""
     first_half: float
@@ -104,7 +104,7 @@ class Global:
 
 
 def indices(
-    function: Callable[[Array], Array], box: Mapping[str, tuple[float, float]], samples: int, seed: int = 0
+    function: Callable[[Array], Array], box: Mapping[ParameterName, tuple[float, float]], samples: int, seed: int = 0
 ) -> tuple[Indices, ...]:
     """First-order and total Sobol indices of each output of a function over a box; Saltelli et al. 2010, by SALib.
 
@@ -159,7 +159,7 @@ def _problem(spans: Sequence[Span]) -> dict[str, Any]:
     """SALib's description of the unit cube."""
     return {
         "num_vars": len(spans),
-        "names": [span.parameter for span in spans],
+        "names": [str(span.parameter) for span in spans],
         "bounds": [[0.0, 1.0] for _ in spans],
     }
 
@@ -179,7 +179,7 @@ def _salib() -> Any:
 
 def global_sensitivity(
     p: Pair[float] | Lugre[float],
-    box: Mapping[str, tuple[float, float]],
+    box: Mapping[ParameterName, tuple[float, float]],
     subject: Subject,
     *,
     samples: int = 1024,
@@ -236,7 +236,7 @@ def global_sensitivity(
 
 def _breakaway(joints: Pair[Array]) -> Array:
     """g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions."""
-    levels = [evaluate(functions.steady_torque(), _BARELY, *p[:4])[0] for p in joints]
+    levels = [evaluate(functions.steady_torque(), _BARELY, *p.stribeck)[0] for p in joints]
     return np.asarray(np.mean(levels, axis=0))
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.identification.fisher import STATIC, Information, motion_information, names_of, static_information
+from bristle.identification.fisher import Information, motion_information, names_of, static_information
 from bristle.identification.results import Joint
-from bristle.model.parameters import Kind, Lugre, Pair, unit
+from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, Stribeck, unit
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import Model
@@ -46,7 +46,7 @@ class Expected(NamedTuple):
 
     what: str
     information: Information
-    errors: Mapping[str, float]
+    errors: Mapping[ParameterName, float]
     """Standard errors of the joint's own fit, by name."""
     noise: str
     """What the noise is taken from; one sentence."""
@@ -54,10 +54,8 @@ class Expected(NamedTuple):
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Whether the measurement would identify each parameter of the information, (p,)."""
-        errors, may_be_zero = (
-            self.information.standard_errors,
-            [x.startswith(_MAY_BE_ZERO) for x in self.information.names],
-        )
+        errors = self.information.standard_errors
+        may_be_zero = np.array([x.name.startswith(_MAY_BE_ZERO) for x in self.information.names], dtype=bool)
         return (errors < _UNSEEN * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
 
@@ -71,7 +69,7 @@ class SensitivityStudy:
     """Whether what is known of the joint comes from simulated data."""
     model: Model
     motion: Motion
-    box: Mapping[str, tuple[float, float]]
+    box: Mapping[ParameterName, tuple[float, float]]
     """The parameters' 95 % intervals, by name."""
     local: Local
     settled: Array
@@ -160,7 +158,7 @@ def study_sensitivity(
 
 
 def _sobol(
-    model: Model, box: Mapping[str, tuple[float, float]], motion: Motion, loop: Subject | str, samples: int,
+    model: Model, box: Mapping[ParameterName, tuple[float, float]], motion: Motion, loop: Subject | str, samples: int,
     progress: Progress | None,
 ) -> tuple[Global | None, tuple[str, ...]]:  # fmt: skip
     """Sobol indices over the intervals, or the sentence why there are none."""
@@ -193,29 +191,31 @@ def _motion_tells(joint: Joint, model: Model, motion: Motion) -> Expected:
         "inertia": course.acceleration, "offset": np.ones_like(course.velocity),
         "gravity_sin": np.sin(course.position), "gravity_cos": np.cos(course.position),
     }  # fmt: skip  # a table
-    values = {str(name): x for name, x in fit.known.items()} if fit is not None else {"inertia": 0.0}
-    free = values if fit is None else tuple(map(str, fit.names))
-    extra = {name: column for name, column in columns.items() if name in free}
+    values = fit.known if fit is not None else {ParameterName.parse("inertia"): 0.0}
+    terms = {ParameterName.parse(name): column for name, column in columns.items()}
+    extra = {name: column for name, column in terms.items() if name in (fit.names if fit is not None else values)}
     friction = names_of(model.p)
     point = np.array(
         [*np.concatenate([model.p] if isinstance(model.p, Lugre) else model.p), *(values[name] for name in extra)]
     )
     matrix = motion_information(course.velocity, motion.period, model.p, noise, extra)
-    held = [name for name in friction if name in model.assumed and name.startswith(_STRIBECK)]
+    held = [name for name in friction if name in model.assumed and name.name in _STRIBECK]
     errors = {name: e.standard_error for name, e in model.estimates.items() if e.standard_error}
     if fit is not None:
-        errors |= {str(n): e.standard_error for n, e in fit.parameters.items() if str(n) in extra and e.standard_error}
+        errors |= {n: e.standard_error for n, e in fit.parameters.items() if n in extra and e.standard_error}
     information = Information(names=(*friction, *extra), point=point, matrix=matrix)
     return _expected("the motion", information, errors, noise_source, held)
 
 
-def _expected(what: str, full: Information, errors: Mapping[str, float], noise: str, held: Sequence[str]) -> Expected:
+def _expected(
+    what: str, full: Information, errors: Mapping[ParameterName, float], noise: str, held: Sequence[ParameterName]
+) -> Expected:
     """The information of all but what is held, which the joint's own fit does not have."""
     kept = [k for k, name in enumerate(full.names) if name not in held]
     names = tuple(full.names[k] for k in kept)
     information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
     if held:
-        noise += f" Held as known, because the joint's own fit has none: {', '.join(held)}."
+        noise += f" Held as known, because the joint's own fit has none: {', '.join(map(str, held))}."
     return Expected(what, information, errors, noise)
 
 
@@ -241,18 +241,19 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
     sets = {d: p for d, fit in fits.items() if (p := fit.values()) is not None}
     if not sets:
         return None
-    names = tuple(name + ("" if len(sets) == 1 else d) for d in sets for name in STATIC)
+    directions = [Direction.BOTH] if len(sets) == 1 else list(map(Direction, sets))
+    names = tuple(ParameterName(name, d) for d in directions for name in Stribeck._fields)
     matrix = np.zeros((len(names), len(names)))
-    errors: dict[str, float] = {}
-    held: list[str] = []
+    errors: dict[ParameterName, float] = {}
+    held: list[ParameterName] = []
     for k, (d, p) in enumerate(sets.items()):
         fit, block = fits[d], slice(4 * k, 4 * k + 4)
         scatter = float(np.sqrt(fit.residuals @ fit.residuals / max(fit.dof or fit.n - len(fit.names), 1)))
         matrix[block, block] = static_information(fit.velocity, p, scatter)
-        estimates = dict(zip(names[block], (fit.parameters.get(name) for name in STATIC), strict=True))
+        estimates = dict(zip(names[block], (fit.parameters.get(name) for name in Stribeck._fields), strict=True))
         errors |= {name: e.standard_error for name, e in estimates.items() if e is not None and e.standard_error}
         held += [name for name, e in estimates.items() if e is None or e.value is None]
-    point = np.concatenate([p[:4] for p in sets.values()])
+    point = np.concatenate(list(sets.values()))
     information = Information(names=names, point=point, matrix=matrix)
     return _expected(
         "the constant velocities", information, errors, "Noise: the scatter that the static fit leaves.", held

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from bristle.identification.fisher import names_of
-from bristle.model.parameters import Kind, Lugre, unit
+from bristle.model.parameters import Kind, Lugre, in_direction, unit
 from bristle.questions.sensitivity.local import ranked
 from bristle.questions.sensitivity.sobol import Global
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
@@ -34,10 +34,10 @@ def parameter_table(study: SensitivityStudy) -> Frame:
     sets = [study.model.p] if isinstance(study.model.p, Lugre) else study.model.p
     rows = []
     for name, value in zip(names_of(study.model.p), np.concatenate(sets).tolist(), strict=True):
-        lower, upper = study.box.get(name, study.box.get(name.rstrip("+-"), (None, None)))
+        lower, upper = in_direction(study.box, *name) or (None, None)
         rows.append(
             {
-                "parameter": name, "value": value, "unit": unit(name.rstrip("+-"), study.kind), "lower": lower, "upper": upper,
+                "parameter": str(name), "value": value, "unit": unit(name.name, study.kind), "lower": lower, "upper": upper,
                 "assumed": name in study.model.assumed,
             }
         )  # fmt: skip  # a table
@@ -87,7 +87,7 @@ def information_table(study: SensitivityStudy, expected: Expected) -> Frame:
     columns = (info.names, info.point.tolist(), info.standard_errors.tolist(), expected.seen.tolist())
     rows = [
         {
-            "measurement": expected.what, "parameter": name, "value": value, "unit": unit(name.rstrip("+-"), study.kind),
+            "measurement": expected.what, "parameter": str(name), "value": value, "unit": unit(name.name, study.kind),
             "standard_error": error if seen else None, "percent": 100 * error / abs(value) if seen and value else None,
             "own_standard_error": expected.errors.get(name), "seen": seen,
         }
@@ -100,8 +100,8 @@ def sobol_table(sobol: Global, kind: Kind) -> Frame:
     """One row for each output and parameter: the interval drawn from, both indices with their half-widths, samples."""
     rows = [
         {
-            "output": output_name(output.name, kind), "parameter": drawn.parameter, "lower": drawn.low, "upper": drawn.high,
-            "unit": unit(drawn.parameter.rstrip("+-"), kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
+            "output": output_name(output.name, kind), "parameter": str(drawn.parameter), "lower": drawn.low, "upper": drawn.high,
+            "unit": unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
             "first": effect.first, "first_half": effect.first_half, "total": effect.total, "total_half": effect.total_half,
             "samples": output.indices.samples, "evaluations": output.indices.evaluations,
         }
