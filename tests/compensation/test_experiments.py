@@ -10,7 +10,14 @@ from bristle.control.adaptation import LAWS, Adaptation
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.compensation import parameter_studies
 from bristle.questions.compensation.paper_experiments import Errors, adapted, errors, followed
-from bristle.questions.compensation.parameter_studies import band, controllers, drifts, gradients, landings, sampling
+from bristle.questions.compensation.parameter_studies import (
+    adaptation_map,
+    band,
+    controllers,
+    drifts,
+    gradients,
+    sampling,
+)
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import one_way
 
@@ -104,7 +111,7 @@ def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(parameter_studies, "FREQUENCIES", (2.0, 1.0))
     monkeypatch.setattr(parameter_studies, "AMPLITUDES", (1.0, 0.5, 2.0))
     one = one_way(subject(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
-    found = landings(one)
+    found = adaptation_map(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
     assert found.by_gamma.shape == (2, 3, 2)
     assert found.by_amplitude.shape == (2, 3, 2)
@@ -222,7 +229,7 @@ def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatc
     """With rates of zero nothing moves, over the whole map."""
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
         monkeypatch.setattr(parameter_studies, name, (1.0,))
-    found = landings(subject(adaptation=Adaptation(gamma=(0.0, 0.0))))
+    found = adaptation_map(subject(adaptation=Adaptation(gamma=(0.0, 0.0))))
     np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
 
 
@@ -233,7 +240,7 @@ def test_the_plans_own_law_has_the_plans_own_rates(monkeypatch: pytest.MonkeyPat
     for law in ("partial", "partial-theta", "total"):
         one = one_way(subject(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
         ends = [x.final for x in adapted(one).factors if x.law == law]
-        np.testing.assert_allclose(landings(one).by_gamma.ravel(), ends, rtol=1e-9)
+        np.testing.assert_allclose(adaptation_map(one).by_gamma.ravel(), ends, rtol=1e-9)
 
 
 def test_a_gradient_that_is_rounding_alone_divides_nothing() -> None:

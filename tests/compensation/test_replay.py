@@ -12,7 +12,7 @@ from bristle.identification.identify import measure
 from bristle.model.parameters import Pair
 from bristle.model.rollout import rollout
 from bristle.questions.compensation.replay import Replay, replays
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 from .conftest import GRIPPER, J, experiment, joint, share_of, subject
 
@@ -31,7 +31,7 @@ def motion(inertia: float = J, pair: Pair[float] = GRIPPER) -> tuple[Array, Arra
 
 
 def replayed(
-    folder: Path, friction: float, one: Subject | None = None, more: str = INERTIA, *, gap: bool = False
+    folder: Path, friction: float, one: JointLoop | None = None, more: str = INERTIA, *, gap: bool = False
 ) -> tuple[Replay, Replay]:
     """A run of the gripper with so many times its Coulomb and viscous friction, replayed with the gripper's model, right and from a wrong start."""
     t, v, torque = motion(pair=Pair(*(share_of(p, friction) for p in GRIPPER)))

@@ -10,14 +10,13 @@ import pytest
 
 from bristle.control.adaptation import LAWS, Adaptation
 from bristle.control.closed_loop import simulate
+from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
-from bristle.control.wiring import Wiring
 from bristle.data.experiment.load import load_experiment
 from bristle.identification import known_model
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import of_paper, one_way
-from bristle.simulation.requested_loop import asked_parts, of_experiment
+from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper, one_way
 
 from .conftest import FASTEST, GRIPPER, J, experiment, joint, subject, tracked, unseen, values_of
 
@@ -140,8 +139,8 @@ def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, p
     one = of_experiment(
         experiment(tmp_path, f"law: {law}, parameters: [{parameter}], start: {{{parameter}: 0.9}}"), joint()
     )
-    wiring = Wiring(compensator=replace(one.compensator, adaptation=one.adaptation))
-    run = simulate(wiring, [one.case(model=one.begun(one.model))], one.sine(one.frequency, 1.0), one.period)
+    options = LoopOptions(compensator=replace(one.compensator, adaptation=one.adaptation))
+    run = simulate(options, [one.case(model=one.begun(one.model))], one.sine(one.frequency, 1.0), one.period)
     assert 0.25 < (0.9 * run.theta[0, 0, -1] - 0.9) / 0.1 < 0.75
 
 
