@@ -11,7 +11,7 @@ from bristle.control.control_period import LoopOptions
 from bristle.questions.compensation import ablation as trying
 from bristle.questions.compensation.ablation import SHARES, WAYS, AblationRow, ablation
 
-from .conftest import subject
+from ..simulation.joints import joint_loop
 
 LUGRE = "LuGre, reference velocity"
 
@@ -22,7 +22,7 @@ def rows() -> tuple[AblationRow, ...]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trying, "BITS", (20,))
         patch.setattr(trying, "DELAYS", (0, 5))
-        return ablation(subject())
+        return ablation(joint_loop())
 
 
 def of(rows: tuple[AblationRow, ...], compensator: str, delay: int = 0) -> dict[float, AblationRow]:
@@ -78,7 +78,7 @@ def test_a_delay_costs_what_measures(rows: tuple[AblationRow, ...]) -> None:
 
 def test_a_share_of_the_model_is_that_share_of_its_torque(rows: tuple[AblationRow, ...]) -> None:
     """Half of the model's parameters, v_s aside, compensate as the whole model does by half of its torque."""
-    one = subject()
+    one = joint_loop()
     course, moving = trying._back_and_forth(one)
     case = replace(one.case(), resolution=trying._count(one, 20))
     run = simulate(LoopOptions(compensator=Compensator(share=0.5), encoder=True), [case], course, one.period)

@@ -27,7 +27,7 @@ ADAPTING: tuple[Name, ...] = ("lugre", "lugre-feedback", "lugre-observer")
 PAIR = edro.TABLE_1["gripper rotation"]
 
 
-def random_wiring(rng: np.random.Generator, law: Law, step: Step) -> LoopOptions:
+def random_options(rng: np.random.Generator, law: Law, step: Step) -> LoopOptions:
     """Any adaptive compensator, parameters, rates, limits, dead zone, leakage, forgetting; any drive, encoder and delay up to eight periods."""
     known = ("alpha_0", "alpha_2") if law == "printed" else Lugre._fields
     names = tuple(rng.permutation(known)[: rng.integers(1, len(known) + 1)].tolist())
@@ -94,7 +94,7 @@ def random_case(rng: np.random.Generator, options: LoopOptions) -> Case:
 def test_gains_and_signals_stay_finite_whatever_comes(law: Law, step: Step, seed: int) -> None:
     """Over more than 1000 random references, noise levels, delays and starts every gain is within its limits, and every signal finite."""
     rng = np.random.default_rng([seed, LAWS.index(law), STEPS.index(step)])
-    options = random_wiring(rng, law, step)
+    options = random_options(rng, law, step)
     cases = [random_case(rng, options) for _ in range(BATCH)]
     reference, disturbance = course(rng)
     run = simulate(options, cases, reference, H, disturbance)

@@ -12,6 +12,7 @@ import numpy as np
 
 from bristle.control.pid import Gains
 from bristle.control.sensors import Sensors
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation import bench
 from bristle.simulation.bench import Clock, Logs, Rig, on_bench, ramp_gains, ramp_logs
@@ -142,7 +143,7 @@ PAPER_PID_ASSUMPTIONS: tuple[str, ...] = tuple(
 
 def inertia(pair: Pair[float]) -> float:
     """J, kg*m**2: (15) inverted, the mean of the two directions, which differ by up to 20 %."""
-    return sum((p.sigma_1 / 0.2) ** 2 / p.sigma_0 for p in pair) / 2
+    return sum((p.sigma_1 / (2 * DAMPING_RATIO)) ** 2 / p.sigma_0 for p in pair) / 2
 
 
 def motor(name: str) -> Motor[float]:

@@ -16,7 +16,6 @@ from bristle.control.pid import Gains
 from bristle.data.experiment.load import AdaptOptions, Experiment
 from bristle.errors import InputError
 from bristle.identification.known_model import (
-    DAMPING_RATIO,
     DEFLECTION,
     draws_of,
     filled,
@@ -27,6 +26,7 @@ from bristle.identification.known_model import (
 )
 from bristle.identification.results import Joint
 from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, Lugre, Motor, Pair, unit
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro

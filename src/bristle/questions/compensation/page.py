@@ -72,17 +72,35 @@ def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
 def context(study: Study) -> dict[str, Any]:
     """Everything that the template of the compensated joint names."""
     loop, kind = study.loops[0], study.loops[0].kind
-    q = pretty(unit("position", kind))
-    T = pretty(unit("torque", kind))
     return {
         "joint": loop,
         "paper": study.paper,
         "kind": kind,
-        "unit": q,
+        "unit": pretty(unit("position", kind)),
         "law": study.adapted.adaptation.law,
         "step": "" if study.adapting.adaptation.step == "gradient" else study.adapting.adaptation.step,
         "gamma": ", ".join(number(g, 3) for g in study.adapting.adaptation.gamma),
         "assumptions": loop.assumptions,
+        "table_2": shown(tables.table_2(study)),
+        "counts": {
+            "tried": len(study.ablation), "cycling": sum(x.limit_cycle for x in study.ablation),
+            "leading": sum(x.over_compensated for x in study.ablation), "diverging": sum(x.diverges for x in study.ablation),
+        },
+        "band": study.band,
+        "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
+        "replays": shown(tables.replay(study)) if study.replays else None,
+        "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
+        "of_replay": [
+            (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
+        ],
+        **_tables(study),
+    }  # fmt: skip  # a table
+
+
+def _tables(study: Study) -> dict[str, Table]:
+    """Tables under the words of the page, errors in thousandths."""
+    q, T = (pretty(unit(name, study.loops[0].kind)) for name in ("position", "torque"))
+    return {
         "errors": _table(
             tables.compensation_errors(study).drop(columns=["torque_without", "torque_with", "true_share"]),
             {
@@ -91,7 +109,6 @@ def context(study: Study) -> dict[str, Any]:
             },
             "without", "true_model", "identified_model", "adaptive",
         ),
-        "table_2": shown(tables.table_2(study)),
         "drift": _table(
             tables.drift(study),
             {
@@ -119,14 +136,6 @@ def context(study: Study) -> dict[str, Any]:
         "sampling": _table(
             tables.sampling(study), {"joint": "of", "period": "period (ms)", "distance": f"distance (m{q})"}, "period", "distance"
         ),
-        "counts": _counts(study),
-        "band": study.band,
-        "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
-        "replays": shown(tables.replay(study)) if study.replays else None,
-        "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
-        "of_replay": [
-            (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
-        ],
     }  # fmt: skip  # tables of words
 
 
@@ -147,12 +156,3 @@ def _table(frame: pd.DataFrame, names: Mapping[str, str], *thousandths: str) -> 
     frame = frame.astype(dict.fromkeys(thousandths, float))
     frame[list(thousandths)] *= 1e3
     return shown(frame.rename(columns=dict(names)))
-
-
-def _counts(study: Study) -> dict[str, int]:
-    return {
-        "tried": len(study.ablation),
-        "cycling": sum(x.limit_cycle for x in study.ablation),
-        "leading": sum(x.over_compensated for x in study.ablation),
-        "diverging": sum(x.diverges for x in study.ablation),
-    }

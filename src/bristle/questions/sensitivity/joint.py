@@ -9,9 +9,10 @@ from bristle.data.units import to_si
 from bristle.errors import InputError
 from bristle.identification.identify import Measured
 from bristle.identification.known_joint import Start, start_of
-from bristle.identification.known_model import DAMPING_RATIO, DEFLECTION, inertia_of
+from bristle.identification.known_model import DEFLECTION, inertia_of
 from bristle.identification.limits import Limits, limits_of
 from bristle.identification.results import Estimate, Joint
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, Lugre, Pair, unit
 from bristle.questions.sensitivity.local import Motion, motion
 from bristle.simulation import edro

@@ -1,4 +1,4 @@
-"""Joints, experiment files and subjects that are made by hand, so that nothing is identified first."""
+"""Joints, experiment files and joints in their loops that are made by hand, so that nothing is identified first."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -22,7 +22,7 @@ FASTEST = 2.0
 """The fastest measured speed of `joint`, rad/s."""
 
 
-def subject(name: str = "gripper rotation", **changes: Any) -> JointLoop:
+def joint_loop(name: str = "gripper rotation", **changes: Any) -> JointLoop:
     """A joint of Table 1 as `of_paper` has it, the model being the truth."""
     pair = edro.TABLE_1[name]
     own = JointLoop(
