@@ -60,9 +60,9 @@ def test_one_way_has_the_positive_friction_in_both_directions() -> None:
 
 
 def test_a_wrong_start_differs_in_what_it_names_alone() -> None:
-    """`begun` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given."""
+    """`wrong_start` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given."""
     one = joint_loop(start={"alpha_0": 0.3, "v_s": 2.0})
-    for before, after in zip(GRIPPER, one.begun(GRIPPER), strict=True):
+    for before, after in zip(GRIPPER, one.wrong_start(GRIPPER), strict=True):
         assert after == before._replace(alpha_0=0.3 * before.alpha_0, v_s=2.0 * before.v_s)
     other = Pair(GRIPPER.negative, GRIPPER.positive)
     assert one.case().motor == Motor(1.0, 1.0, 0.0, one.J)
@@ -140,7 +140,7 @@ def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, p
         experiment(tmp_path, f"law: {law}, parameters: [{parameter}], start: {{{parameter}: 0.9}}"), joint()
     )
     options = LoopOptions(compensator=replace(one.compensator, adaptation=one.adaptation))
-    run = simulate(options, [one.case(model=one.begun(one.model))], one.sine(one.frequency, 1.0), one.period)
+    run = simulate(options, [one.case(model=one.wrong_start(one.model))], one.sine(one.frequency, 1.0), one.period)
     assert 0.25 < (0.9 * run.theta[0, 0, -1] - 0.9) / 0.1 < 0.75
 
 

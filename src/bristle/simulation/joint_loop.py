@@ -90,7 +90,7 @@ class JointLoop:
             plant=plant or self.plant, motor=Motor(1.0, 1.0, 0.0, inertia), model=model or self.model, gains=self.gains
         )
 
-    def begun(self, model: Pair[float]) -> Pair[float]:
+    def wrong_start(self, model: Pair[float]) -> Pair[float]:
         """A model with the wrong parameters with which the adaptation begins."""
         return Pair(
             *(p._replace(**{name: share * getattr(p, name) for name, share in self.start.items()}) for p in model)

@@ -103,7 +103,7 @@ class Adapted:
 def adapted(loop: JointLoop) -> Adapted:
     """The adaptation from the wrong start, by every law that can adapt the plan's parameters."""
     plan, reference = loop.adaptation, loop.sine(loop.frequency, SHORT)
-    case = loop.case(model=loop.begun(loop.model))
+    case = loop.case(model=loop.wrong_start(loop.model))
     laws = laws_for(plan.parameters)
     ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=comparable_rates(loop, law)) for law in laws}
     runs = {
@@ -121,6 +121,6 @@ def adapted(loop: JointLoop) -> Adapted:
 
 def comparable_rates(loop: JointLoop, law: Law) -> tuple[float, ...]:
     """Rates of a law: the plan's, but times or over the parameter where only one of both laws has it once more in its gradient."""
-    plan, begun = loop.adaptation, loop.begun(loop.model).positive
+    plan, begun = loop.adaptation, loop.wrong_start(loop.model).positive
     power = (plan.law == "partial-theta") - (law == "partial-theta")
     return tuple(float(g * getattr(begun, name) ** power) for g, name in zip(plan.gamma, plan.parameters, strict=True))

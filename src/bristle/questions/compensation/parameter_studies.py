@@ -49,7 +49,7 @@ def adaptation_map(loop: JointLoop) -> AdaptationMap:
     top = float(np.max(plan.gamma)) or 1.0
     gammas = top * np.array(GAMMAS) / 20.0
     f, A = loop.frequency * np.array(FREQUENCIES), loop.amplitude * np.array(AMPLITUDES)
-    case = loop.case(model=loop.begun(loop.model))
+    case = loop.case(model=loop.wrong_start(loop.model))
     begun = np.array([loop.start.get(name, 1.0) for name in plan.parameters])
 
     def ends(share: float, references: Sequence[Reference]) -> Array:

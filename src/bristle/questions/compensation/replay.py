@@ -99,7 +99,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())
     ways = [
         ("identified", loop.model, loop.adaptation),
-        (wrong, loop.begun(loop.model), loop.adaptation),
+        (wrong, loop.wrong_start(loop.model), loop.adaptation),
     ]
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
     found = []
