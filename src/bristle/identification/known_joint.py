@@ -13,9 +13,9 @@ import numpy as np
 
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.identification.presliding.fit import DAMPING_RATIO
 from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck, in_direction
 from bristle.model.vectorize import evaluate
 

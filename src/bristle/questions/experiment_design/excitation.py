@@ -6,11 +6,11 @@ inside a count the joint rested, not known. The motion: a sum of sines; its info
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.control.compensator import Reference
 from bristle.data.record import freeze
 from bristle.identification.fisher import covariance, gram
 from bristle.identification.limits import Limits
@@ -18,6 +18,7 @@ from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout_into
 from bristle.model.vectorize import evaluate
+from bristle.simulation.references import Multisine
 
 LINES = 6
 """Sines of a motion."""
@@ -40,14 +41,12 @@ _MOST = 400
 """Count edges that are looked at; a finer encoder has them stand for the others."""
 _SCALINGS = 20
 """Tries to bring a motion's torque below the limit."""
-_REST = 0.5
-"""Over which a motion fades in and out, s."""
 _GOOD = 0.97
 """Of each limit is used, for what lies between samples."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Loads:
+class LoadingDesign:
     """Slow loading of one direction."""
 
     tag: str
@@ -73,32 +72,12 @@ class Loads:
         freeze(self)
 
 
-class Lines(NamedTuple):
-    """A sum of sines of the position."""
-
-    amplitude: Array
-    """rad, (k,)."""
-    frequency: Array
-    """Hz, (k,)."""
-    phase: Array
-    """rad, (k,)."""
-
-
-class Course(NamedTuple):
-    """A motion over time, (n,) each: s, rad, rad/s, rad/s**2."""
-
-    time: Array
-    position: Array
-    velocity: Array
-    acceleration: Array
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
+class MotionDesign:
     """A motion to track, and what it should tell."""
 
     name: str
-    lines: Lines
+    lines: Multisine
     """As they are played: scaled to the limits."""
     duration: float
     """s."""
@@ -134,7 +113,7 @@ class Drive:
     """Of which parameters the errors count."""
 
 
-def loads(tag: str, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0) -> Loads:
+def loads(tag: str, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0) -> LoadingDesign:
     """The peak and the rise of slow loading that show sigma_0 best, what the quasi-static estimate neglects counted as an error.
 
     Args:
@@ -154,7 +133,7 @@ def loads(tag: str, p: Lugre[float], g0_error: float, noise: float, count: float
     best = table.min(axis=1)
     row = int(np.argmax(best <= _WORTH * best[-1])) if np.isfinite(best[-1]) else RISES.size - 1
     column = int(table[row].argmin()) if np.isfinite(best[-1]) else PEAKS.size - 1
-    return Loads(
+    return LoadingDesign(
         tag=tag,
         peak=float(PEAKS[column] * g0),
         share=float(PEAKS[column]),
@@ -183,41 +162,40 @@ def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float
     return float(covariance(matrix)[0][0])
 
 
-def course(lines: Lines, limits: Limits, duration: float, step: float) -> Course:
-    """The motion over time about the middle of the positions, faded in and out, (n,) each; scaled down where it would leave a limit."""
-    time, *moved = _faded(limited(lines, limits, duration, step), duration, step)
-    return Course(time, (limits.position[0] + limits.position[1]) / 2 + moved[0], moved[1], moved[2])
+def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Reference:
+    """The motion about the middle of the positions, faded in and out; scaled down where it would leave a limit."""
+    found = _faded(limited(lines, limits, duration, step), duration, step)
+    return found._replace(position=(limits.position[0] + limits.position[1]) / 2 + found.position)
 
 
-def limited(lines: Lines, limits: Limits, duration: float, step: float) -> Lines:
+def limited(lines: Multisine, limits: Limits, duration: float, step: float) -> Multisine:
     """The same sines scaled down by one factor where they would leave a limit of position, velocity or acceleration: as they are played."""
-    _, *moved = _faded(lines, duration, step)
-    most = (limits.travel / 2, limits.velocity, limits.acceleration)
+    most, (*moved, _) = (limits.travel / 2, limits.velocity, limits.acceleration), _faded(lines, duration, step)
     share = min(_GOOD * x / max(float(np.abs(own).max()), 1e-300) for x, own in zip(most, moved, strict=True))
     return lines._replace(amplitude=lines.amplitude * min(1.0, share))
 
 
-def _faded(lines: Lines, duration: float, step: float) -> tuple[Array, Array, Array, Array]:
-    """Time, and the sum of all sines with its two derivatives, (n,) each."""
+def _faded(lines: Multisine, duration: float, step: float) -> Reference:
+    """The sum of all sines about zero."""
     time: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
-    sines = (x[:, None] for x in lines)
-    x, x_t, x_tt = evaluate(functions.faded_sine(), time, *sines, float(time[-1]), _REST)
-    return time, x.sum(axis=0), x_t.sum(axis=0), x_tt.sum(axis=0)
+    return lines.at(time, float(time[-1]))
 
 
-def plain_lines(limits: Limits) -> Lines:
+def plain_lines(limits: Limits) -> Multisine:
     """A plain multisine: frequencies spaced evenly in log(f), all sines of the same speed, Schroeder's phases."""
     frequency = np.geomspace(2.0 / 15.0, limits.frequency, LINES)
     k = np.arange(LINES)
-    return Lines(limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES)), frequency, -np.pi * k * (k - 1) / LINES)
+    return Multisine(
+        limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES)), frequency, -np.pi * k * (k - 1) / LINES
+    )
 
 
-def judged(name: str, lines: Lines, drive: Drive) -> Motion:
+def judged(name: str, lines: Multisine, drive: Drive) -> MotionDesign:
     """A motion with its sines as they are played, and what it should tell of each parameter, at the estimate."""
     lines = limited(lines, drive.limits, drive.duration, 1 / drive.limits.rate)
     run = course(lines, drive.limits, drive.duration, drive.step)
     matrix, torque = information(run.velocity, run.acceleration, drive)
-    return Motion(
+    return MotionDesign(
         name=name,
         lines=lines,
         duration=drive.duration,
@@ -227,7 +205,7 @@ def judged(name: str, lines: Lines, drive: Drive) -> Motion:
     )
 
 
-def within_torque(lines: Lines, drive: Drive) -> Lines:
+def within_torque(lines: Multisine, drive: Drive) -> Multisine:
     """The same scaled down, where it would take more torque than the drive has, until it does not at the estimate."""
     for _ in range(_SCALINGS):
         run = course(lines, drive.limits, drive.duration, drive.step)
@@ -239,7 +217,7 @@ def within_torque(lines: Lines, drive: Drive) -> Lines:
     return lines
 
 
-def best_motion(drive: Drive, progress: Callable[[int, int], None] | None = None) -> Motion:
+def best_motion(drive: Drive, progress: Callable[[int, int], None] | None = None) -> MotionDesign:
     """The sum of sines that shrinks the widest relative intervals: the best of the plain one and some at random, then random coordinate exchange.
 
     Least log of the sum of squared relative standard errors of `aims`, averaged over `sets`. Amplitudes, frequencies and phases are free; each step
@@ -277,15 +255,15 @@ def _box(limits: Limits) -> tuple[Array, Array]:
     return low, high
 
 
-def _packed(lines: Lines) -> Array:
+def _packed(lines: Multisine) -> Array:
     """Log(speed amplitude), log(frequency) and phase, (3 k,)."""
     speed = 2 * np.pi * lines.frequency * lines.amplitude
     return np.concatenate([np.log(speed), np.log(lines.frequency), np.mod(lines.phase, 2 * np.pi)])
 
 
-def _unpacked(x: Array) -> Lines:
+def _unpacked(x: Array) -> Multisine:
     speed, frequency, phase = np.exp(x[:LINES]), np.exp(x[LINES : 2 * LINES]), x[2 * LINES :]
-    return Lines(speed / (2 * np.pi * frequency), frequency, phase)
+    return Multisine(speed / (2 * np.pi * frequency), frequency, phase)
 
 
 def _cost(x: Array, drive: Drive) -> float:

@@ -20,10 +20,11 @@ from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design import excitation as moving
 from bristle.questions.experiment_design import references as reference
 from bristle.questions.experiment_design import velocities as static
-from bristle.questions.experiment_design.excitation import Drive, Loads, Motion
-from bristle.questions.experiment_design.references import Reference
+from bristle.questions.experiment_design.excitation import Drive, LoadingDesign, MotionDesign
+from bristle.questions.experiment_design.references import PlannedRun
 from bristle.questions.experiment_design.start import Start, embedded, inverse, start_of
 from bristle.questions.experiment_design.velocities import Design, Task
+from bristle.simulation.references import Hold, Multisine
 
 Progress = Callable[[str, int, int], None]
 VELOCITIES = 12
@@ -75,12 +76,12 @@ class Plan:
     limits: Limits
     start: Start
     directions: tuple[Direction, ...]
-    loads: tuple[Loads, ...]
-    motions: tuple[Motion, ...]
+    loads: tuple[LoadingDesign, ...]
+    motions: tuple[MotionDesign, ...]
     """The planned one, a plain multisine, and the measured one where there is any; by themselves beside what was known and the rest of the plan."""
     stages: Mapping[str, Array]
     """Standard errors of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not seen."""
-    references: tuple[Reference, ...]
+    references: tuple[PlannedRun, ...]
     assumptions: tuple[str, ...]
     joint: Joint
 
@@ -186,7 +187,7 @@ def deflection(p: Lugre[float]) -> float:
 
 def _within_time(
     measured: Measured, joint: Joint, start: Start, limits: Limits, velocities: int, aim: str
-) -> tuple[tuple[Direction, ...], tuple[Loads, ...], Limits, float]:
+) -> tuple[tuple[Direction, ...], tuple[LoadingDesign, ...], Limits, float]:
     """Velocities and loads, with every time shortened by one share where all of it would take longer than the limit."""
     share = 1.0
     while share > _SHORTEST_SHARE:
@@ -261,7 +262,7 @@ def _static_known(start: Start, tag: str) -> tuple[Array, float]:
     return inverse(own), float(np.sqrt(own[3, 3]) / start.estimate[at[3]])
 
 
-def _loads(measured: Measured, joint: Joint, start: Start, d: str, limits: Limits, share: float) -> Loads:
+def _loads(measured: Measured, joint: Joint, start: Start, d: str, limits: Limits, share: float) -> LoadingDesign:
     """Slow loading in direction d."""
     p, own_noise = start.p(d), start.noise[start.key("", d)]
     at = [start.names.index(start.key(name, d)) for name in ("alpha_0", "alpha_1")]
@@ -315,7 +316,7 @@ def _drive(start: Start, limits: Limits, known: Array, aim: str, share: float) -
     )
 
 
-def _measured(measured: Measured, drive: Drive) -> tuple[Motion, ...]:
+def _measured(measured: Measured, drive: Drive) -> tuple[MotionDesign, ...]:
     """The longest motion measured so far, as if it had taken as long as the planned one; none where there is none."""
     parts = [(r, s) for r in measured.moving(hold_out=False) for s in stretches(r)]
     if not parts:
@@ -328,9 +329,9 @@ def _measured(measured: Measured, drive: Drive) -> tuple[Motion, ...]:
     step = every * record.step
     matrix, torque = moving.information(v, a, replace(drive, step=step))
     own = matrix * (drive.duration / (v.size * step))
-    empty = moving.Lines(np.zeros(0), np.zeros(0), np.zeros(0))
+    empty = Multisine(np.zeros(0), np.zeros(0), np.zeros(0))
     return (
-        Motion(
+        MotionDesign(
             name="measured so far",
             lines=empty,
             duration=drive.duration,
@@ -341,7 +342,7 @@ def _measured(measured: Measured, drive: Drive) -> tuple[Motion, ...]:
     )
 
 
-def _holds(start: Start, limits: Limits, directions: Sequence[Direction]) -> list[reference.Hold]:
+def _holds(start: Start, limits: Limits, directions: Sequence[Direction]) -> list[Hold]:
     """Every pass of every run, numbered from 1."""
     bend = max(map(deflection, start.sets))
     runs = [
@@ -354,16 +355,16 @@ def _holds(start: Start, limits: Limits, directions: Sequence[Direction]) -> lis
 
 
 def _time(
-    start: Start, limits: Limits, directions: Sequence[Direction], loads: Sequence[Loads], duration: float
+    start: Start, limits: Limits, directions: Sequence[Direction], loads: Sequence[LoadingDesign], duration: float
 ) -> float:
     """What everything takes, s."""
     made = [*_ramps(start, limits, directions), *_slow(loads, 0, limits), *_to_middle(limits, limits.position[0])]
     return sum(r.position.size for r in made) / limits.rate + duration + 1 / limits.rate
 
 
-def _ramps(start: Start, limits: Limits, directions: Sequence[Direction]) -> list[Reference]:
+def _ramps(start: Start, limits: Limits, directions: Sequence[Direction]) -> list[PlannedRun]:
     """The runs at constant velocity in the order to play, with the moves between them."""
-    step, found = 1 / limits.rate, list[Reference]()
+    step, found = 1 / limits.rate, list[PlannedRun]()
     at = (limits.position[0] + limits.position[1]) / 2
     for where, hold in reference.ordered(_holds(start, limits, directions), limits):
         if abs(where - at) > 1e-9 * limits.travel:
@@ -373,17 +374,17 @@ def _ramps(start: Start, limits: Limits, directions: Sequence[Direction]) -> lis
     return found
 
 
-def _slow(loads: Sequence[Loads], runs: int, limits: Limits) -> list[Reference]:
+def _slow(loads: Sequence[LoadingDesign], runs: int, limits: Limits) -> list[PlannedRun]:
     return [reference.load_reference(load, runs + k, moving.CYCLES, 1 / limits.rate) for k, load in enumerate(loads, 1)]
 
 
-def _to_middle(limits: Limits, at: float) -> list[Reference]:
+def _to_middle(limits: Limits, at: float) -> list[PlannedRun]:
     return [reference.move_reference(at, (limits.position[0] + limits.position[1]) / 2, limits, 1 / limits.rate)]
 
 
 def _references(
-    start: Start, limits: Limits, directions: Sequence[Direction], loads: Sequence[Loads], motion: Motion
-) -> tuple[Reference, ...]:
+    start: Start, limits: Limits, directions: Sequence[Direction], loads: Sequence[LoadingDesign], motion: MotionDesign
+) -> tuple[PlannedRun, ...]:
     """Everything in the order to play: constant velocities, loading where they end, and the motion about the middle."""
     ramps = _ramps(start, limits, directions)
     runs = max(r.run for r in ramps)

@@ -13,9 +13,9 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.identification.identify import Measured
 from bristle.identification.known_joint import DEFLECTION, INERTIAL, guessed_inertia, inertia_of, known_joint
 from bristle.identification.limits import Limits
-from bristle.identification.presliding.fit import DAMPING_RATIO
 from bristle.identification.results import Estimate, Joint, StaticFit
 from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
 

@@ -20,7 +20,7 @@ from bristle.questions.sensitivity.joint import Model
 from bristle.questions.sensitivity.local import Local, Map, Motion, Tornado, grid, local, sensitivity_map, tornado
 from bristle.questions.sensitivity.parameter_box import box_of
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -122,7 +122,7 @@ def check_samples(samples: int) -> None:
 
 def study_sensitivity(
     joint: Joint,
-    request: tuple[Model, Motion, Subject | str],
+    request: tuple[Model, Motion, JointLoop | str],
     samples: int = SAMPLES,
     progress: Progress | None = None,
 ) -> SensitivityStudy:
@@ -158,7 +158,7 @@ def study_sensitivity(
 
 
 def _sobol(
-    model: Model, box: Mapping[ParameterName, tuple[float, float]], motion: Motion, loop: Subject | str, samples: int,
+    model: Model, box: Mapping[ParameterName, tuple[float, float]], motion: Motion, loop: JointLoop | str, samples: int,
     progress: Progress | None,
 ) -> tuple[Global | None, tuple[str, ...]]:  # fmt: skip
     """Sobol indices over the intervals, or the sentence why there are none."""
