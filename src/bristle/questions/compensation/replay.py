@@ -15,6 +15,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, packed, start, unpacked
+from bristle.control.packing import flat, symbols
 from bristle.identification.dynamic.problem import Motion, tracking
 from bristle.identification.identify import Measured
 from bristle.identification.moving_runs import inertia, regressors
@@ -113,14 +114,14 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
 def _replay(
     loop: JointLoop, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float], a: Adaptation
 ) -> Replay:
-    parts, memory = [], np.array(packed(start(Compensator(adaptation=a), model)))
-    numbers = np.array([*model.positive, *model.negative, loop.gains.K_p])
+    parts, state = [], start(Compensator(adaptation=a), model)
+    numbers = flat((model, loop.gains.K_p))
     for m in motions:
         friction = m.torque - m.extra @ extra
-        memory[:2] = 0.0, m.velocity[0]
+        state = state._replace(deflection=0.0, velocity=m.velocity[0])
         inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step)])
-        ends, log = _run(a, m.velocity.size)(memory, inputs, numbers)
-        memory = np.asarray(ends).ravel()
+        ends, log = _run(a, m.velocity.size)(packed(state), inputs, numbers)
+        state = unpacked(np.asarray(ends).ravel().tolist(), model, len(a.parameters))
         fixed = rollout(m.velocity, m.step, model, 0.0).torque
         parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
     shares = np.array([1.0 if begun == "identified" else loop.start.get(name, 1.0) for name in a.parameters])
@@ -134,17 +135,15 @@ def _replay(
 @lru_cache(maxsize=8)
 def _run(a: Adaptation, samples: int) -> ca.Function:
     """(memory, (velocity, friction, step), (pair, K_p)) -> (memory, (torque, gains))."""
-    own = Compensator(adaptation=a)
-    n = len(a.parameters)
-    memory = ca.SX.sym("memory", len(packed(start(own, pair_of([0.0] * 12)))))
-    u, q = ca.SX.sym("u", 3), ca.SX.sym("q", 13)
-    numbers = ca.vertsplit(q)
-    state = unpacked(ca.vertsplit(memory), pair_of(numbers[:12]), n)
-    v, friction, h = ca.vertsplit(u)
+    blank = pair_of([0.0] * 12)
+    memory, own = symbols("memory", tuple(packed(start(Compensator(adaptation=a), blank))))
+    u, (v, friction, h) = symbols("u", (0.0, 0.0, 0.0))
+    q, (model, K_p) = symbols("q", (blank, 0.0))
+    state = unpacked(own, model, len(a.parameters))
     z, learnt = advanced(a, state, v, h)
     p = law.active(z, v, state.parameters)
     T = law.torque(z, v, effective(p, a, learnt.theta))
-    learnt = learn(a, learnt, gradient(a, z, v, p, learnt), (T - friction) / numbers[12], h)
+    learnt = learn(a, learnt, gradient(a, z, v, p, learnt), (T - friction) / K_p, h)
     new = CompensatorState(state.parameters, z, v, state.position, learnt)
     tick = ca.Function("tick", [memory, u, q], [ca.vertcat(*packed(new)), ca.vertcat(T, *learnt.theta)], {"cse": True})
     return chained(tick, samples)
