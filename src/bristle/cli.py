@@ -193,24 +193,23 @@ def validate(
     ] = None,
     strict: _Strict = False,
 ) -> None:
-    """Check each fit against a full nonlinear one (CasADi + IPOPT), then put the grid method on trial where the truth is known.
+    """Check each fit against a full nonlinear one (CasADi + IPOPT), then validate the grid search where the truth is known.
 
-    The trial simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
+    The validation simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
 
-    Example: bristle validate wrist.yaml -o reports/trial
+    Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
-    from bristle import trial, write_trial
-    from bristle.questions.method_validation.page import text
-    from bristle.questions.method_validation.run import check
+    from bristle import trial
+    from bristle.questions.method_validation.run import check_request
 
     folder = _folder(output, experiment, "-validate")
-    check(repetitions, starts, noise)
+    check_request(repetitions, starts, noise)
     results = _cross_checked(experiment) if experiment else None
     with shown() as progress:
-        tried = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-    _print(text(tried, each=results is not None))
-    if tried.cases:
-        _print([f"Page: {write_trial(tried, folder)}"], done=True)
+        validated = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
+    _print([validated.text()])
+    if validated.cases:
+        _print([f"Page: {validated.write(folder)}"], done=True)
     if results:
         _finish(results, strict)
 
