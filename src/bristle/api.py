@@ -291,13 +291,8 @@ def plan(
 
 
 def write_plan(planned: Plan, folder: Path | str) -> Path:
-    """Write what `plan` returned as a page with figures and tables into a folder; returns the path of index.html.
-
-    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-    """
-    from bristle.questions.experiment_design.page import write_plan as write
-
-    return write(planned, Path(folder))
+    """`Plan.write`: what `plan` returned as a page with figures and tables."""
+    return planned.write(folder)
 
 
 def inspect(experiment: Source) -> Measured:

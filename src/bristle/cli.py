@@ -348,10 +348,7 @@ def plan(
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
     from bristle import plan as run
-    from bristle import write_plan
     from bristle.page.output_folder import check_apart, check_folder, staged
-    from bristle.questions.experiment_design.page import text
-    from bristle.questions.experiment_design.tables import to_csv
 
     _check(output)
     if page is not None:
@@ -360,9 +357,9 @@ def plan(
         check_apart(output, page)
     with shown() as progress:
         planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
-    _print([text(planned)])
-    with nullcontext() if output is None else staged(output, to_csv(planned).encode()):
-        written = None if page is None else write_plan(planned, page)
+    _print([planned.text()])
+    with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
+        written = None if page is None else planned.write(page)
     if output is not None:
         _print([f"References: {output}, {planned.duration:.0f} s"], done=True)
     if written is not None:

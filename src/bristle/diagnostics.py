@@ -633,6 +633,43 @@ class Kind(Enum):
     FIT_TIMES = _NOTE, "Time of one fit, over the refined grid's: {times!x}."
     PLAIN_GRID_ENOUGH = _NOTE, "Faster than the refined grid, and fine enough here: a plain grid of {values}."
 
+    # a plan of measurements
+    PLAN_LOCAL = (
+        _NOTE,
+        (
+            "The design is local: errors are those of the estimates, to first order; velocities are averaged over what v_s may be, "
+            "the motion over {others} other joints that may be."
+        ),
+    )
+    REFERENCES_FOLLOWED = (
+        _NOTE,
+        "Each reference is followed exactly; friction is LuGre, the same everywhere and at any time.",
+    )
+    RUN_IN = (
+        _NOTE,
+        (
+            "A run-in of at least {settle:g} s, or {deflections:g} bristle deflections of travel, precedes each hold: "
+            "the bristle forgets over one."
+        ),
+    )
+    ENCODER_COUNT = _NOTE, "Encoder: {count:.3g} {unit} a count."
+    ENCODER_FINE = _NOTE, "Encoder: no count is known; loading is planned as if it were fine."
+    STILL_UNSEEN = _CAUTION, "Even after this plan {names!l} would not be seen within these limits."
+    SLOWEST_TOO_FAST = (
+        _CAUTION,
+        (
+            "The slowest constant speed, {slowest:.3g} {unit}, is {ratio:.2g} times v_s{direction!d}: slower runs would show the Stribeck region "
+            "far better; a stiffer controller may hold them, then lower plan.minimum_velocity."
+        ),
+    )
+    FEW_VELOCITIES = (
+        _CAUTION,
+        (
+            "The planned velocities{direction!d} are too few different ones for a fit of their own: they add to what was measured; "
+            "identify them together with the runs so far."
+        ),
+    )
+
 
 NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})
 """Kinds by which a motion refuses a parameter."""

@@ -16,7 +16,8 @@ from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
-from bristle.questions.experiment_design.excitation import Lines, Loads, course
+from bristle.questions.experiment_design.excitation import Lines, course
+from bristle.questions.experiment_design.loading import LoadingDesign
 
 SETTLE = 0.6
 """Least run-in before a hold is averaged, s."""
@@ -179,7 +180,7 @@ def move_reference(start: float, stop: float, limits: Limits, step: float) -> Re
     return _driven("move", 0, start + way * _ACROSS(s), way / duration * _ACROSS.deriv()(s))
 
 
-def load_reference(plan: Loads, run: int, cycles: int, step: float) -> Reference:
+def load_reference(plan: LoadingDesign, run: int, cycles: int, step: float) -> Reference:
     """Torque from zero to the peak and back, so many times, open loop, the joint at rest."""
     fall = FALL * plan.rise
     sign = -1.0 if plan.tag == "-" else 1.0

@@ -36,7 +36,7 @@ def write_validation(validation: Validation, folder: Path) -> Path:
             f"{name}-methods": (lambda x=result: figures.methods_figure(x), f"v_s by each method of {label}"),
         }
     torque = pretty(unit("torque", kind))
-    own = [
+    sections = [
         {
             "name": name,
             "case": result.case,
@@ -52,7 +52,7 @@ def write_validation(validation: Validation, folder: Path) -> Path:
         "seed": validation.seed,
         "validation": validation,
         "overall": overall(validation),
-        "own": own,
+        "sections": sections,
         **{name: _rounded(frames[name].rename(columns=_heading)) for name in ("cases", "coverage")},
         "local": min(LOCAL_SETS, validation.repetitions),
         "covered": min(INTERVAL_SETS, validation.repetitions),
