@@ -35,6 +35,7 @@ from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, run, speeds, write
+from ..sameness import held, without_sentences
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
 Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
@@ -285,7 +286,7 @@ def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
 
 
 def test_rises_are_drawn_as_they_are_played(gripper: Plan) -> None:
-    """The legend names each rise in the time that is left for it, where loading shows nothing too, and marks a choice only where it shows something."""
+    """The legend names each rise in the time that is left for it, where loading shows nothing too, and marks a choice where it does show."""
     p = gripper.start.p("+")
     for count, marked in ((0.0, True), (1.1 * p.alpha_0 / p.sigma_0, False)):
         design = design_loading("+", p, 0.0, 1e-4, count, share=0.5)
@@ -354,6 +355,18 @@ def test_a_plan_carries_itself(gripper: Plan, tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(gripper.to_frame(), intervals(gripper))
     first, second = gripper.write(str(tmp_path / "one")), bristle.write_plan(gripper, tmp_path / "two")
     assert first.read_bytes() == second.read_bytes()
+
+
+def test_no_sentence_decides_on_a_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name a plan comes out the same in every number and warning."""
+    path = write(tmp_path, speeds(both=False))
+    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
+    first = bristle.plan(path, velocities=4)
+    without_sentences(monkeypatch)
+    second = bristle.plan(path, velocities=4)
+    assert held(second) == held(first)
+    assert [warning.kind for warning in second.warnings] == [warning.kind for warning in first.warnings]
+    assert first.reference_csv() == second.reference_csv()
 
 
 def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
