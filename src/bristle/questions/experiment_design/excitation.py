@@ -106,7 +106,9 @@ class MotionProblem:
 
 
 def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: str, duration: float) -> MotionProblem:
-    """What the tracking motion is judged by, after the rest of the plan; other joints are drawn where parameters are unsure.
+    """What the tracking motion is judged by, after the rest of the plan.
+
+    Other joints are drawn where parameters are unsure.
 
     Args:
         start: what is known of the joint.
@@ -215,10 +217,12 @@ def within_torque(lines: Lines, problem: MotionProblem) -> Lines:
 
 
 def best_motion(problem: MotionProblem, progress: Callable[[int, int], None] | None = None) -> MotionDesign:
-    """The sum of sines that shrinks the widest relative intervals: the best of the plain one and some at random, then random coordinate exchange.
+    """The sum of sines that shrinks the widest relative intervals.
 
-    Least log of the sum of squared relative standard errors of `aims`, averaged over `sets`. Amplitudes, frequencies and phases are free; each step
-    changes up to three of them, by less the longer none has helped.
+    It is the best of the plain one and some at random, then random coordinate exchange.
+
+    Least log of the sum of squared relative standard errors of `aims`, averaged over `sets`. Amplitudes, frequencies
+    and phases are free; each step changes up to three of them, by less the longer none has helped.
     """
     rng = np.random.default_rng(SEED)
     low, high = _box(problem.limits)
@@ -279,7 +283,7 @@ def _cost(x: Array, problem: MotionProblem) -> float:
 def information(
     velocity: Array, acceleration: Array, problem: MotionProblem, which: int = 0, rough: float = 1.0
 ) -> tuple[Array, float]:
-    """What a motion (n,) tells of all parameters at one of the problem's sets, (p, p), and the largest torque that it takes, N*m.
+    """What a motion (n,) tells of all parameters at one of the problem's sets, (p, p), and its largest torque, N*m.
 
     `rough` as in `rollout`.
     """

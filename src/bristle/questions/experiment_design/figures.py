@@ -45,7 +45,10 @@ def _panels(plan: Plan, height: float = 2.6) -> tuple[Figure, Sequence[Axes]]:
 
 
 def _logarithmic(axis: Axis) -> None:
-    """A logarithmic axis with plain decimal labels: at 1, 2 and 5 where it spans little, at powers of ten where it spans much."""
+    """A logarithmic axis with plain decimal labels.
+
+    At 1, 2 and 5 where it spans little, at powers of ten where it spans much.
+    """
     low, high = axis.get_view_interval()
     wide = high > _DECADES * low
     axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
@@ -108,7 +111,10 @@ def _write_counts(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
 
 @styled
 def comparison_figure(plan: Plan) -> Figure:
-    """As many runs by themselves: relative standard errors, predicted (bars) and of fits of simulated runs (markers)."""
+    """As many runs by themselves.
+
+    Relative standard errors, predicted (bars) and of fits of simulated runs (markers).
+    """
     figure, axes = _panels(plan)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         for j, (kind, label) in enumerate(SPACINGS.items()):
@@ -135,7 +141,7 @@ def comparison_figure(plan: Plan) -> Figure:
 
 @styled
 def robustness_figure(plan: Plan) -> Figure:
-    """The standard error of v_s to expect were v_s another one than the estimate: planned, log-spaced and evenly spaced."""
+    """The standard error of v_s to expect were v_s another one, for planned and for spaced velocities."""
     figure, axes = _panels(plan, 2.3)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p = velocities.problem.p
@@ -192,7 +198,10 @@ def intervals_figure(plan: Plan) -> Figure:
 
 @styled
 def loading_figure(plan: Plan) -> Figure:
-    """The standard error of sigma_0 to expect over where the loading turns, for several rises; the chosen one is marked."""
+    """The standard error of sigma_0 to expect over where the loading turns, for several rises.
+
+    The chosen one is marked.
+    """
     figure = new_figure(0.6 + 2.4 * len(plan.loadings))
     axes: Sequence[Axes] = list(figure.subplots(len(plan.loadings), squeeze=False, sharex=True)[:, 0])
     title(axes[0], plan.joint.name, plan.joint.simulated)
@@ -233,7 +242,10 @@ def motion_figure(plan: Plan) -> Figure:
 
 @styled
 def motions_figure(plan: Plan) -> Figure:
-    """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far, each after the rest of the plan."""
+    """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far.
+
+    Each comes after the rest of the plan.
+    """
     names = [plan.start.names[k] for k in plan.free]
     figure = new_figure(1.4 + 0.3 * len(names))
     ax = figure.subplots()

@@ -1,7 +1,7 @@
 """How to load the joint below breakaway next, so that it shows sigma_0 best.
 
-At count edge k the torque T_k is read with noise, y(T_k; g0, sigma_0) = k q - y0, with y of `law.loading_displacement` and y0, where inside a count
-the joint rested, not known.
+At count edge k the torque T_k is read with noise, y(T_k; g0, sigma_0) = k q - y0, with y of `law.loading_displacement`
+and y0, where inside a count the joint rested, not known.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,8 @@ from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate
 
 PEAKS = np.linspace(0.1, 0.8, 36)
-"""Where loading may turn, as shares of g0 = alpha_0 + alpha_1: above, a little noise in the torque is much displacement."""
+"""Where loading may turn, as shares of g0 = alpha_0 + alpha_1: above, a little noise in the torque is much
+displacement."""
 RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])
 """Times to the peak, s ..."""
 _WORTH = 1.1
@@ -53,7 +54,8 @@ class LoadingDesign:
     noise_error: float
     """Expected standard error of sigma_0 by noise alone, N*m/rad, of `CYCLES` rises; inf: not seen."""
     error: float
-    """The same with `viscous_share` times sigma_0 counted as an error beside it (root of the sum of squares), N*m/rad."""
+    """The same with `viscous_share` times sigma_0 counted as an error beside it (root of the sum of squares),
+    N*m/rad."""
     rises: Array
     """Times to the peak that were looked at, s, (m,)."""
     errors: Array
@@ -82,7 +84,10 @@ def plan_loading(
 
 
 def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) -> float:
-    """What a tenth of a second's mean torque scatters by at the count edges of measured loadings, N*m; 0 where there are too few edges."""
+    """What a tenth of a second's mean torque scatters by at the count edges of measured loadings, N*m.
+
+    It is 0 where there are too few edges.
+    """
     g0, residuals = p.alpha_0 + p.alpha_1, []
     for loading in loadings:
         keep = loading.edge_torque < PEAKS[-1] * g0
@@ -96,7 +101,9 @@ def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) 
 def design_loading(
     tag: str, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0
 ) -> LoadingDesign:
-    """The peak and the rise of slow loading that show sigma_0 best, what the quasi-static estimate neglects counted as an error.
+    """The peak and the rise of slow loading that show sigma_0 best.
+
+    What the quasi-static estimate neglects counts as an error.
 
     Args:
         tag: of the direction.
@@ -131,14 +138,17 @@ def design_loading(
 
 
 def seen_covariance(information: Array, at: Sequence[int]) -> Array:
-    """Covariance of those parameters at the indices `at` (ascending) that information (p, p) shows at all, whatever the others are."""
+    """Covariance of those at the indices `at`, ascending, that are seen at all, whatever the other parameters are."""
     seen = np.flatnonzero(np.diag(information) > 0)
     among = np.flatnonzero(np.isin(seen, at))
     return inverse(information[np.ix_(seen, seen)])[np.ix_(among, among)]
 
 
 def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float, count: float, rise: float) -> float:
-    """Standard error of sigma_0 from one rise to a peak, with the rest position unknown and g0 known with an error; inf below two edges."""
+    """Standard error of sigma_0 from one rise to a peak.
+
+    The rest position is unknown and g0 known with an error; inf below two edges.
+    """
     g0 = p.alpha_0 + p.alpha_1
     reach = float(evaluate(functions.loading_displacement(), peak, g0, p.sigma_0)[0])
     edges = reach / count if count else np.inf

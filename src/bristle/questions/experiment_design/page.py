@@ -23,7 +23,10 @@ _PLAYED = {"velocities", "lines"}
 
 
 def write_plan(plan: Plan, folder: Path) -> Path:
-    """Write the page of a plan: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_part` does."""
+    """Write the page of a plan: index.html, figures/ and tables/.
+
+    Returns the path of index.html. Raises as `write_part` does.
+    """
     frames = tables.all_tables(plan)
     context = section(plan, frames)
     return write_part(folder, "bristle.questions.experiment_design", "plan.html", context, draw(plan), frames)

@@ -1,4 +1,7 @@
-"""What to measure next, all of it: constant velocities, slow loading and a tracking motion within limits, and the intervals to expect."""
+"""What to measure next, all of it.
+
+Constant velocities, slow loading and a tracking motion within limits, and the intervals to expect.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -54,9 +57,11 @@ class Plan:
     """One for each direction, or one for both."""
     loadings: tuple[LoadingDesign, ...]
     motions: tuple[MotionDesign, ...]
-    """The planned one, a plain multisine, and the measured one where there is any; by themselves beside what was known and the rest of the plan."""
+    """The planned one, a plain multisine, and the measured one where there is any; by themselves beside what was known
+    and the rest of the plan."""
     standard_errors: Mapping[str, Array]
-    """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not seen."""
+    """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not
+    seen."""
     references: tuple[Reference, ...]
     assumptions: tuple[Diagnostic | str, ...]
     """What the expected intervals rest on; of limits that nobody declared, and of the start, as sentences."""
@@ -117,7 +122,8 @@ class Plan:
     def write(self, folder: Path | str) -> Path:
         """Write a page with figures and tables into a folder; returns the path of index.html.
 
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
         """
         from bristle.questions.experiment_design.page import write_plan
 
@@ -140,7 +146,8 @@ def plan(
         aim: the parameter whose interval is to shrink, one of `AIMS`, or `all`.
         progress: called with what is being done, how many steps are done, and how many there are.
 
-    Raises InputError where the aim is no parameter, nothing is known of friction over velocity, or the limits leave nothing to plan.
+    Raises InputError where the aim is no parameter, nothing is known of friction over velocity, or the limits leave
+    nothing to plan.
     """
     check_plan(velocities, aim)
     report = progress or (lambda *_: None)
@@ -188,7 +195,7 @@ def plan(
 
 
 def check_plan(velocities: int, aim: str) -> None:
-    """Whether so many velocities (4 to 1000, for there are four parameters) can be planned for an aim, which is one of `AIMS` or `all`.
+    """Whether so many velocities (4 to 1000, for four parameters) can be planned for an aim (`all`, or one of `AIMS`).
 
     Raises InputError where they cannot.
     """
@@ -203,7 +210,10 @@ def check_plan(velocities: int, aim: str) -> None:
 def _within_time(
     measured: Measured, joint: Joint, start: Start, limits: Limits, velocities: int, aim: str
 ) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Limits, float]:
-    """Velocities and loadings, with every time shortened by one share where all of it would take longer than the limit."""
+    """Velocities and loadings within the limit of time.
+
+    Every time is shortened by one share where all of it would take longer than the limit.
+    """
     share = 1.0
     while share > _SHORTEST_SHARE:
         short = shortened(limits, share)

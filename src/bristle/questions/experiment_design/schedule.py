@@ -1,4 +1,7 @@
-"""The whole plan as references in the order to play: constant velocities, loading where they end, and the motion about the middle."""
+"""The whole plan as references in the order to play.
+
+Constant velocities, loading where they end, and the motion about the middle.
+"""
 
 from collections.abc import Sequence
 

@@ -18,7 +18,10 @@ SPACINGS = {"planned": "planned", "log": "log-spaced", "even": "evenly spaced"}
 
 
 def references(plan: Plan) -> pd.DataFrame:
-    """Every sample to play, in order: time, experiment, run, and references of position and velocity, or of torque, with units in their names."""
+    """Every sample to play, in order.
+
+    Time, experiment, run, and references of position and velocity, or of torque, with units in their names.
+    """
     q, v, T = (unit(name, plan.joint.kind) for name in ("position", "velocity", "torque"))
     sizes = [r.position.size for r in plan.references]
     return pd.DataFrame(
@@ -45,7 +48,10 @@ def velocities(plan: Plan) -> pd.DataFrame:
 
 
 def designs(plan: Plan) -> pd.DataFrame:
-    """Each design beside the spaced ones: relative standard error to expect of each parameter, what is known already included, percent."""
+    """Each design beside the spaced ones.
+
+    Relative standard error to expect of each parameter, what is known already included, percent.
+    """
     rows = []
     for x in plan.velocities:
         named = {"D-optimal" if aim == "all" else f"for {aim} alone": design for aim, design in x.designs.items()}
@@ -62,7 +68,10 @@ def listed(design: Design, number: str) -> str:
 
 
 def comparison(plan: Plan) -> pd.DataFrame:
-    """As many runs by themselves, nothing known before: relative standard error as predicted, and as fits of SIMULATED runs scatter, percent."""
+    """As many runs by themselves, nothing known before.
+
+    Relative standard error as predicted, and as fits of SIMULATED runs scatter, percent.
+    """
     rows = [
         {"direction": x.direction, "design": label, "way": how, **_percent(errors, x.problem.p)}
         for x in plan.velocities
@@ -73,7 +82,10 @@ def comparison(plan: Plan) -> pd.DataFrame:
 
 
 def intervals(plan: Plan) -> pd.DataFrame:
-    """Half of each parameter's 95 % interval now, and as expected after each part of the plan, in its unit; without what is given as exact."""
+    """Half of each parameter's 95 % interval now, and as expected after each part of the plan, in its unit.
+
+    What is given as exact is left out.
+    """
     rows = []
     for k in plan.free:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
@@ -93,7 +105,10 @@ def intervals(plan: Plan) -> pd.DataFrame:
 
 
 def loading(plan: Plan) -> pd.DataFrame:
-    """Slow loading per direction: peak, over breakaway, rise, counts, neglected share, and the error of sigma_0 by noise, and with that share."""
+    """Slow loading per direction.
+
+    Peak, over breakaway, rise, counts, neglected share, and the error of sigma_0 by noise, and with that share.
+    """
     rows = [
         {
             "direction": x.tag,
@@ -111,14 +126,20 @@ def loading(plan: Plan) -> pd.DataFrame:
 
 
 def lines(plan: Plan) -> pd.DataFrame:
-    """The sines of the tracking motion as they are played, fading apart, slowest first: a sin(2 pi f t + phase) about the middle of the positions."""
+    """The sines of the tracking motion as they are played, fading apart, slowest first.
+
+    Each is a sin(2 pi f t + phase) about the middle of the positions.
+    """
     sines = plan.motions[0].lines
     order = np.argsort(sines.frequency)
     return pd.DataFrame({name: getattr(sines, name)[order] for name in sines._fields})
 
 
 def motions(plan: Plan) -> pd.DataFrame:
-    """The planned motion beside others of its duration: relative standard error of each parameter after it, percent, and their mean square root."""
+    """The planned motion beside others of its duration.
+
+    Relative standard error of each parameter after it, percent, and their mean square root.
+    """
     names = {k: plan.start.names[k] for k in plan.free}
     aimed = [k for k, name in names.items() if plan.aim not in AIMS or name.rstrip("+-") == plan.aim]
     rows = []

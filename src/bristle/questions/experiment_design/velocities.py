@@ -3,8 +3,9 @@
     F = known + sum over runs of s(v) s(v)' / noise**2,    s = dT_ss / dp (9)
     D-optimal: least -log det F;    c-optimal for one parameter: least log (F**-1)_kk
 
-(9) is linear in all parameters but v_s, and alpha_1 only scales one column: a design depends on v_s alone. So each criterion is averaged over
-what v_s may be, and a poor estimate of it does not ruin the plan. One direction at a time; speeds are positive.
+(9) is linear in all parameters but v_s, and alpha_1 only scales one column: a design depends on v_s alone. So each
+criterion is averaged over what v_s may be, and a poor estimate of it does not ruin the plan. One direction at a time;
+speeds are positive.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,11 +42,13 @@ SEED = 0
 _GAIN = 1e-9
 """An exchange that lowers the criterion by less is none."""
 _RIDGE = 1e-11
-"""Added to an information scaled to 1 on its diagonal, so that a design too poor to be inverted has a value, a bad one."""
+"""Added to an information scaled to 1 on its diagonal, so that a design too poor to be inverted has a value, a bad
+one."""
 _SPREAD = 1.2
 """Of log(v_s): the most that nodes are spread by, as a standard deviation."""
 _SAME = (1.005, 1.05, 1.1, 1.2)
-"""Speeds nearer than the first of these factors are one; than the others where that costs no more than `_COST`: few speeds are easier to run."""
+"""Speeds nearer than the first of these factors are one; than the others where that costs no more than `_COST`: few
+speeds are easier to run."""
 _COST = 0.01
 """In the logarithm of the variance."""
 
@@ -108,7 +111,8 @@ class VelocityPlan:
     spaced: Mapping[str, Design]
     """As many runs over the same range, `log` and `even`."""
     alone: Mapping[str, Design]
-    """The same beside `planned`, which is what would be run for the same aim were nothing known yet; judged without what is known."""
+    """The same beside `planned`, which is what would be run for the same aim were nothing known yet; judged without
+    what is known."""
     simulated: Mapping[str, Array]
     """Scatter of fits of the runs in `alone`, SIMULATED, (4,) each."""
 
@@ -187,7 +191,9 @@ def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
 
 
 def _prior(start: Start, tag: str) -> tuple[Array, float]:
-    """Information about the four static parameters of a tag whatever the others are, (4, 4), and the relative standard error of v_s.
+    """Information about the four static parameters of a tag, (4, 4), and the relative standard error of v_s.
+
+    What the other parameters are is left open.
 
     Nothing counts as known where one of them is a guess: what is known of the others then rests on there being no peak.
     """
@@ -199,14 +205,19 @@ def _prior(start: Start, tag: str) -> tuple[Array, float]:
 
 
 def nodes_of(v_s: float, relative_error: float) -> Array:
-    """Values of v_s of equal probability about an estimate, log-normal with this relative standard error (at most 1.2): (k,), the estimate amid."""
+    """Values of v_s of equal probability about an estimate, (k,), the estimate in the middle.
+
+    They are log-normal with this relative standard error, at most 1.2.
+    """
     middle = (np.arange(NODES) + 0.5) / NODES
     nodes: Array = v_s * np.exp(min(relative_error, _SPREAD) * ndtri(middle))
     return nodes
 
 
 def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
-    """The best `count` runs for one parameter, or for all: greedy exchange over a grid of speeds, then refined between its values.
+    """The best `count` runs for one parameter, or for all.
+
+    Greedy exchange over a grid of speeds, then refined between its values.
 
     Args:
         problem: what is known, and where to measure.
@@ -246,16 +257,20 @@ def spaced_speeds(problem: DesignProblem, count: int, kind: str) -> Array:
 
 
 def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
-    """Expected standard errors were v_s another one than the estimate, what is known already included: (k, 4) for v_s (k,)."""
+    """Expected standard errors were v_s another one than the estimate, what is known already included.
+
+    Its shape is (k, 4) for v_s (k,).
+    """
     sets = [problem.p._replace(v_s=float(x)) for x in v_s]
     information = [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
     return np.array([covariance(matrix)[0] for matrix in information])
 
 
 def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
-    """How fits of these runs alone scatter when they are SIMULATED from the estimate with Gaussian noise, (4,), in the order of `STATIC`.
+    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as `STATIC`.
 
-    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is not ruled by a few that fail.
+    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
+    not ruled by a few that fail.
     """
     torques = steady_points(problem.p, speeds, problem.noise, np.random.default_rng(seed), repetitions)
     theta, _ = solve_batch(speeds, torques.T, default_range(speeds))
@@ -265,7 +280,10 @@ def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2
 
 
 class _Criterion:
-    """What a design is judged by, averaged over the values of v_s; parameters in units that make the information 1 on its diagonal."""
+    """What a design is judged by, averaged over the values of v_s.
+
+    Parameters are in units that make the information 1 on its diagonal.
+    """
 
     def __init__(self, problem: DesignProblem, aim: str) -> None:
         """Scale what is known."""
@@ -294,7 +312,7 @@ class _Criterion:
         return float(np.log(np.linalg.inv(whole)[:, self.aim, self.aim]).mean())
 
     def with_one(self, rest: Array, rows: Array) -> Array:
-        """The criterion with each row (k, m, 4) alone added to an information (k, 4, 4), by the formulas for a change of rank one, (m,)."""
+        """The criterion, (m,), with each row (k, m, 4) alone added to an information (k, 4, 4): changes of rank one."""
         inverse = np.linalg.inv(rest)
         along = rows @ inverse
         grown = np.einsum("kmp,kmp->km", along, rows)
@@ -305,7 +323,7 @@ class _Criterion:
 
 
 def _exchange(criterion: _Criterion, rows: Array, start: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Fedorov's exchange: of all swaps of one run for one candidate (k, m, 4) the best, until none helps; indices (n,)."""
+    """Fedorov's exchange, indices (n,): the best swap of one run for one candidate (k, m, 4), until none helps."""
     chosen, value = np.array(start), np.inf
     while True:
         run = rows[:, chosen]
@@ -326,7 +344,10 @@ def _swap(criterion: _Criterion, rows: Array, whole: Array, leaving: int) -> tup
 
 
 def _refine(criterion: _Criterion, speeds: Array) -> Array:
-    """Each distinct speed moved to where the criterion is least, how often each is run unchanged; near ones become one."""
+    """Each distinct speed moved to where the criterion is least, how often each is run unchanged.
+
+    Near ones become one.
+    """
     speeds = _merge(speeds)
     distinct, counts = np.unique(speeds, return_counts=True)
     ends = float(np.log(criterion.problem.low)), float(np.log(criterion.problem.high))
@@ -345,7 +366,10 @@ def _refine(criterion: _Criterion, speeds: Array) -> Array:
 
 
 def _merge(speeds: Sequence[float] | Array, factor: float = _SAME[0]) -> Array:
-    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending; where one is an end of all, by that."""
+    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending.
+
+    A group at the end of all becomes that end.
+    """
     ordered = np.sort(speeds)
     groups = np.split(ordered, np.flatnonzero(np.diff(np.log(ordered)) > np.log(factor)) + 1)
     centres = [g.mean() for g in groups]

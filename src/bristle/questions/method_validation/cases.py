@@ -1,4 +1,7 @@
-"""What the grid search is validated on: a joint's own directions as they were measured, or a declared sweep over Table 1."""
+"""What the grid search is validated on.
+
+A joint's own directions as they were measured, or a declared sweep over Table 1.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -63,7 +66,8 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
 
     Args:
         joint: identified.
-        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the four parameters.
+        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the
+            four parameters.
 
     Raises InputError where nothing at all was fitted.
     """
@@ -103,7 +107,10 @@ def check_fitted(joint: Joint) -> None:
 
 
 def _points(fit: StaticFit) -> tuple[Array, float]:
-    """Velocities to simulate, rad/s, and their noise, N*m; equations of moving data are thinned, their noise widened for its correlation."""
+    """Velocities to simulate, rad/s, and their noise, N*m.
+
+    Equations of moving data are thinned, their noise widened for its correlation.
+    """
     v = fit.velocity
     level = float(np.sqrt(np.sum(fit.residuals**2) / (v.size - len(NAMES))))
     if v.size <= MOST_POINTS:

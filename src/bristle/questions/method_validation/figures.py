@@ -39,7 +39,10 @@ _WIDE = 500.0
 
 @styled
 def cost_figure(result: CaseResult, kind: Kind) -> Figure:
-    """Cost over v_s, minimised over all else, over its least: where the refined grid and each solver's starts end; beneath, plain grids near it."""
+    """Cost over v_s, minimised over all else, over its least.
+
+    Where the refined grid and each solver's starts end; beneath, plain grids near it.
+    """
     figure = new_figure(6.4)
     figure.subplots_adjust(top=0.80, hspace=0.3)
     ax, near = figure.subplots(2, height_ratios=(3, 2))
@@ -110,7 +113,10 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
 
 @styled
 def resolution_figure(validation: Validation) -> Figure | None:
-    """Error of v_s by a plain grid, over the statistical one, over the number of its values; None where v_s can be known nowhere."""
+    """Error of v_s by a plain grid, over the statistical one, over the number of its values.
+
+    None where v_s can be known nowhere.
+    """
     knowable = [x for x in validation.cases if not x.not_identifiable and x.resolution.floor > 0]
     if not knowable:
         return None
@@ -182,7 +188,10 @@ def _group(result: CaseResult, *, many: bool) -> str:
 
 
 def _final(ax: Axes, starts: RandomStarts) -> None:
-    """The axis of final v_s: logarithmic where they differ by a factor, else plain, and never so narrow that it shows rounding."""
+    """The axis of final v_s.
+
+    Logarithmic where they differ by a factor, else plain, and never so narrow that it shows rounding.
+    """
     ends = np.concatenate([[starts.best[3]], *(starts.final[name][3] for name in starts.solvers)])
     low, high = float(ends.min()), float(ends.max())
     if high > _LARGE * low:
@@ -233,7 +242,10 @@ def _above(ax: Axes, columns: int, *, small: bool = False) -> None:
 
 
 def showcase(validation: Validation, most: int) -> Sequence[CaseResult]:
-    """The cases that are drawn one by one: all where they are at most so many, else those of the first set at its highest noise level."""
+    """The cases that are drawn one by one.
+
+    All where they are at most so many, else those of the first set at its highest noise level.
+    """
     if len(validation.cases) <= most:
         return validation.cases
     first = [x for x in validation.cases if x.case.label == validation.cases[0].case.label]

@@ -21,7 +21,7 @@ INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
 
 
 def covers_truth(case: Case, theta: Array, cost: Array) -> NDArray[np.bool_]:
-    """Which 95 % intervals by the exact Jacobian's covariance cover the truth, (4, sets); theta (4, sets), cost (sets,)."""
+    """Which intervals by the exact Jacobian's covariance cover the truth, (4, sets); theta (4, sets), cost (sets,)."""
     n, p = case.velocity.size, len(NAMES)
     jacobian = methods.jacobians(case, theta)
     length = np.linalg.norm(jacobian, axis=1)

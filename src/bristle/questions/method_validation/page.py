@@ -22,7 +22,10 @@ FEW = 6
 
 
 def write_validation(validation: Validation, folder: Path) -> Path:
-    """Write a validation as a page with figures and tables; returns the path of index.html. Raises as `write_page` does."""
+    """Write a validation as a page with figures and tables.
+
+    Returns the path of index.html. Raises as `write_page` does.
+    """
     kind, drawn = validation.case_set.kind, figures.showcase(validation, FEW)
     names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
     draw: dict[str, Any] = {

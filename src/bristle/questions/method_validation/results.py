@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 SAME_COST = 1e-6
 """Relative difference in cost below which two minima are the same."""
 FINE_ENOUGH = 0.1
-"""A grid is fine enough where its error of v_s is at most this share of the statistical one: together they are then 0.5 % larger."""
+"""A grid is fine enough where its error of v_s is at most this share of the statistical one: together they are then 0.5
+% larger."""
 MOST_DECLINED = 0.5
 """Share of data sets without a finite interval of v_s, beyond which no method can know it."""
 FREE = "IPOPT, v_s free"
@@ -34,13 +35,16 @@ class MethodResult:
     bias: Array
     """Median estimate minus truth."""
     spread: Array
-    """Half the width that holds the middle 68.3 % of the estimates: their standard deviation where they are Gaussian, and no outlier's."""
+    """Half the width that holds the middle 68.3 % of the estimates: their standard deviation where they are Gaussian,
+    and no outlier's."""
     coverage: Array
-    """Share of the repetitions in which the 95 % interval by covariance covers the truth; one that does not exist does not cover."""
+    """Share of the repetitions in which the 95 % interval by covariance covers the truth; one that does not exist does
+    not cover."""
     failed: float
     """Share that ended outside the 95 % region: at a cost at which even the right model is refused."""
     other_minimum: float | None
-    """Share that ended more than 1e-6, relative, above the lowest cost of any method; None for a plain grid, which always does."""
+    """Share that ended more than 1e-6, relative, above the lowest cost of any method; None for a plain grid, which
+    always does."""
     seconds: float
     """Mean time of one data set."""
 
@@ -59,7 +63,8 @@ class GridResolution:
     floor: float
     """`MethodResult.spread` of v_s at the continuous minimum, rad/s: what noise alone does."""
     predicted: int
-    """Values with which the error of even rounding, a step over the square root of 12, is `FINE_ENOUGH` times the floor; 0 without a floor."""
+    """Values with which the error of even rounding, a step over the square root of 12, is `FINE_ENOUGH` times the
+    floor; 0 without a floor."""
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""
@@ -67,7 +72,10 @@ class GridResolution:
 
     @property
     def enough(self) -> int | None:
-        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor; None where not even the last is."""
+        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor.
+
+        None where not even the last is.
+        """
         fine = self.error <= FINE_ENOUGH * self.floor
         first = next((k for k in range(fine.size) if fine[k:].all()), None)
         return None if first is None else self.counts[first]
@@ -158,9 +166,11 @@ class CaseResult:
     declined: float
     """Share of the repetitions in which bristle says that v_s is not identifiable, or gives it no finite interval."""
     polish_shift: float
-    """How far IPOPT goes from the grid's answer, at most, in spreads of any parameter; infinite where one does not spread."""
+    """How far IPOPT goes from the grid's answer, at most, in spreads of any parameter; infinite where one does not
+    spread."""
     cost_deficit: float
-    """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all starts and repetitions."""
+    """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all starts
+    and repetitions."""
     outside_range: NDArray[np.bool_]
     """Which starts end beyond the grid's range at a lower cost than any within, where v_s is free, (s,)."""
 
@@ -200,7 +210,8 @@ class Validation:
     def write(self, folder: Path | str) -> Path:
         """Write a page with figures and tables into a folder; returns the path of index.html.
 
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
         """
         from bristle.questions.method_validation.page import write_validation
 

@@ -1,7 +1,10 @@
-"""The grid search validated: against itself at other resolutions and against full nonlinear fits, on SIMULATED points, where the truth is known.
+"""The grid search validated where the truth is known.
 
-The points are those that a user measured, their torque simulated from the fitted model with the fit's own noise; or a declared sweep: every set of
-Table 1, at two noise levels and three designs. Every method gets the same data sets; local solvers begin anywhere within the grid's bounds.
+It is compared with itself at other resolutions and with full nonlinear fits, on SIMULATED points.
+
+The points are those that a user measured, their torque simulated from the fitted model with the fit's own noise; or a
+declared sweep: every set of Table 1, at two noise levels and three designs. Every method gets the same data sets; local
+solvers begin anywhere within the grid's bounds.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -53,7 +56,7 @@ _LOUDEST = 100.0
 
 
 def check_request(repetitions: int, starts: int, noise: float | None) -> None:
-    """Whether a validation can be run so: raises InputError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
+    """Raises InputError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
     for name, value, least, usual in (("repetitions", repetitions, 20, REPETITIONS), ("starts", starts, 1, STARTS)):
         if value < least:
             raise InputError(f"{name}: got {value}; a validation needs at least {least}, usual are {usual}")
@@ -71,9 +74,10 @@ def validate(
     seed: int = SEED,
     progress: Progress | None = None,
 ) -> Validation:
-    """Validate every case: grids over `repetitions` data sets, local solvers over the first `LOCAL_SETS` of them, each from one random start.
+    """Validate every case: grids over `repetitions` data sets, local solvers over the first `LOCAL_SETS` of them.
 
-    The first data set is fitted from `starts` random starts besides. Case k draws its noise and its starts from the seed (seed, k).
+    There each begins at one random start; the first data set is fitted from `starts` random starts besides. Case k
+    draws its noise and its starts from the seed (seed, k).
     """
     results = []
     for k, case in enumerate(case_set.cases):
@@ -115,7 +119,10 @@ def validate_case(case: Case, repetitions: int, starts: int, rng: np.random.Gene
 def _answers(
     case: Case, torques: Array, few: Array, initial: Array, solvers: Mapping[str, Local]
 ) -> dict[str, tuple[Array, float]]:
-    """Theta (4, s) by each method and its seconds per data set: grids of all data sets, local solvers of a few, one start (s, 4) each."""
+    """Theta (4, s) by each method and its seconds per data set.
+
+    Grids of all data sets, local solvers of a few, one start (s, 4) each.
+    """
     repetitions = torques.shape[1]
     grid, seconds = _timed(lambda: methods.refined(case, torques), repetitions)
     answers = {REFINED: (grid, seconds)}
