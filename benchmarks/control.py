@@ -5,7 +5,7 @@
 (a) One `step` of the adaptive LuGre compensator in Python, as a loop in real time calls it: each call is timed, the clock's own time in it, along
 the positions of a closed loop. The NumPy class is what a user would write first; the class in plain Python takes bristle's own two steps.
 
-(b) One adaptive closed loop, 20 s at 1 kHz, by `closed.simulate` and with SciPy's solvers between the samples, the same controller and compensator
+(b) One adaptive closed loop, 20 s at 1 kHz, by `simulate` and with SciPy's solvers between the samples, the same controller and compensator
 in plain Python at each. The error is the largest distance of the positions from CVODES at tight tolerances. Each solver has the loosest tolerance of
 a scan whose error is not above bristle's, over the first 2 s and then over all. Radau takes a single step from sample to sample at the loosest
 already, and errs less than bristle does; so bristle is also run with as many steps of the plant in a period as make its error no larger than
@@ -39,9 +39,9 @@ from bristle.control import compensator as compensating
 from bristle.control.adaptation import Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Measurement, Reference
-from bristle.control.period import at_rest, numbers_of, tick
+from bristle.control.control_period import Case, Disturbance, Given, LoopOptions, at_rest, control_period, numbers_of
+from bristle.control.packing import flat
 from bristle.control.stability import refuse_long_period
-from bristle.control.wiring import Case, Course, Wiring
 from bristle.model.parameters import Pair
 from bristle.simulation import edro
 from timing import least, once
@@ -60,15 +60,15 @@ Step = Callable[[float, float, float], float]
 """(reference, its velocity, measured position) -> torque."""
 
 
-def sine(amplitude: float, frequency: float, seconds: float) -> Course:
+def sine(amplitude: float, frequency: float, seconds: float) -> Reference:
     """Amplitude sin(2 pi f t), rad."""
     t, w = H * np.arange(round(seconds / H)), 2 * np.pi * frequency
-    return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
+    return Reference(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
 
 
-def cut(course: Course, where: Any) -> Course:
+def cut(course: Reference, where: Any) -> Reference:
     """A part of the reference."""
-    return Course(course.position[where], course.velocity[where], course.acceleration[where])
+    return Reference(course.position[where], course.velocity[where], course.acceleration[where])
 
 
 def joint(name: str = JOINT, sigma_0: float | None = None) -> Case:
@@ -167,7 +167,7 @@ def timed(begin: Callable[[], Step], run: list[tuple[float, float, float]], call
 def one_step() -> None:
     """Print part (a)."""
     case, course = joint(), sine(1.0, 0.5, SECONDS)
-    positions = simulate(Wiring(compensator=ADAPTIVE), [case], course, H).position[0]
+    positions = simulate(LoopOptions(compensator=ADAPTIVE), [case], course, H).position[0]
     run = list(zip(course.position.tolist(), course.velocity.tolist(), positions.tolist(), strict=True))
     build = once(lambda: compensating.compiled(ADAPTIVE))
     begins: dict[str, tuple[Callable[[], Step], int]] = {
@@ -219,7 +219,7 @@ def between(case: Case) -> tuple[Callable[..., Any], Callable[..., Any]]:
     return rates, jacobian
 
 
-def sampled(case: Case, course: Course, method: Any, rtol: float, *, jac: bool = False) -> Array:
+def sampled(case: Case, course: Reference, method: Any, rtol: float, *, jac: bool = False) -> Array:
     """The positions of the sampled loop, PID and compensator in plain Python at each sample and SciPy's solver from one to the next, (n,)."""
     rates, jacobian = between(case)
     options: dict[str, Any] = {"method": method, "rtol": rtol}
@@ -252,19 +252,19 @@ void roll(const double *u, const double *q, long n, double *memory, double *log)
   double *out[2] = {next, 0};
   for (long k = 0; k < n; ++k) {
     in[1] = u + INPUTS * k; out[1] = log + ROWS * k;
-    tick(in, out, 0, w, 0);
+    control_period(in, out, 0, w, 0);
     for (int i = 0; i < WIDTH; ++i) memory[i] = next[i];
   }
 }
 """
 
 
-def compiled(wiring: Wiring, folder: Path) -> Callable[[Case, Course], Array] | None:
+def compiled(options: LoopOptions, folder: Path) -> Callable[[Case, Reference], Array] | None:
     """The positions of the loop by the C that CasADi writes for bristle's control period; None where there is no compiler."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         return None
-    step = tick(wiring)
+    step = control_period(options)
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     generator.add(step)
     generator.generate(f"{folder}/")
@@ -274,16 +274,16 @@ def compiled(wiring: Wiring, folder: Path) -> Callable[[Case, Course], Array] | 
     for name, size in sizes.items():
         code = code.replace(name, str(size))
     (folder / "roll.c").write_text(code)
-    library = folder / f"roll_{wiring.substeps}.so"  # of a name that no other library has that is loaded
+    library = folder / f"roll_{options.substeps}.so"  # of a name that no other library has that is loaded
     subprocess.run([compiler, "-O3", "-shared", "-fPIC", "-o", library, folder / "roll.c", "-lm"], check=True)  # noqa: S603 - our own C
     roll = ctypes.CDLL(str(library)).roll
     pointer = np.ctypeslib.ndpointer(np.float64, flags="C")
     roll.argtypes = [pointer, pointer, ctypes.c_long, pointer, pointer]
 
-    def call(case: Case, course: Course) -> Array:
+    def call(case: Case, course: Reference) -> Array:
         n = course.position.size
-        u = np.ascontiguousarray(np.stack(np.broadcast_arrays(*course)).T)
-        memory, log = np.array(at_rest(wiring, float(course.position[0]))), np.empty((n, rows))
+        u = np.ascontiguousarray(np.stack(np.broadcast_arrays(*flat(Given(course, Disturbance())))).T)
+        memory, log = np.array(flat(at_rest(options, float(course.position[0])))), np.empty((n, rows))
         roll(u, np.array(numbers_of(case, H)), n, memory, log)
         positions: Array = log[:, 0]
         return positions
@@ -305,7 +305,7 @@ def shown(name: str, row: Row, radau: float) -> None:
     print(f"{name:32} {row.seconds:9.4f} {real:12.1f} {faster:9.1f} {row.error:10.1e}", flush=True)
 
 
-def tolerances(case: Case, course: Course, tight: Array, ours: float) -> dict[str, float]:
+def tolerances(case: Case, course: Reference, tight: Array, ours: float) -> dict[str, float]:
     """Print the scan, and give the loosest tolerance of each solver whose error is not above bristle's, or else the tightest."""
     n = round(SCANNED / H)
     short = cut(course, slice(n))
@@ -322,7 +322,7 @@ def tolerances(case: Case, course: Course, tight: Array, ours: float) -> dict[st
     return chosen
 
 
-def through_scipy(case: Case, course: Course, tight: Array, ours: float, chosen: dict[str, float]) -> dict[str, Row]:
+def through_scipy(case: Case, course: Reference, tight: Array, ours: float, chosen: dict[str, float]) -> dict[str, Row]:
     """All 20 s of each solver, once; where that errs more than bristle after all, at the next tolerance."""
     rows = {}
     for solver, jac in (("Radau", False), ("Radau", True), ("BDF", False), ("LSODA", False)):
@@ -336,28 +336,28 @@ def through_scipy(case: Case, course: Course, tight: Array, ours: float, chosen:
     return rows
 
 
-def positions_of(wiring: Wiring, case: Case, course: Course) -> Array:
+def positions_of(options: LoopOptions, case: Case, course: Reference) -> Array:
     """By bristle, (n,)."""
-    found: Array = simulate(wiring, [case], course, H).position[0]
+    found: Array = simulate(options, [case], course, H).position[0]
     return found
 
 
-def as_accurate(case: Case, course: Course, tight: Array, error: float) -> Wiring:
-    """The wiring with the fewest steps of the plant in a period with which bristle's error is not above this, rad."""
-    wirings = (Wiring(compensator=ADAPTIVE, substeps=k) for k in range(1, 100))
-    return next(w for w in wirings if off(positions_of(w, case, course), tight) <= error)
+def as_accurate(case: Case, course: Reference, tight: Array, error: float) -> LoopOptions:
+    """The options with the fewest steps of the plant in a period with which bristle's error is not above this, rad."""
+    options = (LoopOptions(compensator=ADAPTIVE, substeps=k) for k in range(1, 100))
+    return next(w for w in options if off(positions_of(w, case, course), tight) <= error)
 
 
-def by_bristle(case: Case, course: Course, tight: Array, wirings: Iterable[Wiring]) -> dict[str, Row]:
+def by_bristle(case: Case, course: Reference, tight: Array, tried: Iterable[LoopOptions]) -> dict[str, Row]:
     """What bristle takes by itself and in C, in turns."""
     calls: dict[str, Callable[[], Array]] = {}
     built = []
     with tempfile.TemporaryDirectory() as folder:
-        for wiring in wirings:
-            name = f"{wiring.substeps} plant step{'s' if wiring.substeps > 1 else ''} a period"
-            calls[f"bristle, {name}"] = partial(positions_of, wiring, case, course)
+        for options in tried:
+            name = f"{options.substeps} plant step{'s' if options.substeps > 1 else ''} a period"
+            calls[f"bristle, {name}"] = partial(positions_of, options, case, course)
             start = perf_counter()
-            in_c = compiled(wiring, Path(folder))
+            in_c = compiled(options, Path(folder))
             built.append(perf_counter() - start)
             if in_c is not None:
                 calls[f"its C, {name}"] = partial(in_c, case, course)
@@ -368,7 +368,7 @@ def by_bristle(case: Case, course: Course, tight: Array, wirings: Iterable[Wirin
 
 def closed_loop(sigma_0: float | None) -> None:
     """Print part (b) for one stiffness; None: Table 1's."""
-    case, course, plain = joint(sigma_0=sigma_0), sine(1.0, 0.5, SECONDS), Wiring(compensator=ADAPTIVE)
+    case, course, plain = joint(sigma_0=sigma_0), sine(1.0, 0.5, SECONDS), LoopOptions(compensator=ADAPTIVE)
     stiffness = " and ".join(f"{p.sigma_0:g}" for p in case.plant) if sigma_0 is None else f"{sigma_0:g}"
     print(f"\n(b) {JOINT}, sigma_0 = {stiffness}: {SECONDS:g} s at 1 kHz, one thread")
     tight = simulate(plain, [case], course, H, stiff=True).position[0]
@@ -396,13 +396,13 @@ def judge(fast: dict[str, Row], radau: float) -> None:
             verdict(f"{begins} {asked} times faster than the faster Radau", min(ratios) >= asked, found)
 
 
-def scenarios(rng: np.random.Generator) -> tuple[list[Case], Course]:
+def scenarios(rng: np.random.Generator) -> tuple[list[Case], Reference]:
     """The joints of Table 1 in turn, each with a sine of its own: 0.1 to 1 rad, 0.1 to 1 Hz."""
     names = list(edro.TABLE_1)
     cases = [joint(names[k % len(names)]) for k in range(BATCH)]
     sines = [sine(amplitude, frequency, BATCH_SECONDS) for amplitude, frequency in rng.uniform(0.1, 1.0, (BATCH, 2))]
     y, v, a = (np.stack(parts) for parts in zip(*(s[:3] for s in sines), strict=True))
-    return cases, Course(y, v, a)
+    return cases, Reference(y, v, a)
 
 
 def batch() -> None:
@@ -412,7 +412,7 @@ def batch() -> None:
 
     def run(which: slice, samples: int = n) -> Array:
         part = cut(course, (which, slice(samples)))
-        return simulate(Wiring(compensator=ADAPTIVE), cases[which], part, H).position
+        return simulate(LoopOptions(compensator=ADAPTIVE), cases[which], part, H).position
 
     first, second = (once(partial(run, slice(BATCH), 1000)) for _ in range(2))  # 1000 samples are what is built
     print(f"\n(c) {BATCH} cases of {BATCH_SECONDS:g} s at 1 kHz, joints of Table 1, in one call, two threads;")
@@ -431,14 +431,14 @@ def batch() -> None:
     print(f"one call, {cpu / wall:.2f} cores had        {wall:8.2f} s {1e3 * wall / BATCH:8.2f} ms a case")
     print(f"{BATCH} calls, from {len(some)} of them    {alone * BATCH:8.2f} s {1e3 * alone:8.2f} ms a case")
     real = BATCH * BATCH_SECONDS / wall
-    checked = once(partial(refuse_long_period, Wiring(compensator=ADAPTIVE), cases, H))
+    checked = once(partial(refuse_long_period, LoopOptions(compensator=ADAPTIVE), cases, H))
     print(f"its check that the loop bears the period {checked:.2f} s")
     print(f"one call is {alone * BATCH / wall:.2f} times as fast, {real:.0f} times real time; {apart:.1e} rad apart")
 
 
 def main() -> None:
     """Print all parts."""
-    run = partial(positions_of, Wiring(compensator=ADAPTIVE), joint(), sine(1.0, 0.5, SECONDS))
+    run = partial(positions_of, LoopOptions(compensator=ADAPTIVE), joint(), sine(1.0, 0.5, SECONDS))
     first, second = once(run), once(run)
     print(f"built: a first run of the closed loop took {first:.3f} s, a second {second:.3f} s\n")
     one_step()

@@ -9,7 +9,8 @@ import pytest
 
 from bristle.data.units import to_si
 from bristle.errors import InputError
-from bristle.questions.experiment_design.references import Hold, hold_reference
+from bristle.questions.experiment_design.references import hold_reference
+from bristle.simulation.references import Hold
 
 from .conftest import run
 from .fuzz.inputs import logs

@@ -26,8 +26,7 @@ from bristle.questions.sensitivity.study import SAMPLES, Exploration, check_samp
 from bristle.questions.session_comparison.compare import compare as compare_sessions
 from bristle.questions.session_comparison.results import Comparison
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import of_paper
-from bristle.simulation.requested_loop import asked_parts, of_experiment
+from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,10 +161,7 @@ def write_adaptation(compensated: Study, folder: Path | str) -> Path:
 
     Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
     """
-    from bristle.questions.compensation.page import write_adaptation as write
-
-    joints = compensated.subjects
-    return write(compensated, Path(folder), joints[0].name if len(joints) == 1 else f"{len(joints)} joints")
+    return compensated.write(folder)
 
 
 def compare(first: Path | str, second: Path | str) -> Comparison:

@@ -236,14 +236,12 @@ def adapt(
 ) -> None:
     """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
     from bristle import adapt as run
-    from bristle import write_adaptation
-    from bristle.questions.compensation.page import text
 
     folder = _folder(output, experiment, "-adapt")
     with shown() as progress:
         found = run(experiment, progress=progress)
-    _print(text(found))
-    _print([f"Page: {write_adaptation(found, folder)}"], done=True)
+    _print([found.text()])
+    _print([f"Page: {found.write(folder)}"], done=True)
 
 
 @app.command()

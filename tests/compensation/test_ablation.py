@@ -7,37 +7,37 @@ import pytest
 
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
-from bristle.control.wiring import Wiring
+from bristle.control.control_period import LoopOptions
 from bristle.questions.compensation import ablation as trying
-from bristle.questions.compensation.ablation import SHARES, WAYS, Tried, ablation
+from bristle.questions.compensation.ablation import SHARES, WAYS, AblationRow, ablation
 
-from .conftest import subject
+from ..simulation.joints import joint_loop
 
 LUGRE = "LuGre, reference velocity"
 
 
 @pytest.fixture(scope="module")
-def rows() -> tuple[Tried, ...]:
+def rows() -> tuple[AblationRow, ...]:
     """The gripper with its true model, behind 20 bits, without delay and with one of five periods."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trying, "BITS", (20,))
         patch.setattr(trying, "DELAYS", (0, 5))
-        return ablation(subject())
+        return ablation(joint_loop())
 
 
-def of(rows: tuple[Tried, ...], compensator: str, delay: int = 0) -> dict[float, Tried]:
+def of(rows: tuple[AblationRow, ...], compensator: str, delay: int = 0) -> dict[float, AblationRow]:
     """Rows of one compensator and delay, by share."""
     return {r.share: r for r in rows if r.compensator == compensator and r.delay == delay}
 
 
-def test_every_way_is_tried_once_under_each_circumstance(rows: tuple[Tried, ...]) -> None:
+def test_every_way_is_tried_once_under_each_circumstance(rows: tuple[AblationRow, ...]) -> None:
     """One row for every compensator, encoder, delay and share, and one without compensation, which has no share."""
     expected = [(way, 20, d, s) for way in WAYS for d in (0, 5) for s in (SHARES if way != "none" else (0.0,))]
     assert [(r.compensator, r.bits, r.delay, r.share) for r in rows] == expected
     assert all(np.isfinite([r.rms, r.ratio, r.chatter]).all() for r in rows)
 
 
-def test_without_compensation_the_ratio_is_one(rows: tuple[Tried, ...]) -> None:
+def test_without_compensation_the_ratio_is_one(rows: tuple[AblationRow, ...]) -> None:
     """`none` without delay is what all others are relative to, and leads nowhere."""
     assert of(rows, "none")[0.0].ratio == 1.0
     bare = of(rows, "none")[0.0].rms
@@ -46,7 +46,7 @@ def test_without_compensation_the_ratio_is_one(rows: tuple[Tried, ...]) -> None:
     assert not any(r.over_compensated for r in rows if r.compensator == "none")
 
 
-def test_all_of_the_friction_is_the_best_share(rows: tuple[Tried, ...]) -> None:
+def test_all_of_the_friction_is_the_best_share(rows: tuple[AblationRow, ...]) -> None:
     """LuGre by reference velocity: with all of the true friction the error is less than half of that with any other share."""
     found = of(rows, LUGRE)
     assert all(found[1.0].rms < 0.5 * row.rms for share, row in found.items() if share != 1.0)
@@ -54,7 +54,7 @@ def test_all_of_the_friction_is_the_best_share(rows: tuple[Tried, ...]) -> None:
 
 
 @pytest.mark.parametrize("way", [way for way in WAYS if way.startswith(("LuGre", "Stribeck"))])
-def test_more_than_all_of_the_friction_is_marked(rows: tuple[Tried, ...], way: str) -> None:
+def test_more_than_all_of_the_friction_is_marked(rows: tuple[AblationRow, ...], way: str) -> None:
     """With the whole curve at 150 % the joint leads its reference and is marked over-compensated; at 50 % it lags and is not."""
     found = of(rows, way)
     assert found[1.5].over_compensated
@@ -62,7 +62,7 @@ def test_more_than_all_of_the_friction_is_marked(rows: tuple[Tried, ...], way: s
     assert not found[0.75].over_compensated
 
 
-def test_a_sign_fed_back_swings_a_held_joint(rows: tuple[Tried, ...]) -> None:
+def test_a_sign_fed_back_swings_a_held_joint(rows: tuple[AblationRow, ...]) -> None:
     """Coulomb friction by the measured velocity makes the held joint swing on at every share; nothing by the reference velocity does."""
     for way in WAYS:
         found = of(rows, way)
@@ -71,15 +71,15 @@ def test_a_sign_fed_back_swings_a_held_joint(rows: tuple[Tried, ...]) -> None:
     assert all(r.limit_cycle for r in of(rows, "Coulomb, measured velocity").values())
 
 
-def test_a_delay_costs_what_measures(rows: tuple[Tried, ...]) -> None:
+def test_a_delay_costs_what_measures(rows: tuple[AblationRow, ...]) -> None:
     """Five periods late, feed-forward still leaves less than a fifth of the error."""
     assert of(rows, LUGRE, 5)[1.0].ratio < 0.2
 
 
-def test_a_share_of_the_model_is_that_share_of_its_torque(rows: tuple[Tried, ...]) -> None:
+def test_a_share_of_the_model_is_that_share_of_its_torque(rows: tuple[AblationRow, ...]) -> None:
     """Half of the model's parameters, v_s aside, compensate as the whole model does by half of its torque."""
-    one = subject()
-    course, moving = trying._course(one)
+    one = joint_loop()
+    course, moving = trying._back_and_forth(one)
     case = replace(one.case(), resolution=trying._count(one, 20))
-    run = simulate(Wiring(compensator=Compensator(share=0.5), encoder=True), [case], course, one.period)
+    run = simulate(LoopOptions(compensator=Compensator(share=0.5), encoder=True), [case], course, one.period)
     assert of(rows, LUGRE)[0.5].rms == pytest.approx(np.sqrt(np.mean(run.error[0, moving] ** 2)), rel=1e-9)

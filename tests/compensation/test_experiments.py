@@ -10,11 +10,18 @@ from bristle.control.adaptation import LAWS, Adaptation
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.compensation import parameter_studies
 from bristle.questions.compensation.paper_experiments import Errors, adapted, errors, followed
-from bristle.questions.compensation.parameter_studies import band, controllers, drifts, gradients, landings, sampling
+from bristle.questions.compensation.parameter_studies import (
+    adaptation_map,
+    band,
+    controllers,
+    drifts,
+    gradients,
+    sampling,
+)
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import one_way
 
-from .conftest import GRIPPER, J, subject
+from ..simulation.joints import GRIPPER, J, joint_loop
 
 P = GRIPPER.positive
 FIG_8 = {
@@ -27,7 +34,7 @@ FIG_8 = {
 def rows() -> dict[tuple[str, float, bool], Errors]:
     """Fig. 8 of the four joints, by joint, frequency and inertia feed-forward; the gripper's identified model is not quite right."""
     wrong = Pair(*(p._replace(alpha_0=1.1 * p.alpha_0) for p in GRIPPER))
-    found = errors([subject(name, **({"model": wrong} if name.startswith("gripper") else {})) for name in FIG_8])
+    found = errors([joint_loop(name, **({"model": wrong} if name.startswith("gripper") else {})) for name in FIG_8])
     assert [(r.joint, r.frequency, r.inertia) for r in found] == [
         (name, f, inertia) for name in FIG_8 for f in (0.2, 0.5) for inertia in (False, True)
     ]
@@ -62,7 +69,7 @@ def test_the_identified_model_is_the_one_that_is_shown_as_such(rows: dict[tuple[
 
 def test_compensation_is_followed_for_two_periods() -> None:
     """Figs 5 to 7 hold two periods of the slow sine; with the model the error is less than a tenth of that without."""
-    one = subject()
+    one = joint_loop()
     runs = followed(one)
     assert [*runs] == ["without", "with"]
     for run in runs.values():
@@ -74,7 +81,7 @@ def test_compensation_is_followed_for_two_periods() -> None:
 
 def test_the_adaptation_is_table_2() -> None:
     """The gripper one way, from 0.3 alpha_0 and 0.5 alpha_2: `partial` ends within 0.02 of 0.84 and 1.05, `printed` leaves alpha_0 at 0.30."""
-    found = adapted(one_way(subject()))
+    found = adapted(one_way(joint_loop()))
     by = {(f.law, f.parameter): f for f in found.factors}
     assert [*by] == [(law, name) for law in LAWS for name in ("alpha_0", "alpha_2")]
     assert [*found.runs] == ["not adapted", *LAWS]
@@ -94,7 +101,7 @@ def test_the_adaptation_is_table_2() -> None:
 def test_the_printed_law_is_left_out_where_it_is_not_typeset() -> None:
     """A plan that adapts v_s is tried by the three laws that can."""
     plan = Adaptation(parameters=("alpha_0", "v_s"), gamma=(20.0, 1.0))
-    found = adapted(one_way(subject(adaptation=plan)))
+    found = adapted(one_way(joint_loop(adaptation=plan)))
     assert [*found.runs] == ["not adapted", "partial", "partial-theta", "total"]
 
 
@@ -103,8 +110,8 @@ def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(parameter_studies, "GAMMAS", (20.0, 50.0, 5.0))
     monkeypatch.setattr(parameter_studies, "FREQUENCIES", (2.0, 1.0))
     monkeypatch.setattr(parameter_studies, "AMPLITUDES", (1.0, 0.5, 2.0))
-    one = one_way(subject(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
-    found = landings(one)
+    one = one_way(joint_loop(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
+    found = adaptation_map(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
     assert found.by_gamma.shape == (2, 3, 2)
     assert found.by_amplitude.shape == (2, 3, 2)
@@ -143,7 +150,7 @@ def test_gradients_by_alpha_2_are_the_velocity_by_every_law() -> None:
 
 def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
     """Per frequency: known, fixed, the law at a quarter and all of its rate, without limits, normalised; the first is the measure of all."""
-    found = drifts([subject()])
+    found = drifts([joint_loop()])
     ways = ["known", "fixed", "partial", "partial", "partial, without limits", "partial, normalised"]
     assert [(r.joint, r.frequency, r.way) for r in found] == [
         ("gripper rotation", f, w) for f in (0.2, 0.5) for w in ways
@@ -162,7 +169,7 @@ def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
 
 def test_a_thin_sliding_mode_chatters() -> None:
     """On the gripper the thinnest layer chatters at least ten times as much as the PID; the widest is the PD that the PID contains."""
-    bare, fed, wide, _, thin = controllers(subject())
+    bare, fed, wide, _, thin = controllers(joint_loop())
     assert (bare.controller, fed.controller) == ("PID alone", "PID with LuGre feed-forward")
     assert thin.controller.startswith("sliding mode, layer")
     assert thin.chatter > 10 * bare.chatter
@@ -174,7 +181,7 @@ def test_a_thin_sliding_mode_chatters() -> None:
 
 def test_the_sampled_loop_comes_to_the_continuous_one() -> None:
     """At twice, once and half the period the distance falls, in proportion to it."""
-    found = sampling([subject(period=2e-3)])
+    found = sampling([joint_loop(period=2e-3)])
     assert [r.period for r in found] == [4e-3, 2e-3, 1e-3]
     for coarse, fine in pairwise(found):
         assert 1.5 < coarse.distance / fine.distance < 3.5
@@ -182,7 +189,7 @@ def test_the_sampled_loop_comes_to_the_continuous_one() -> None:
 
 def test_a_period_that_the_loop_does_not_bear_is_left_out_of_the_sampling() -> None:
     """The gripper's loop bears 13 ms: of 16, 8 and 4 ms the first is not told."""
-    assert [r.period for r in sampling([subject(period=8e-3)])] == [8e-3, 4e-3]
+    assert [r.period for r in sampling([joint_loop(period=8e-3)])] == [8e-3, 4e-3]
 
 
 def spread(pair: Pair[float], rng: np.random.Generator, share: float) -> tuple[Pair[float], float]:
@@ -196,7 +203,7 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     """Where the truth lies within the identified covariance, its RMS error is within the band's, its error mostly inside; a wider one is wider."""
     rng = np.random.default_rng(0)
     model, _ = spread(GRIPPER, rng, 0.05)
-    one = subject(model=model, period=2e-3)
+    one = joint_loop(model=model, period=2e-3)
     narrow, wide = (
         band(replace(one, draws=tuple(spread(model, rng, share) for _ in range(40)))) for share in (0.05, 0.15)
     )
@@ -215,14 +222,14 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
 
 def test_without_draws_there_is_no_band() -> None:
     """A joint whose covariance is unknown has no band."""
-    assert band(subject()) is None
+    assert band(joint_loop()) is None
 
 
 def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
     """With rates of zero nothing moves, over the whole map."""
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
         monkeypatch.setattr(parameter_studies, name, (1.0,))
-    found = landings(subject(adaptation=Adaptation(gamma=(0.0, 0.0))))
+    found = adaptation_map(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
     np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
 
 
@@ -231,9 +238,9 @@ def test_the_plans_own_law_has_the_plans_own_rates(monkeypatch: pytest.MonkeyPat
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
         monkeypatch.setattr(parameter_studies, name, (20.0,) if name == "GAMMAS" else (1.0,))
     for law in ("partial", "partial-theta", "total"):
-        one = one_way(subject(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
+        one = one_way(joint_loop(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
         ends = [x.final for x in adapted(one).factors if x.law == law]
-        np.testing.assert_allclose(landings(one).by_gamma.ravel(), ends, rtol=1e-9)
+        np.testing.assert_allclose(adaptation_map(one).by_gamma.ravel(), ends, rtol=1e-9)
 
 
 def test_a_gradient_that_is_rounding_alone_divides_nothing() -> None:

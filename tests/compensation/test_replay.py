@@ -12,9 +12,9 @@ from bristle.identification.identify import measure
 from bristle.model.parameters import Pair
 from bristle.model.rollout import rollout
 from bristle.questions.compensation.replay import Replay, replays
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
-from .conftest import GRIPPER, J, experiment, joint, share_of, subject
+from ..simulation.joints import GRIPPER, J, experiment, joint, joint_loop, share_of
 
 STEP, SECONDS = 2e-3, 10.0
 LINES = ((1.0, 0.3), (0.24, 1.3), (0.16, 3.1), (0.08, 7.0))
@@ -31,14 +31,14 @@ def motion(inertia: float = J, pair: Pair[float] = GRIPPER) -> tuple[Array, Arra
 
 
 def replayed(
-    folder: Path, friction: float, one: Subject | None = None, more: str = INERTIA, *, gap: bool = False
+    folder: Path, friction: float, one: JointLoop | None = None, more: str = INERTIA, *, gap: bool = False
 ) -> tuple[Replay, Replay]:
     """A run of the gripper with so many times its Coulomb and viscous friction, replayed with the gripper's model, right and from a wrong start."""
     t, v, torque = motion(pair=Pair(*(share_of(p, friction) for p in GRIPPER)))
     rows = zip(t, v, torque, strict=True)
     kept = (row for row in rows if not (gap and GAP[0] <= row[0] < GAP[1]))
     (folder / "run.csv").write_text("t,v,tau\n" + "".join(f"{a:.6g},{b:.12g},{c:.12g}\n" for a, b, c in kept), "utf-8")
-    first, second = replays(one or subject(), joint(), measure(experiment(folder, "", more)))
+    first, second = replays(one or joint_loop(), joint(), measure(experiment(folder, "", more)))
     return first, second
 
 
@@ -108,15 +108,15 @@ def test_gains_go_on_across_a_gap(tmp_path: Path) -> None:
 
 def test_rates_are_those_of_the_loop(tmp_path: Path) -> None:
     """The torque error teaches as an error of position over K_p: twice the gain with twice the rates is the same replay."""
-    one = subject()
-    stiff = subject(gains=one.gains._replace(K_p=2 * one.gains.K_p), adaptation=Adaptation(gamma=(40.0, 40.0)))
+    one = joint_loop()
+    stiff = joint_loop(gains=one.gains._replace(K_p=2 * one.gains.K_p), adaptation=Adaptation(gamma=(40.0, 40.0)))
     first, second = (replayed(tmp_path, 1.5, own)[0] for own in (one, stiff))
     np.testing.assert_allclose(first.theta, second.theta, rtol=1e-9)
 
 
 def test_a_gain_at_its_limit_is_not_trusted(tmp_path: Path) -> None:
     """Where a gain ends at its upper limit the verdict is to leave the adaptation off, or to lower its rate."""
-    one = subject(adaptation=Adaptation(limits=(0.5, 1.2)))
+    one = joint_loop(adaptation=Adaptation(limits=(0.5, 1.2)))
     run, _ = replayed(tmp_path, 1.5, one)
     assert run.theta.max() == pytest.approx(1.2)
     assert run.verdict.startswith("A gain ended at its limit")
@@ -124,7 +124,7 @@ def test_a_gain_at_its_limit_is_not_trusted(tmp_path: Path) -> None:
 
 def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
     """Where the rate is so high that every sample overshoots, a model that was right explains less, and the verdict is to leave it off."""
-    run, _ = replayed(tmp_path, 1.0, subject(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
+    run, _ = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
     before, after = run.relative_errors()
     assert after > before + 10
     assert run.verdict.startswith("Leave it off: ")
@@ -132,9 +132,9 @@ def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
 
 def test_a_gain_is_judged_by_how_far_it_went(tmp_path: Path) -> None:
     """Limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two."""
-    still = subject(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
+    still = joint_loop(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
     assert "limit" not in replayed(tmp_path, 1.0, still)[1].verdict
-    driven = subject(
+    driven = joint_loop(
         start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
     )
     assert "A gain ended at its limit" in replayed(tmp_path, 1.0, driven)[1].verdict
@@ -142,7 +142,7 @@ def test_a_gain_is_judged_by_how_far_it_went(tmp_path: Path) -> None:
 
 def test_without_adaptation_a_replay_is_the_rollout(tmp_path: Path) -> None:
     """With rates of zero the torque that adapts is the one with gains of 1, but for where z passes zero within a sample."""
-    run = replayed(tmp_path, 1.0, subject(adaptation=Adaptation(gamma=(0.0, 0.0))))[0]
+    run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))[0]
     np.testing.assert_allclose(run.adapted, run.fixed, atol=1e-4 * np.abs(run.fixed).max())
 
 
@@ -154,5 +154,5 @@ def test_without_a_fit_of_moving_runs_the_known_inertia_is_taken_off(tmp_path: P
         "t,v,tau\n" + "".join(f"{a:.6g},{b:.12g},{c:.12g}\n" for a, b, c in rows), "utf-8"
     )
     measured = measure(experiment(tmp_path, "", ""))
-    first = replays(subject(), replace(joint(), tracking=None), measured)[0]
+    first = replays(joint_loop(), replace(joint(), tracking=None), measured)[0]
     assert first.relative_errors()[0] < 0.1

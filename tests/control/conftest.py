@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from bristle.control.wiring import Case, Course
+from bristle.control.compensator import Reference
+from bristle.control.control_period import Case
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
 
@@ -10,10 +11,10 @@ H = 1e-3
 P = edro.TABLE_1["gripper rotation"].positive
 
 
-def sine(seconds: float, frequency: float, period: float = H, amplitude: float = 1.0) -> Course:
+def sine(seconds: float, frequency: float, period: float = H, amplitude: float = 1.0) -> Reference:
     """Amplitude sin(2 pi f t), rad."""
     t, w = period * np.arange(round(seconds / period) + 1), 2 * np.pi * frequency
-    return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
+    return Reference(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
 
 
 def case(name: str, **changes: object) -> Case:

@@ -5,9 +5,9 @@ import pytest
 
 from bristle.control.adaptation import Adaptation, Law
 from bristle.control.closed_loop import Trajectory, simulate
-from bristle.control.compensator import Compensator
+from bristle.control.compensator import Compensator, Reference
+from bristle.control.control_period import Disturbance, LoopOptions
 from bristle.control.pid import Gains
-from bristle.control.wiring import Course, Wiring
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
 
@@ -16,8 +16,8 @@ from .conftest import H, P, case, sine, wrong_start
 
 def table_2(way: Law, gamma: float) -> tuple[float, float, float, float]:
     """Effective factors of alpha_0 and of alpha_2 at 4 s and at 20 s, in the scenario of the notes, section 3."""
-    wiring = Wiring(compensator=Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma))))
-    theta = simulate(wiring, [wrong_start()], sine(20.0, 0.5), H).theta[0]
+    options = LoopOptions(compensator=Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma))))
+    theta = simulate(options, [wrong_start()], sine(20.0, 0.5), H).theta[0]
     return tuple(float(f * theta[k, at]) for k, f in ((0, 0.3), (1, 0.5)) for at in (4000, -1))  # type: ignore[return-value]
 
 
@@ -56,7 +56,7 @@ def test_compensation_lowers_the_error_as_fig_8_has_it(name: str, without: float
     """1 rad at 0.2 Hz, from 10 s to 30 s: RMS error without compensation in mrad, and the share of it that LuGre feed-forward leaves, within 10 %."""
     course = sine(30.0, 0.2)
     bare, fed = (
-        simulate(Wiring(compensator=Compensator(name=c)), [case(name)], course, H).rms_error(10.0)[0]
+        simulate(LoopOptions(compensator=Compensator(name=c)), [case(name)], course, H).rms_error(10.0)[0]
         for c in ("none", "lugre")
     )
     assert 1e3 * bare == pytest.approx(without, rel=0.01)
@@ -66,7 +66,7 @@ def test_compensation_lowers_the_error_as_fig_8_has_it(name: str, without: float
 @pytest.mark.parametrize("name", list(edro.TABLE_1))
 def test_the_fast_simulator_agrees_with_a_stiff_solver(name: str) -> None:
     """Over 20 s, with both directions in use and the controller held at 1 kHz, exact steps and CVODES differ by less than 1e-4 rad."""
-    fast, stiff = (simulate(Wiring(), [case(name)], sine(20.0, 0.5), H, stiff=which) for which in (False, True))
+    fast, stiff = (simulate(LoopOptions(), [case(name)], sine(20.0, 0.5), H, stiff=which) for which in (False, True))
     assert np.abs(fast.position - stiff.position).max() < 1e-4
     assert np.abs(fast.velocity - stiff.velocity).max() < 5e-3
 
@@ -74,9 +74,9 @@ def test_the_fast_simulator_agrees_with_a_stiff_solver(name: str) -> None:
 def test_the_step_of_the_plant_is_of_second_order() -> None:
     """Halving the plant's step four times at one controller rate, the distance to CVODES falls by four each time, to within a factor."""
     course = sine(2.0, 0.5, 8e-3)
-    stiff = simulate(Wiring(), [case("wrist pitch")], course, 8e-3, stiff=True)
+    stiff = simulate(LoopOptions(), [case("wrist pitch")], course, 8e-3, stiff=True)
     off = [
-        np.abs(simulate(Wiring(substeps=n), [case("wrist pitch")], course, 8e-3).position - stiff.position).max()
+        np.abs(simulate(LoopOptions(substeps=n), [case("wrist pitch")], course, 8e-3).position - stiff.position).max()
         for n in (1, 2, 4, 8)
     ]
     order = np.log2(off[0] / off[-1]) / 3
@@ -86,9 +86,9 @@ def test_the_step_of_the_plant_is_of_second_order() -> None:
 def test_without_back_emf_the_motor_brakes_as_viscous_friction_does() -> None:
     """A voltage without back-EMF is a torque drive on a joint whose alpha_2 is k_t**2 / R higher."""
     course, m = sine(6.0, 0.3), edro.motor("gripper rotation")
-    braked = simulate(Wiring(drive="voltage", back_emf=False), [case("gripper rotation")], course, H)
+    braked = simulate(LoopOptions(drive="voltage", back_emf=False), [case("gripper rotation")], course, H)
     thick = Pair(*(p._replace(alpha_2=p.alpha_2 + m.k_t**2 / m.R) for p in edro.TABLE_1["gripper rotation"]))
-    torque = simulate(Wiring(), [case("gripper rotation", plant=thick)], course, H)
+    torque = simulate(LoopOptions(), [case("gripper rotation", plant=thick)], course, H)
     np.testing.assert_allclose(braked.position, torque.position, atol=1e-9)
 
 
@@ -98,7 +98,8 @@ def test_a_voltage_is_the_torque_it_was_made_for_but_for_the_back_emf_of_the_err
     off = []
     for m in (Motor(1e-4, 1.0, 0.0, J), edro.motor("gripper rotation")):
         torque, voltage = (
-            simulate(Wiring(drive=d), [case("gripper rotation", motor=m)], course, H) for d in ("torque", "voltage")
+            simulate(LoopOptions(drive=d), [case("gripper rotation", motor=m)], course, H)
+            for d in ("torque", "voltage")
         )
         assert np.isnan(torque.voltage).all()
         assert np.isfinite(voltage.voltage).all()
@@ -116,7 +117,8 @@ def test_a_joint_in_stick_gains_no_energy(sigma_0: float) -> None:
     load[:5] = 0.5 * (p.alpha_0 + p.alpha_1)
     zero = np.zeros(n)
     one = case("gripper rotation", plant=Pair(p, p), gains=Gains(0.0, 0.0, 0.0, 0.0))
-    found = simulate(Wiring(compensator=Compensator(name="none")), [one], Course(zero, zero, zero, load), H)
+    still, bare = Reference(zero, zero, zero), LoopOptions(compensator=Compensator(name="none"))
+    found = simulate(bare, [one], still, H, Disturbance(load=load))
     z = found.friction[0] / sigma_0  # sigma_1 and alpha_2 are zero
     energy = one.motor.J * found.velocity[0] ** 2 / 2 + sigma_0 * z**2 / 2
     assert np.diff(energy[5:]).max() <= 1e-9 * energy.max()
@@ -124,17 +126,17 @@ def test_a_joint_in_stick_gains_no_energy(sigma_0: float) -> None:
 
 def test_cases_in_one_call_are_those_run_alone() -> None:
     """A batch gives each case the bytes that it has alone; encoder, delay and saturation act."""
-    wiring = Wiring(encoder=True, delay=2, speedometer=True, compensator=Compensator(name="lugre-feedback"))
+    options = LoopOptions(encoder=True, delay=2, speedometer=True, compensator=Compensator(name="lugre-feedback"))
     cases = [
         case(name, resolution=2 * np.pi / 2**12, torque_limit=limit) for name in edro.TABLE_1 for limit in (0.05, 5.0)
     ]
     course = sine(3.0, 0.5)
-    whole = simulate(wiring, cases, course, H)
+    whole = simulate(options, cases, course, H)
     for k, one in enumerate(cases):
-        alone = simulate(wiring, [one], course, H)
+        alone = simulate(options, [one], course, H)
         np.testing.assert_array_equal(whole.position[k], alone.position[0])
         assert np.abs(whole.torque[k]).max() <= one.torque_limit
-    assert whole.chatter(1.0)[1] > 5 * simulate(Wiring(), [cases[1]], course, H).chatter(1.0)[0]
+    assert whole.chatter(1.0)[1] > 5 * simulate(LoopOptions(), [cases[1]], course, H).chatter(1.0)[0]
 
 
 def test_measures_of_a_known_run() -> None:
@@ -155,10 +157,10 @@ def test_measures_of_a_known_run() -> None:
 def test_a_step_kicks_a_derivative_of_the_error_alone() -> None:
     """At a step of the reference the derivative of the error asks for K_d / h at once, that of the measurement for K_p alone; both get there."""
     n, zero = 3000, np.zeros(3001)
-    step = Course(np.concatenate([[0.0], np.ones(n)]), zero, zero)
+    step = Reference(np.concatenate([[0.0], np.ones(n)]), zero, zero)
     bare = Compensator(name="none")
     kicked, calm = (
-        simulate(Wiring(compensator=bare, derivative=of), [case("wrist pitch")], step, H)
+        simulate(LoopOptions(compensator=bare, derivative=of), [case("wrist pitch")], step, H)
         for of in ("error", "measurement")
     )
     K_p, K_i, K_d, _ = edro.PID_GAINS
@@ -172,17 +174,17 @@ def test_a_joint_that_starts_elsewhere_is_not_kicked() -> None:
     """At rest at its reference, wherever that is, neither derivative asks for any torque."""
     zero = np.zeros(50)
     for of in ("error", "measurement"):
-        wiring = Wiring(derivative=of, compensator=Compensator(name="none"))
-        held = simulate(wiring, [case("wrist pitch")], Course(zero + 0.7, zero, zero), H)
+        options = LoopOptions(derivative=of, compensator=Compensator(name="none"))
+        held = simulate(options, [case("wrist pitch")], Reference(zero + 0.7, zero, zero), H)
         assert not held.torque.any()
 
 
 def test_a_limited_torque_does_not_wind_up() -> None:
     """Held at its limit for most of a large step, the loop overshoots by no more than an unlimited one does by 2 %."""
     zero = np.zeros(6001)
-    step = Course(np.concatenate([[0.0], np.full(6000, 2.0)]), zero, zero)
-    wiring = Wiring(compensator=Compensator(name="none"), derivative="measurement")
-    run = simulate(wiring, [case("base rotation", torque_limit=limit) for limit in (0.6, np.inf)], step, H)
+    step = Reference(np.concatenate([[0.0], np.full(6000, 2.0)]), zero, zero)
+    options = LoopOptions(compensator=Compensator(name="none"), derivative="measurement")
+    run = simulate(options, [case("base rotation", torque_limit=limit) for limit in (0.6, np.inf)], step, H)
     assert np.abs(run.torque[0]).max() == 0.6
     assert np.mean(np.abs(run.torque[0]) == 0.6) > 0.1
     assert run.position[0].max() < run.position[1].max() + 0.02 * 2.0
@@ -191,31 +193,31 @@ def test_a_limited_torque_does_not_wind_up() -> None:
 def test_the_predicted_friction_is_what_the_compensator_gives() -> None:
     """Whatever its share and inertia feed-forward, the predicted friction is that of the whole model alone; without a share there is none."""
     course, joint = sine(2.0, 0.5), case("wrist pitch")
-    whole = simulate(Wiring(), [joint], course, H)
+    whole = simulate(LoopOptions(), [joint], course, H)
     np.testing.assert_array_equal(whole.predicted, whole.compensation)
-    half = simulate(Wiring(compensator=Compensator(share=0.5, inertia=0.01)), [joint], course, H)
+    half = simulate(LoopOptions(compensator=Compensator(share=0.5, inertia=0.01)), [joint], course, H)
     np.testing.assert_allclose(half.predicted, whole.predicted, rtol=1e-9, atol=1e-12)
-    assert np.isnan(simulate(Wiring(compensator=Compensator(share=0.0)), [joint], course, H).predicted).all()
+    assert np.isnan(simulate(LoopOptions(compensator=Compensator(share=0.0)), [joint], course, H).predicted).all()
 
 
 def test_what_cannot_run_is_refused() -> None:
-    """Each in one sentence: a reference or a case with nan, no case, a period of zero, a delay below zero, and wirings that do not exist."""
+    """Each in one sentence: a reference or a case with nan, no case, a period of zero, a delay below zero, and options that do not exist."""
     course = sine(1.0, 0.5)
     with pytest.raises(ValueError, match="not finite"):
-        simulate(Wiring(), [case("wrist pitch")], course._replace(position=np.full(1001, np.nan)), H)
+        simulate(LoopOptions(), [case("wrist pitch")], course._replace(position=np.full(1001, np.nan)), H)
     with pytest.raises(ValueError, match="got 0 cases"):
-        simulate(Wiring(), [], course, H)
+        simulate(LoopOptions(), [], course, H)
     with pytest.raises(ValueError, match="a period of 0 s"):
-        simulate(Wiring(), [case("wrist pitch")], course, 0.0)
+        simulate(LoopOptions(), [case("wrist pitch")], course, 0.0)
     with pytest.raises(ValueError, match="delay -1"):
-        Wiring(delay=-1)
+        LoopOptions(delay=-1)
     with pytest.raises(ValueError, match="or its case, holds a value that is not finite"):
-        simulate(Wiring(), [case("wrist pitch", gains=Gains(np.nan, 0.0, 0.0, 0.0))], course, H)
+        simulate(LoopOptions(), [case("wrist pitch", gains=Gains(np.nan, 0.0, 0.0, 0.0))], course, H)
     with pytest.raises(ValueError, match="drive: got 'steam'; expected torque or voltage"):
-        Wiring(drive="steam")  # type: ignore[arg-type]
+        LoopOptions(drive="steam")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="controller: got 'lqr'; expected pid or sliding"):
-        Wiring(controller="lqr")  # type: ignore[arg-type]
+        LoopOptions(controller="lqr")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="derivative: got 'torque'; expected error or measurement"):
-        Wiring(derivative="torque")  # type: ignore[arg-type]
+        LoopOptions(derivative="torque")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="derivative: got measurement for sliding mode"):
-        Wiring(controller="sliding", derivative="measurement")
+        LoopOptions(controller="sliding", derivative="measurement")

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 
 from bristle.control import adaptation as adapting
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Learnt, gradient, learn, printed
-from bristle.control.compensator import NAMES, Compensator, Measurement, Reference, State, compiled, start, step
+from bristle.control.compensator import (
+    NAMES,
+    Compensator,
+    CompensatorState,
+    Measurement,
+    Reference,
+    compiled,
+    start,
+    step,
+)
 from bristle.model import functions, law
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
@@ -58,7 +67,7 @@ def test_laws_in_steady_sliding(v: float) -> None:
     )
 
 
-def follow(compensator: Compensator, v: np.ndarray, e: float = 0.0) -> tuple[State, np.ndarray]:
+def follow(compensator: Compensator, v: np.ndarray, e: float = 0.0) -> tuple[CompensatorState, np.ndarray]:
     """State at the end and torque at every sample, the reference moving at v (n,), the joint off by e."""
     run, state, out = compiled(compensator), start(compensator, PAIR, e), []
     y = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * H)])

@@ -8,13 +8,14 @@ import pytest
 from bristle.control.adaptation import Adaptation, Law
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import NAMES, Compensator, Name, Velocity
-from bristle.control.continuous import Sine, simulate_continuous
-from bristle.control.wiring import Wiring
+from bristle.control.continuous import simulate_continuous
+from bristle.control.control_period import LoopOptions
 from bristle.simulation import edro
+from bristle.simulation.references import Sine
 
 from .conftest import H, case, sine, wrong_start
 
-SINE = Sine(1.0, 0.5)
+SINE = Sine(1.0, 0.5).position
 
 
 @pytest.mark.parametrize(
@@ -38,7 +39,7 @@ def test_the_sampled_loop_goes_to_the_continuous_one(name: str) -> None:
     off = []
     for every in (4, 2, 1):
         h = every * 5e-4
-        off.append(np.abs(simulate(Wiring(), [case(name)], sine(20.0, 0.5, h), h).position - exact[:, ::every])[0])
+        off.append(np.abs(simulate(LoopOptions(), [case(name)], sine(20.0, 0.5, h), h).position - exact[:, ::every])[0])
     assert off[1].max() < 2e-3
     assert off[1][5000:].max() < 1e-3
     np.testing.assert_allclose(np.divide([x.max() for x in off[:-1]], [x.max() for x in off[1:]]), 2.0, rtol=0.2)
@@ -54,7 +55,9 @@ def test_every_compensator_goes_to_its_continuous_form(name: Name) -> None:
     exact = simulate_continuous(case("wrist pitch"), c, SINE, 4.0, H)
     off, learnt = [], []
     for k in (1, 2):
-        run = simulate(Wiring(compensator=c, speedometer=True), [case("wrist pitch")], sine(4.0, 0.5, H / k), H / k)
+        run = simulate(
+            LoopOptions(compensator=c, speedometer=True), [case("wrist pitch")], sine(4.0, 0.5, H / k), H / k
+        )
         off.append(np.abs(run.position[:, ::k] - exact.position).max())
         learnt.append(np.abs(run.theta[:, :, ::k] - exact.theta).max(initial=0.0))
     assert off[0] < 0.3 * exact.peak_error()[0]

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from bristle.control.closed_loop import simulate
+from bristle.control.control_period import Case, LoopOptions
 from bristle.control.plant import State, inductive_step
-from bristle.control.wiring import Case, Wiring
 from bristle.model.parameters import Lugre, Motor, pair_of
 from bristle.simulation import edro
 
 from .conftest import H, case, sine
 
-LAGGING = Wiring(drive="voltage", inductance=True)
+LAGGING = LoopOptions(drive="voltage", inductance=True)
 
 
 def lagging(name: str, lag: float) -> Case:
@@ -34,7 +34,7 @@ def test_the_lagging_current_agrees_with_a_stiff_solver(name: str, lag: float) -
 def test_without_inductance_it_is_the_loop_that_has_none() -> None:
     """As L goes to zero the distance to the loop without L goes to zero in proportion, to nothing that a step leaves."""
     course = sine(3.0, 0.5)
-    none = simulate(Wiring(drive="voltage"), [case("wrist pitch")], course, H).position
+    none = simulate(LoopOptions(drive="voltage"), [case("wrist pitch")], course, H).position
     off = [
         np.abs(simulate(LAGGING, [lagging("wrist pitch", lag)], course, H).position - none).max()
         for lag in (1e-4, 1e-6, 1e-8)
@@ -79,6 +79,6 @@ def test_the_step_is_stable_for_any_inductance() -> None:
 def test_what_has_no_lag_is_refused() -> None:
     """Inductance with a drive of torque, and with a motor of L = 0, in one sentence each."""
     with pytest.raises(ValueError, match="inductance: got a drive of torque"):
-        Wiring(inductance=True)
+        LoopOptions(inductance=True)
     with pytest.raises(ValueError, match="inductance: got L = 0 H for case 1"):
         simulate(LAGGING, [lagging("wrist pitch", 1e-3), case("wrist pitch")], sine(1.0, 0.5), H)

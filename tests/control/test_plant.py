@@ -9,8 +9,11 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from bristle.arrays import Array
+from bristle.control.closed_loop import simulate
+from bristle.control.compensator import Compensator, Reference
+from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.control.pid import AT_REST, pid
-from bristle.control.plant import Clock, Loop, State, exponential, plant_step, simulate
+from bristle.control.plant import State, exponential, plant_step
 from bristle.control.sensors import quantise
 from bristle.model import law, motor
 from bristle.model.parameters import Lugre, Motor, Pair
@@ -23,6 +26,7 @@ BASE = Pair(
     Lugre(0.2371, 0.0285, 0.1394, 0.0750, 70.5845, 0.4673), Lugre(0.1731, 0.1098, 0.1338, 0.0620, 50.2721, 0.3908)
 )
 MOTOR = Motor(0.35, 2.1, 0.0, 1.27e-3)
+BENCH = LoopOptions(compensator=Compensator(name="none"), drive="voltage", encoder=True)
 
 
 @lru_cache
@@ -124,39 +128,36 @@ def test_step_is_second_order() -> None:
 
 def test_sampled_loop_agrees_with_radau() -> None:
     """Through a start and a reversal, the loop stays with a Radau solution of the same sampled, quantised loop to a few counts."""
-    loop = Loop(GRIPPER, MOTOR, ramp_gains(MOTOR.J, 60.0), 1.0, 2.4e-5, Clock(2e-3, 1, 1))
+    one = Case(
+        plant=GRIPPER, motor=MOTOR, model=GRIPPER, gains=ramp_gains(MOTOR.J, 60.0), torque_limit=1.0, resolution=2.4e-5
+    )
     t = 2e-3 * np.arange(60)
-    reference, speed = 0.01 * np.sin(40 * t), 0.4 * np.cos(40 * t)
-    log = simulate(loop, reference, speed, np.full((1, t.size), 1e-3))
+    reference = Reference(0.01 * np.sin(40 * t), 0.4 * np.cos(40 * t), -16 * np.sin(40 * t))
+    run = simulate(BENCH, [one], reference, 2e-3, Disturbance(load=1e-3))
     state, memory, truth = np.zeros(3), AT_REST, []
-    for r, w in zip(reference, speed, strict=True):
-        truth.append([quantise(state[0], loop.resolution), *state[1:]])
-        demand, memory = pid(memory, r - truth[-1][0], 2e-3, loop.gains, loop.torque_limit)
+    for r, w in zip(reference.position, reference.velocity, strict=True):
+        _, v, z = state.tolist()
+        friction = float(law.torque(z, v, law.active(z, v, GRIPPER)))
+        truth.append([quantise(state[0], one.resolution), v, friction])
+        demand, memory = pid(memory, r - truth[-1][0], 2e-3, one.gains, one.torque_limit)
         state = radau(state, motor.voltage(demand, w, MOTOR), 1e-3, 2e-3, GRIPPER, MOTOR)
-    position, velocity, deflection = np.array(truth).T
-    assert np.abs(log.position[0] - position).max() <= 4 * loop.resolution
-    assert np.abs(log.velocity[0] - velocity).max() < 0.02 * np.abs(velocity).max()
-    assert np.abs(log.deflection[0] - deflection).max() < 0.01 * np.abs(deflection).max()
+    position, velocity, friction = np.array(truth).T
+    assert np.abs(np.asarray(run.measured)[0] - position).max() <= 4 * one.resolution
+    assert np.abs(run.velocity[0] - velocity).max() < 0.02 * np.abs(velocity).max()
+    assert np.abs(run.friction[0] - friction).max() < 0.01 * np.abs(friction).max()
 
 
 def test_scenarios_do_not_meet() -> None:
-    """Each scenario of a batch gives the same numbers as alone."""
-    loop = Loop(BASE, MOTOR._replace(J=0.077), ramp_gains(0.077, 60.0), 2.0, 2.4e-5, Clock(2e-3, 1, 5))
+    """Each scenario of a batch gives the same numbers as alone, its numbers given or compiled in."""
+    m = MOTOR._replace(J=0.077)
+    one = Case(plant=BASE, motor=m, model=BASE, gains=ramp_gains(0.077, 60.0), torque_limit=2.0, resolution=2.4e-5)
     t = np.arange(1030, dtype=np.float64) * 2e-3
-    reference, speed = 0.05 * t, np.full(t.size, 0.05)
+    reference = Reference(0.05 * t, np.full(t.size, 0.05), np.zeros(t.size))
     load = 0.005 * np.random.default_rng(3).standard_normal((3, t.size))
-    together = simulate(loop, reference, speed, load)
-    for k in range(3):
-        alone = simulate(loop, reference, speed, load[k : k + 1])
-        for name in ("position", "voltage", "velocity", "deflection"):
-            np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name)[0])
-    assert np.ptp(together.velocity[:, -1]) > 0
-
-
-def test_wrong_length_is_refused() -> None:
-    """A run that does not fill its last logged sample, or whose signals differ in length, is refused in one sentence."""
-    loop = Loop(GRIPPER, MOTOR, ramp_gains(MOTOR.J, 60.0), 1.0, 2.4e-5, Clock(2e-3, 1, 5))
-    with pytest.raises(ValueError, match="multiple of the decimation 5"):
-        simulate(loop, np.zeros(12), np.zeros(12), np.zeros((1, 12)))
-    with pytest.raises(ValueError, match="same number"):
-        simulate(loop, np.zeros(10), np.zeros(5), np.zeros((1, 10)))
+    for alike in (False, True):
+        together = simulate(BENCH, [one] * 3, reference, 2e-3, Disturbance(load=load), alike=alike)
+        for k in range(3):
+            alone = simulate(BENCH, [one], reference, 2e-3, Disturbance(load=load[k]), alike=alike)
+            for name in ("measured", "voltage", "velocity", "friction"):
+                np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name)[0])
+        assert np.ptp(together.velocity[:, -1]) > 0

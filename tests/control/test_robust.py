@@ -13,9 +13,9 @@ from bristle.arrays import Array
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Law, Step
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Measurement, Name, Reference, compiled, start
+from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.control.pid import Gains
 from bristle.control.stability import refuse_long_period
-from bristle.control.wiring import Case, Course, Wiring
 from bristle.model.parameters import Lugre, Pair
 from bristle.simulation import edro
 
@@ -27,7 +27,7 @@ ADAPTING: tuple[Name, ...] = ("lugre", "lugre-feedback", "lugre-observer")
 PAIR = edro.TABLE_1["gripper rotation"]
 
 
-def random_wiring(rng: np.random.Generator, law: Law, step: Step) -> Wiring:
+def random_options(rng: np.random.Generator, law: Law, step: Step) -> LoopOptions:
     """Any adaptive compensator, parameters, rates, limits, dead zone, leakage, forgetting; any drive, encoder and delay up to eight periods."""
     known = ("alpha_0", "alpha_2") if law == "printed" else Lugre._fields
     names = tuple(rng.permutation(known)[: rng.integers(1, len(known) + 1)].tolist())
@@ -42,7 +42,7 @@ def random_wiring(rng: np.random.Generator, law: Law, step: Step) -> Wiring:
         name=ADAPTING[rng.integers(3)], adaptation=adaptation, inertia=inertia, filter_time=filter_time
     )  # fmt: skip  # as above
     encoder, speedometer, volts, of_error = (rng.random(4) < 0.5).tolist()
-    return Wiring(
+    return LoopOptions(
         compensator=own, drive="voltage" if volts else "torque", delay=int(rng.integers(9)), encoder=encoder, speedometer=speedometer,
         derivative="error" if of_error else "measurement",
     )  # fmt: skip  # as above
@@ -58,30 +58,30 @@ def positions(rng: np.random.Generator) -> Iterator[Array]:
         yield np.asarray((step, wave, walk, step + wave + walk)[k % 4] + rng.uniform(-1, 1), dtype=np.float64)
 
 
-def course(rng: np.random.Generator) -> Course:
-    """A batch of references with load, drift and noise."""
+def course(rng: np.random.Generator) -> tuple[Reference, Disturbance]:
+    """A batch of references, and load, drift and noise."""
     y = np.stack([*positions(rng)])
     v = np.gradient(y, H, axis=1) * rng.choice([0.0, 1.0], (BATCH, 1), p=[0.2, 0.8])  # a user may not know it
     load = rng.uniform(-0.2, 0.2, (BATCH, 1)) * np.sign(np.sin(20 * H * np.arange(SAMPLES)))
     noise = 10 ** rng.uniform(-6, -1, (BATCH, 1)) * rng.standard_normal((BATCH, SAMPLES))
     drift_0, drift_2 = (np.linspace(1.0, rng.uniform(0.5, 2.0), SAMPLES) for _ in range(2))
-    return Course(y, v, np.gradient(v, H, axis=1), load, drift_0, drift_2, noise)
+    return Reference(y, v, np.gradient(v, H, axis=1)), Disturbance(load, drift_0, drift_2, noise)
 
 
-def random_case(rng: np.random.Generator, wiring: Wiring) -> Case:
+def random_case(rng: np.random.Generator, options: LoopOptions) -> Case:
     """A joint of Table 1, its model from 0.05 to 5 times the truth, a PID that its loop bears, and a drive with a limit.
 
     A drive without a limit is left where nothing measured feeds the compensator: friction fed back five times over makes any joint run away.
     """
     joint = case(str(rng.choice(list(edro.TABLE_1))), resolution=10 ** rng.uniform(-6, -1))
     wrong = Pair(*(Lugre(*(np.geomspace(0.05, 5.0, 101)[rng.integers(101, size=6)] * p).tolist()) for p in joint.model))
-    own = wiring.compensator.name == "lugre" and wiring.drive == "torque"
+    own = options.compensator.name == "lugre" and options.drive == "torque"
     limit = np.inf if own and rng.random() < 0.5 else 10 ** rng.uniform(-2, 2)
     gains = rng.uniform(0.3, 2.0) * np.array(edro.PID_GAINS)
     while True:
         one = replace(joint, model=wrong, gains=Gains(*gains.tolist()), torque_limit=float(limit))
         try:
-            refuse_long_period(wiring, [one], H)
+            refuse_long_period(options, [one], H)
         except ValueError:
             gains *= 0.7
         else:
@@ -94,10 +94,11 @@ def random_case(rng: np.random.Generator, wiring: Wiring) -> Case:
 def test_gains_and_signals_stay_finite_whatever_comes(law: Law, step: Step, seed: int) -> None:
     """Over more than 1000 random references, noise levels, delays and starts every gain is within its limits, and every signal finite."""
     rng = np.random.default_rng([seed, LAWS.index(law), STEPS.index(step)])
-    wiring = random_wiring(rng, law, step)
-    cases = [random_case(rng, wiring) for _ in range(BATCH)]
-    run = simulate(wiring, cases, course(rng), H)
-    a = wiring.compensator.adaptation
+    options = random_options(rng, law, step)
+    cases = [random_case(rng, options) for _ in range(BATCH)]
+    reference, disturbance = course(rng)
+    run = simulate(options, cases, reference, H, disturbance)
+    a = options.compensator.adaptation
     assert a is not None
     low, high = a.limits
     assert (low <= run.theta).all()
@@ -108,20 +109,20 @@ def test_gains_and_signals_stay_finite_whatever_comes(law: Law, step: Step, seed
 
 
 RISING = np.linspace(1.0, 1.5, 30_001)
-DRIFT = sine(30.0, 0.5)._replace(drift_0=RISING, drift_2=RISING)
-"""1 rad at 0.5 Hz while alpha_0 and alpha_2 rise by half."""
+SINE, DRIFT = sine(30.0, 0.5), Disturbance(drift_0=RISING, drift_2=RISING)
+"""1 rad at 0.5 Hz, and alpha_0 and alpha_2 that rise by half meanwhile."""
 
 
-def adapting(**changes: object) -> Wiring:
+def adapting(**changes: object) -> LoopOptions:
     """Adapted by the partial law at the rate 20."""
-    return Wiring(compensator=Compensator(adaptation=Adaptation(**changes)))  # type: ignore[arg-type]
+    return LoopOptions(compensator=Compensator(adaptation=Adaptation(**changes)))  # type: ignore[arg-type]
 
 
 def test_a_drift_is_followed() -> None:
     """While friction rises by half in 30 s the adapted gripper errs no more than 1.5 times as much as with a model that knows; a fixed one does."""
     known, adapted, fixed = (
-        simulate(wiring, [case("gripper rotation")], DRIFT, H).rms_error()[0]
-        for wiring in (Wiring(informed=True), adapting(), Wiring())
+        simulate(options, [case("gripper rotation")], SINE, H, DRIFT).rms_error()[0]
+        for options in (LoopOptions(informed=True), adapting(), LoopOptions())
     )
     assert adapted < 1.5 * known
     assert fixed > 2 * known
@@ -130,9 +131,9 @@ def test_a_drift_is_followed() -> None:
 @pytest.mark.parametrize("name", ["elbow pitch", "base rotation"])
 def test_limits_and_normalisation_keep_inertia_from_being_learnt_as_friction(name: str) -> None:
     """Unprojected, the error that inertia makes drives the gains past a million and the joint away; within limits, or normalised, it is tracked."""
-    known = simulate(Wiring(informed=True), [case(name)], DRIFT, H).rms_error()[0]
+    known = simulate(LoopOptions(informed=True), [case(name)], SINE, H, DRIFT).rms_error()[0]
     free, held, normalised = (
-        simulate(adapting(**changes), [case(name)], DRIFT, H)
+        simulate(adapting(**changes), [case(name)], SINE, H, DRIFT)
         for changes in ({"limits": (1e-12, 1e12)}, {}, {"limits": (1e-12, 1e12), "step": "normalised"})
     )
     assert free.theta.max() > 1e6

@@ -6,26 +6,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bristle.arrays import Array
 from bristle.control import closed_loop
 from bristle.control.closed_loop import simulate
-from bristle.control.compensator import Compensator
-from bristle.control.period import numbers_of
+from bristle.control.compensator import Compensator, Reference
+from bristle.control.control_period import Disturbance, LoopOptions
 from bristle.control.pid import Gains
 from bristle.control.stability import growth, refuse_long_period
-from bristle.control.wiring import Case, Course, Wiring
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
 
 from .conftest import H, P, case, sine
 
-BARE = Wiring(compensator=Compensator(name="none"))
+BARE = LoopOptions(compensator=Compensator(name="none"))
 
 
-def borne(wiring: Wiring, name: str, period: float) -> float:
+def borne(options: LoopOptions, name: str, period: float) -> float:
     """The period that the refusal names, s."""
     with pytest.raises(ValueError, match="control period") as refused:
-        simulate(wiring, [case(name)], sine(100 * period, 0.1, period), period)
+        simulate(options, [case(name)], sine(100 * period, 0.1, period), period)
     said = re.search(r"bears about (\S+) s", str(refused.value))
     assert said is not None
     return float(said[1])
@@ -38,44 +36,39 @@ def test_the_refusal_says_what_when_and_what_to_do() -> None:
         match=r"^case 1: got a control period of 0\.1 s, in which the loop's fastest mode grows by a factor of 9\.1\d+; "
         r"the loop bears about 0\.013 s: shorten the period, or lower the gains or the delay$",
     ):
-        simulate(Wiring(), [case("base rotation"), case("gripper rotation")], sine(10.0, 0.5, 0.1), 0.1)
+        simulate(LoopOptions(), [case("base rotation"), case("gripper rotation")], sine(10.0, 0.5, 0.1), 0.1)
 
 
 @pytest.mark.parametrize(
-    "wiring", [BARE, replace(BARE, drive="voltage"), replace(BARE, delay=3), replace(BARE, derivative="measurement")]
+    "options", [BARE, replace(BARE, drive="voltage"), replace(BARE, delay=3), replace(BARE, derivative="measurement")]
 )
 @pytest.mark.parametrize("name", ["gripper rotation", "wrist pitch"])
 def test_below_the_bound_it_runs_and_above_it_diverges(
-    wiring: Wiring, name: str, monkeypatch: pytest.MonkeyPatch
+    options: LoopOptions, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a blow of a thousand breakaway torques, 0.9 of the named period brings the joint back; 1.2 of it, unrefused, loses it."""
-    named = borne(wiring, name, 0.5)
+    named = borne(options, name, 0.5)
     monkeypatch.setattr(closed_loop, "refuse_long_period", lambda *_: None)
     ends = []
     for h in (0.9 * named, 1.2 * named):
         zero, load = np.zeros(601), np.zeros(601)
         load[:5] = 1000 * case(name).plant.positive.alpha_0
-        run = simulate(wiring, [case(name)], Course(zero, zero, zero, load), h)
+        run = simulate(options, [case(name)], Reference(zero, zero, zero), h, Disturbance(load=load))
         blow, end = np.abs(run.error[0, :50]).max(), np.abs(run.error[0, -50:]).max()
         ends.append(end / blow)
     assert ends[0] < 0.1
     assert not ends[1] < 10
 
 
-def rows(cases: list[Case], period: float) -> Array:
-    """The numbers of which `growth` tells, one row for each case."""
-    return np.array([numbers_of(one, period)[:-1] for one in cases])
-
-
 def test_the_paper_s_loops_are_borne() -> None:
     """Every joint of Table 1 with the paper's PID at 1 kHz, by torque and by voltage, up to five periods late; and sliding mode at any period."""
     cases = [case(name) for name in edro.TABLE_1]
     for delay in range(6):
-        for wiring in (Wiring(delay=delay), Wiring(delay=delay, drive="voltage")):
-            refuse_long_period(wiring, cases, H)
-            assert (growth(wiring, rows(cases, H), np.full(len(cases), H)) < 1e-4).all()
-    slide = Wiring(controller="sliding", compensator=Compensator(name="none"))
-    assert (growth(slide, rows(cases, 0.1), np.full(len(cases), 0.1)) > 0.1).any()
+        for options in (LoopOptions(delay=delay), LoopOptions(delay=delay, drive="voltage")):
+            refuse_long_period(options, cases, H)
+            assert (growth(options, cases, np.full(len(cases), H)) < 1e-4).all()
+    slide = LoopOptions(controller="sliding", compensator=Compensator(name="none"))
+    assert (growth(slide, cases, np.full(len(cases), 0.1)) > 0.1).any()
     refuse_long_period(slide, cases, 0.1)
 
 
@@ -95,8 +88,8 @@ def test_what_no_period_mends_is_not_blamed_on_the_period() -> None:
     for h in (1e-4, 1e-3):
         refuse_long_period(BARE, [one], h)
         refuse_long_period(BARE, [free], 1000 * h)
-        assert growth(BARE, rows([one], h), np.array([h])) > 1e-4
-        assert growth(BARE, rows([free], 1000 * h), np.array([1000 * h])) < 1e-4
+        assert growth(BARE, [one], np.array([h])) > 1e-4
+        assert growth(BARE, [free], np.array([1000 * h])) < 1e-4
 
 
 @pytest.mark.parametrize("k", [0.5, 1.3, 2.5])
@@ -105,7 +98,7 @@ def test_growth_is_that_of_the_linear_loop(k: float) -> None:
     J, h, p = 1e-3, 0.01, P._replace(alpha_2=0.0)
     one = case("wrist pitch", plant=Pair(p, p), motor=Motor(1.0, 1.0, 0.0, J), gains=Gains(0.0, 0.0, k * J / h, 0.0))
     step = np.array([[1 - k / 2, h, k / 2], [-k / h, 1.0, k / h], [1.0, 0.0, 0.0]])
-    (found,) = growth(BARE, np.array(numbers_of(one, h)[:-1])[None], np.array([h]))
+    (found,) = growth(BARE, [one], np.array([h]))
     assert np.exp(found) == pytest.approx(np.abs(np.linalg.eigvals(step)).max(), rel=1e-3)
 
 
@@ -113,8 +106,8 @@ def test_cases_are_judged_as_if_each_were_alone() -> None:
     """In a batch every case has the growth that it has by itself, and a refusal names the worst."""
     gains = [Gains(3.0, 1.2, K_d, 0.0) for K_d in (0.2, 2.0, 5.0, 1.0)]
     cases = [case("gripper rotation", gains=g) for g in gains]
-    every = growth(BARE, rows(cases, H), np.full(len(cases), H))
-    alone = [growth(BARE, rows([one], H), np.array([H]))[0] for one in cases]
+    every = growth(BARE, cases, np.full(len(cases), H))
+    alone = [growth(BARE, [one], np.array([H]))[0] for one in cases]
     np.testing.assert_array_equal(every, alone)
     with pytest.raises(ValueError, match=r"^case 2: "):
         refuse_long_period(BARE, cases, H)

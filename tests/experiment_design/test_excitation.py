@@ -10,7 +10,6 @@ from bristle.identification.fisher import covariance, motion_information
 from bristle.identification.limits import Limits
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import (
-    Lines,
     MotionProblem,
     best_motion,
     course,
@@ -21,6 +20,7 @@ from bristle.questions.experiment_design.excitation import (
     within_torque,
 )
 from bristle.simulation.edro import TABLE_1, inertia
+from bristle.simulation.references import Multisine
 
 PAIR = TABLE_1["gripper rotation"]
 P = PAIR.positive
@@ -61,7 +61,7 @@ def relative(errors: Array) -> float:
 )
 def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]], duration: float) -> None:
     """Position, velocity and acceleration keep within their limits whatever is asked; it begins and ends at rest in the middle."""
-    lines = Lines(*np.array(sines).T)
+    lines = Multisine(*np.array(sines).T)
     run = course(lines, LIMITS, duration, 0.01)
     assert LIMITS.position[0] <= run.position.min() <= run.position.max() <= LIMITS.position[1]
     assert np.abs(run.velocity).max() <= LIMITS.velocity
@@ -135,7 +135,7 @@ def test_a_motion_is_scaled_down_to_the_torque_of_the_drive() -> None:
 )
 def test_lines_as_played_are_the_course(sines: list[tuple[float, float, float]], duration: float) -> None:
     """Sines once scaled to the limits are not scaled again, keep their frequencies and phases, and give the course of those asked for."""
-    asked = Lines(*np.array(sines).T)
+    asked = Multisine(*np.array(sines).T)
     played = limited(asked, LIMITS, duration, 0.01)
     assert limited(played, LIMITS, duration, 0.01).amplitude == pytest.approx(played.amplitude, rel=1e-12)
     assert (played.frequency.tolist(), played.phase.tolist()) == (asked.frequency.tolist(), asked.phase.tolist())

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from bristle.identification.limits import Limits
 from bristle.questions.experiment_design import references as reference
 from bristle.questions.experiment_design.loading import CYCLES, design_loading
-from bristle.questions.experiment_design.references import Reference
+from bristle.questions.experiment_design.references import PlannedRun
 from bristle.simulation.edro import TABLE_1
 
 P = TABLE_1["gripper rotation"].positive
@@ -27,7 +27,7 @@ LIMITS = Limits(
 STEP = 0.01
 
 
-def played(velocities: list[float], limits: Limits, deflection: float) -> list[Reference]:
+def played(velocities: list[float], limits: Limits, deflection: float) -> list[PlannedRun]:
     """Each pass and the moves between, in order."""
     holds = [h for k, v in enumerate(velocities, 1) for h in reference.passes(v, k, deflection, limits)]
     found, at = [], sum(limits.position) / 2

@@ -14,7 +14,7 @@ from bristle.identification.identify import measure
 from bristle.identification.results import Joint, Outcome, StaticFit, TrackingFit
 from bristle.model.parameters import Motor, Pair
 from bristle.questions.compensation.replay import replays
-from bristle.simulation.requested_loop import of_experiment
+from bristle.simulation.joint_loop import of_experiment
 
 from ..sameness import held, without_sentences
 

@@ -12,7 +12,7 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
-from bristle.control.wiring import Wiring
+from bristle.control.control_period import LoopOptions
 from bristle.identification.results import Estimate
 from bristle.model import functions
 from bristle.model.parameters import Kind, Lugre, Pair
@@ -25,11 +25,11 @@ from bristle.questions.sensitivity.parameter_box import box_of, joints_at, order
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity, indices
 from bristle.questions.sensitivity.sobol_figures import sobol_figure, sobol_frame, sobol_sentences
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 PAIR = edro.TABLE_1["gripper rotation"]
 GRIPPER = PAIR.positive
-SUBJECT = Subject(
+SUBJECT = JointLoop(
     name="gripper rotation", kind="revolute", plant=PAIR, model=PAIR, J=edro.inertia(PAIR), gains=edro.PID_GAINS, amplitude=0.2, frequency=2.0,
     slow=0.5, period=1e-3, adaptation=Adaptation(), start={}, simulated=True,
 )  # fmt: skip  # a list of values
@@ -234,7 +234,7 @@ def test_the_compensator_keeps_the_nominal_model() -> None:
     p = GRIPPER._replace(alpha_0=0.05)
     own = global_sensitivity(p, {"alpha_2": (0.0393999, 0.0394001)}, SUBJECT, samples=32).outputs[2].indices
     case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
-    run = simulate(Wiring(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
+    run = simulate(LoopOptions(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
     assert own is not None
     assert own.mean == pytest.approx(run.rms_error(0.5).item(), rel=1e-4)
 
@@ -256,7 +256,7 @@ def test_loops_have_settled() -> None:
         for a, b in ((0.8, 0.8), (1.2, 0.8), (0.8, 1.2), (1.2, 1.2))
     ]
     course = replace(SUBJECT, amplitude=1.0, frequency=0.5).sine(0.5, 12.0)
-    error = simulate(Wiring(compensator=SUBJECT.compensator), cases, course, 1e-3).error
+    error = simulate(LoopOptions(compensator=SUBJECT.compensator), cases, course, 1e-3).error
     counted, later = (np.sqrt(np.mean(error[:, k * 2000 : (k + 1) * 2000] ** 2, axis=1)) for k in (1, 5))
     assert counted == pytest.approx(later, rel=0.01)
 

@@ -2,30 +2,44 @@
 
 One control period: the encoder reads, PID and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and
 the plant goes on by exact steps of its frozen linear system. Numbers are inputs of one compiled function, so that cases with other parameters, gains
-and encoders share it.
+and encoders share it; the virtual bench runs on it as well.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import product
+from functools import lru_cache, partial
+from itertools import pairwise, product
 from math import inf
 
 import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.control import compensator as compensating
-from bristle.control.period import at_rest, numbers_of, stiff_tick, tick
+from bristle.control.compensator import Reference
+from bristle.control.control_period import (
+    Case,
+    Disturbance,
+    Given,
+    LoopOptions,
+    Numbers,
+    at_rest,
+    blank_log,
+    control_period,
+    named,
+    numbers_of,
+    stiff_control_period,
+)
+from bristle.control.packing import flat, shaped
 from bristle.control.plant import THREADS
 from bristle.control.stability import refuse_long_period
-from bristle.control.wiring import Case, Course, Wiring
 from bristle.errors import InputError
 from bristle.model.vectorize import bound, chained
 
 _CHUNK = 1000
 """Samples of every case in one CasADi call: what bounds the memory."""
+Run = Callable[[int, int], ca.Function]
+"""(samples, cases) -> their control periods as one function."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +62,8 @@ class Trajectory:
     """True, N*m."""
     compensation: Array
     """Torque of the compensator, N*m."""
+    measured: Array | float = float("nan")
+    """Position as it is measured, counted and with its noise, rad; nan where nothing is sampled."""
     predicted: Array | float = float("nan")
     """Friction as the compensator predicts it, all of it, N*m; nan where its share is zero."""
     theta: Array
@@ -88,70 +104,89 @@ class Trajectory:
 
 
 def simulate(
-    wiring: Wiring, cases: Sequence[Case], course: Course, period: float, *, stiff: bool = False
+    options: LoopOptions,
+    cases: Sequence[Case],
+    reference: Reference,
+    period: float,
+    disturbance: Disturbance | None = None,
+    *,
+    stiff: bool = False,
+    alike: bool = False,
 ) -> Trajectory:
     """Runs every case from rest at its first reference position.
 
     Args:
-        wiring: shared by all.
+        options: shared by all.
         cases: one or more.
-        course: what is given at every control period.
+        reference: what every case is to do, or each its own, at every control period.
         period: s.
+        disturbance: what acts beside it; None: nothing.
         stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times slower.
+        alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds otherwise than numbers that are
+            given, and the bytes of the embedded logs rest on it.
 
     Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that the
-    wiring has, or nothing is to be run.
+    loop has, or nothing is to be run.
     """
-    n = course.position.shape[-1]
+    n = reference.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:
         raise InputError(
             f"got {len(cases)} cases, {n} samples and a period of {period:g} s; expected at least one, two, and a positive period"
         )
-    given = np.stack([np.broadcast_to(np.asarray(x, dtype=float), (len(cases), n)) for x in course], axis=-1)
+    signals = [np.asarray(x, dtype=float) for x in flat(Given(reference, disturbance or Disturbance()))]
     numbers = np.array([numbers_of(case, period) for case in cases])
-    if not (np.isfinite(given).all() and np.isfinite(numbers).all()):
+    if not (all(np.isfinite(x).all() for x in signals) and np.isfinite(numbers).all()):
         raise InputError(
             "the reference, load, drift or noise of a run, or its case, holds a value that is not finite; expected numbers throughout"
         )
-    lacking = [k for k, case in enumerate(cases) if wiring.inductance and not case.motor.L > 0]
+    lacking = [k for k, case in enumerate(cases) if options.inductance and not case.motor.L > 0]
     if lacking:
         raise InputError(
-            f"wiring: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
+            f"loop: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
         )
-    refuse_long_period(wiring, cases, period)
-    parts = np.array_split(np.arange(len(cases)), 1 if stiff else min(THREADS, len(cases)))
-    lengths = {min(_CHUNK, n - first) for first in range(0, n, _CHUNK)}
-    for samples, own in product(lengths, parts):  # built here: CasADi makes functions in one thread alone
-        _run(wiring, samples, len(own), stiff=stiff)
-    with ThreadPoolExecutor(len(parts)) as pool:  # CasADi leaves Python to the others while it runs
-        ran = pool.map(lambda own: _logged(wiring, given[own], numbers[own], stiff=stiff), parts)
-        logs = np.concatenate(list(ran), axis=1)
-    y, v, T, V, friction, own = logs[:6]
-    share, forward = wiring.compensator.share, wiring.compensator.inertia * course.acceleration
+    refuse_long_period(options, cases, period)
+    given = [np.broadcast_to(x, (len(cases), n)) for x in signals]
+    run = partial(_run, options, named(cases[0], period) if alike else None, stiff=stiff)
+    logs = _in_threads(options, run, given, numbers, 1 if stiff else min(THREADS, len(cases)))
+    log = shaped(blank_log(options), iter(logs))
+    share, forward = options.compensator.share, options.compensator.inertia * reference.acceleration
+    own = np.asarray(log.compensation)
     return Trajectory(
-        time=np.asarray(period * np.arange(n)), reference=course.position, position=y, velocity=v, torque=T,
-        voltage=V if wiring.drive == "voltage" else np.full_like(V, np.nan), friction=friction, compensation=own,
-        predicted=(own - forward) / share if share else np.full_like(own, np.nan),
-        theta=np.moveaxis(logs[6:], 0, 1),
+        time=np.asarray(period * np.arange(n)), reference=reference.position, position=log.position, velocity=log.velocity,
+        measured=log.measured, torque=log.torque, voltage=log.voltage if options.drive == "voltage" else np.full_like(own, np.nan),
+        friction=log.friction, compensation=own, predicted=(own - forward) / share if share else np.full_like(own, np.nan),
+        theta=np.reshape(log.theta, (-1, len(cases), n)).swapaxes(0, 1),
     )  # fmt: skip  # a list of values
 
 
-def _logged(wiring: Wiring, given: Array, numbers: Array, *, stiff: bool) -> Array:
-    """What each case logs, (rows, cases, n)."""
-    cases, n, _ = given.shape
-    memory = np.array([at_rest(wiring, float(y)) for y in given[:, 0, 0]])
-    logs = np.empty((6 + compensating.adapted_count(wiring.compensator), cases, n))
+def _in_threads(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array, threads: int) -> Array:
+    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each; the cases are shared among threads."""
+    cases, n = given[0].shape
+    parts = [slice(*ends) for ends in pairwise(round(k * cases / threads) for k in range(threads + 1))]
+    for samples, part in product({min(_CHUNK, n - first) for first in range(0, n, _CHUNK)}, parts):
+        run(samples, part.stop - part.start)  # built here: CasADi does so in one thread alone
+    with ThreadPoolExecutor(threads) as pool:  # CasADi leaves Python to the others while it runs
+        ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
+        return np.concatenate(list(ran), axis=1)
+
+
+def _logged(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array) -> Array:
+    """The same in one thread, chunk by chunk."""
+    cases, n = given[0].shape
+    memory = np.array([flat(at_rest(options, float(y))) for y in given[0][:, 0]])
+    logs = np.empty((len(flat(blank_log(options))), cases, n))
     for first in range(0, n, _CHUNK):
         last = min(first + _CHUNK, n)
         before, memory = memory, np.empty_like(memory)
         log = np.empty((cases, last - first, len(logs)))
-        inputs = np.ascontiguousarray(given[:, first:last])
-        bound(_run(wiring, last - first, cases, stiff=stiff), (before, inputs, numbers), (memory, log))()
+        inputs = np.stack([x[:, first:last] for x in given], axis=-1)
+        bound(run(last - first, cases), (before, inputs, numbers), (memory, log))()
         logs[:, :, first:last] = np.moveaxis(log, -1, 0)
     return logs
 
 
 @lru_cache(maxsize=32)
-def _run(wiring: Wiring, samples: int, cases: int, *, stiff: bool) -> ca.Function:
-    run = chained(stiff_tick(wiring) if stiff else tick(wiring), samples)
+def _run(options: LoopOptions, constants: Numbers | None, samples: int, cases: int, *, stiff: bool) -> ca.Function:
+    """So many control periods of so many cases: (memory, what is given, numbers) -> (memory, logs)."""
+    run = chained(stiff_control_period(options) if stiff else control_period(options, constants), samples)
     return run if cases == 1 else run.map(cases)

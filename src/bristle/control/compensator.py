@@ -37,7 +37,7 @@ Velocity = Literal["reference", "measured"]
 
 
 class Reference(NamedTuple):
-    """What the joint is to do now."""
+    """What the joint is to do: now, as floats or CasADi symbols, or at every control period of a run, as arrays (n,) or (cases, n)."""
 
     position: Expression
     """rad."""
@@ -45,6 +45,8 @@ class Reference(NamedTuple):
     """rad/s."""
     acceleration: Expression
     """rad/s**2."""
+    torque: Expression = 0.0
+    """Added to what the controller asks for, N*m: a load that is played open loop."""
 
 
 class Measurement(NamedTuple):
@@ -93,7 +95,7 @@ class Compensator:
                 )
 
 
-class State(NamedTuple):
+class CompensatorState(NamedTuple):
     """What a compensator remembers from one sample to the next."""
 
     parameters: Pair[Any]
@@ -107,15 +109,15 @@ class State(NamedTuple):
     """Empty where nothing adapts."""
 
 
-def start(compensator: Compensator, parameters: Pair[Any], position: Expression = 0.0) -> State:
+def start(compensator: Compensator, parameters: Pair[Any], position: Expression = 0.0) -> CompensatorState:
     """At rest at a position, rad, the bristle not bent, nothing learnt."""
     learnt = nothing_learnt(compensator.adaptation) if compensator.adaptation else Learnt((), (), ())
-    return State(parameters, 0.0, 0.0, position, learnt)
+    return CompensatorState(parameters, 0.0, 0.0, position, learnt)
 
 
 def step(
-    compensator: Compensator, state: State, reference: Reference, measurement: Measurement, h: Expression
-) -> tuple[State, Expression]:
+    compensator: Compensator, state: CompensatorState, reference: Reference, measurement: Measurement, h: Expression
+) -> tuple[CompensatorState, Expression]:
     """One sample, h seconds after the last one: the new state, and the torque to add to the controller's, N*m."""
     name, pair = compensator.name, state.parameters
     forward = compensator.inertia * reference.acceleration
@@ -136,11 +138,11 @@ def step(
     T = law.torque(z, v, effective(p, a, learnt.theta) if a else p)
     if a:
         learnt = learn(a, learnt, gradient(a, z, v, p, learnt), e, h)
-    return State(pair, z, v, measurement.position, learnt), forward + compensator.share * T
+    return CompensatorState(pair, z, v, measurement.position, learnt), forward + compensator.share * T
 
 
 def driving(
-    compensator: Compensator, state: State, reference: Reference, measurement: Measurement, h: Expression
+    compensator: Compensator, state: CompensatorState, reference: Reference, measurement: Measurement, h: Expression
 ) -> Expression:
     """The velocity that drives the model, rad/s."""
     if compensator.name not in _MEASURED and compensator.velocity == "reference":
@@ -150,7 +152,7 @@ def driving(
     return differentiated(state.velocity, state.position, measurement.position, h, compensator.filter_time)
 
 
-def advanced(a: Adaptation | None, state: State, v: Expression, h: Expression) -> tuple[Expression, Learnt]:
+def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Expression) -> tuple[Expression, Learnt]:
     """The model's bristle after h seconds, v linear meanwhile, and dz / d theta beside it for the total law.
 
     Two exact-exponential steps: up to where v passes zero, or else to the middle, and from there.
@@ -184,7 +186,7 @@ def advanced(a: Adaptation | None, state: State, v: Expression, h: Expression) -
 @lru_cache(maxsize=64)
 def compiled(
     compensator: Compensator, *, velocity: bool = True
-) -> Callable[[State, Reference, Measurement, float], tuple[State, float]]:
+) -> Callable[[CompensatorState, Reference, Measurement, float], tuple[CompensatorState, float]]:
     """`step` for a loop in real time: compiled once by CasADi, then called with floats.
 
     With `velocity` the measurement must hold one. A returned function keeps buffers of its own: one thread at a time.
@@ -201,11 +203,14 @@ def compiled(
     result = np.zeros(function.numel_out(0))
     run = bound(function, buffers, [result])
 
-    def call(state: State, reference: Reference, measurement: Measurement, h: float) -> tuple[State, float]:
+    def call(
+        state: CompensatorState, reference: Reference, measurement: Measurement, h: float
+    ) -> tuple[CompensatorState, float]:
         """Step with floats."""
         buffers[0][:] = packed(state)
         buffers[1][:6], buffers[1][6:] = state.parameters
-        buffers[2][:] = (*reference, measurement.position, measurement.velocity or 0.0, h)
+        y_ref, v_ref, a_ref, _ = reference
+        buffers[2][:] = (y_ref, v_ref, a_ref, measurement.position, measurement.velocity or 0.0, h)
         run()
         *memory, T = result.tolist()
         return unpacked(memory, state.parameters, gains), T
@@ -218,14 +223,14 @@ def adapted_count(compensator: Compensator) -> int:
     return len(compensator.adaptation.parameters) if compensator.adaptation else 0
 
 
-def packed(state: State) -> list[Expression]:
+def packed(state: CompensatorState) -> list[Expression]:
     """All that changes from sample to sample, one number after the other."""
     theta, sensitivity, covariance = state.learnt
     return [state.deflection, state.velocity, state.position, *theta, *sensitivity, *covariance]
 
 
-def unpacked(memory: Sequence[Expression], parameters: Pair[Any], adapted: int) -> State:
+def unpacked(memory: Sequence[Expression], parameters: Pair[Any], adapted: int) -> CompensatorState:
     """The inverse of `packed` where so many parameters are adapted."""
     z, v, position, *rest = memory
     theta, sensitivity, covariance = rest[:adapted], rest[adapted : 2 * adapted], rest[2 * adapted :]
-    return State(parameters, z, v, position, Learnt(tuple(theta), tuple(sensitivity), tuple(covariance)))
+    return CompensatorState(parameters, z, v, position, Learnt(tuple(theta), tuple(sensitivity), tuple(covariance)))

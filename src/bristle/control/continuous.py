@@ -3,10 +3,10 @@
 The plant under a torque drive, PID (21) with the exact derivative, the compensator's bristle, the gains by their law; nothing is sampled or limited.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,8 +15,8 @@ from bristle.control import compensator as compensating
 from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, rate
 from bristle.control.closed_loop import Trajectory
 from bristle.control.compensator import Compensator, Measurement, Reference
+from bristle.control.control_period import Case
 from bristle.control.plant import plant_rates
-from bristle.control.wiring import Case
 from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.parameters import Pair
@@ -26,28 +26,15 @@ Expression = Any
 _OPTIONS = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 10_000_000}
 
 
-class Sine(NamedTuple):
-    """The reference amplitude sin(2 pi frequency t)."""
-
-    amplitude: float
-    """rad."""
-    frequency: float
-    """Hz."""
-
-    def at(self, t: Expression) -> Reference:
-        """Position, velocity and acceleration at a symbol of time."""
-        y = self.amplitude * ca.sin(2 * np.pi * self.frequency * t)
-        v = ca.jacobian(y, t)
-        return Reference(y, v, ca.jacobian(v, t))
-
-
-def simulate_continuous(case: Case, compensator: Compensator, sine: Sine, duration: float, period: float) -> Trajectory:
+def simulate_continuous(
+    case: Case, compensator: Compensator, reference: Callable[[Expression], Expression], duration: float, period: float
+) -> Trajectory:
     """Runs a case from rest.
 
     Args:
         case: its torque has no limit, its derivative no filter; there is no encoder.
         compensator: what it measures of the velocity is the true one.
-        sine: the reference.
+        reference: its position, rad, of a CasADi symbol of time, s.
         duration: s.
         period: between the instants that are logged, s.
 
@@ -57,7 +44,9 @@ def simulate_continuous(case: Case, compensator: Compensator, sine: Sine, durati
     gains = compensating.adapted_count(compensator)
     t, x = ca.SX.sym("t"), ca.SX.sym("x", 5 + 2 * gains)
     y, v, z, integral, *own = ca.vertsplit(x)
-    r = sine.at(t)
+    y_ref = reference(t)
+    v_ref = ca.jacobian(y_ref, t)
+    r = Reference(y_ref, v_ref, ca.jacobian(v_ref, t))
     own_rates, predicted, T_c = _compensated(compensator, case.model, r, Measurement(y, v), own)
     K_p, K_i, K_d, _ = case.gains
     T = K_p * (r.position - y) + integral + K_d * (r.velocity - v) + T_c
@@ -68,10 +57,10 @@ def simulate_continuous(case: Case, compensator: Compensator, sine: Sine, durati
     time = np.asarray(period * np.arange(round(duration / period) + 1))
     solver = ca.integrator("continuous", "cvodes", {"t": t, "x": x, "ode": rates}, 0.0, time, _OPTIONS)
     start = [0.0] * 5 + [1.0] * gains + [0.0] * gains
-    position, *rows = log.map(time.size)(time[None], solver(x0=start)["xf"]).full()
+    followed, *rows = log.map(time.size)(time[None], solver(x0=start)["xf"]).full()
     y, v, T, friction, T_c, predicted = (row[None] for row in rows[:6])
     return Trajectory(
-        time=time, reference=position, position=y, velocity=v, torque=T, voltage=np.full_like(T, np.nan), friction=friction,
+        time=time, reference=followed, position=y, velocity=v, torque=T, voltage=np.full_like(T, np.nan), friction=friction,
         compensation=T_c, predicted=predicted, theta=np.array(rows[6:]).reshape(1, gains, time.size),
     )  # fmt: skip  # a list of values
 

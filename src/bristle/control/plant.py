@@ -1,4 +1,4 @@
-"""The closed loop: motor and LuGre friction, a sampled encoder and a controller, stepped together in CasADi.
+"""The plant: motor and LuGre friction, stepped together in CasADi.
 
 Velocity and bristle are one stiff pair: a joint in stick rings at sqrt(sigma_0 / J). With lambda(v) frozen, (4) and (7) are linear in (v, z),
 
@@ -9,15 +9,10 @@ implicit half step predicts, which makes the step second order where the motion 
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 
-from bristle.arrays import Array
-from bristle.control.pid import AT_REST, Gains, Memory, pid
-from bristle.control.sensors import quantise
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair
 
@@ -27,9 +22,6 @@ Expression = Any
 Current = Callable[[Expression, Expression, Motor[Any]], Expression]
 """(drive, velocity, motor) -> armature current, A: `motor.current` or `motor.current_for`."""
 
-_INPUTS = 4
-_CHUNK = 100
-"""Logged samples of every scenario in one CasADi call: what bounds the memory."""
 THREADS = 2
 """That CasADi runs cases on."""
 
@@ -49,43 +41,6 @@ class State(NamedTuple):
 
 
 STILL = State(0.0, 0.0, 0.0)
-
-
-class Clock(NamedTuple):
-    """The times of a sampled loop."""
-
-    period: float
-    """Control period, s."""
-    substeps: int
-    """Plant steps in one control period."""
-    decimation: int
-    """Control periods between logged samples."""
-
-
-class Loop(NamedTuple):
-    """A plant under PID control: everything that a run needs but its reference and its disturbance."""
-
-    pair: Pair[float]
-    motor: Motor[float]
-    gains: Gains[float]
-    torque_limit: float
-    """Largest torque that the controller asks for, N*m."""
-    resolution: float
-    """Encoder, rad per count."""
-    clock: Clock
-
-
-class Log(NamedTuple):
-    """What a run gives at each logged instant; arrays of shape (scenarios, samples)."""
-
-    position: Array
-    """The encoder's reading, rad."""
-    voltage: Array
-    """The mean voltage until the next logged instant, V: sampled, the controller's ripple would alias into it."""
-    velocity: Array
-    """The true velocity, rad/s."""
-    deflection: Array
-    """The true bristle deflection, rad."""
 
 
 def exponential(A: Expression, h: Expression) -> Expression:
@@ -166,67 +121,3 @@ def inductive_step(
     new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
     mean = (new.position - state.position) / h
     return new, a * i + (1 - a) * motor.current(V, mean, m)
-
-
-@lru_cache(maxsize=64)
-def _tick(loop: Loop) -> ca.Function:
-    """One control period: (memory, (reference, its velocity, feed-forward, disturbance)) -> (memory, (reading, voltage, velocity, deflection))."""
-    memory, u = ca.SX.sym("memory", 6), ca.SX.sym("u", _INPUTS)
-    state, control = State(*ca.vertsplit(memory[:3])), Memory(*ca.vertsplit(memory[3:]))
-    reference, speed, forward, load = ca.vertsplit(u)
-    reading = quantise(state.position, loop.resolution)
-    period, substeps, _ = loop.clock
-    demand, control = pid(control, reference - reading, period, loop.gains, loop.torque_limit)
-    V = motor.voltage(demand + forward, speed, loop.motor)
-    new = state
-    for _ in range(substeps):
-        new = plant_step(new, V, load, period / substeps, loop.pair, loop.motor)
-    log = ca.vertcat(reading, V, state.velocity, state.deflection)
-    return ca.Function("tick", [memory, u], [ca.vertcat(*new, *control), log], {"cse": True})
-
-
-@lru_cache(maxsize=16)
-def _run(loop: Loop, samples: int, scenarios: int) -> ca.Function:
-    """Many logged samples of many scenarios: `decimation` ticks make a sample, which logs its first tick and its mean voltage."""
-    n = loop.clock.decimation
-    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", _INPUTS, n)
-    ends, logs = _tick(loop).mapaccum(n)(memory, u)
-    log = ca.vertcat(logs[0, 0], ca.sum2(logs[1, :]) / n, logs[2:, 0])
-    sample = ca.Function("sample", [memory, u], [ends[:, -1], log])
-    memory, u = ca.MX.sym("memory", 6), ca.MX.sym("u", _INPUTS, n * samples)
-    ends, logs = sample.mapaccum(samples)(memory, u)
-    run = ca.Function("run", [memory, u], [ends[:, -1], logs])
-    return run.map(scenarios, "thread", THREADS) if scenarios > 1 else run
-
-
-def simulate(
-    loop: Loop,
-    reference: Array,
-    speed: Array,
-    load: Array,
-    start: State = STILL,
-    forward: Array | float = 0.0,
-) -> Log:
-    """Runs the loop from `start`, controller at rest, once for each disturbance.
-
-    reference (rad) and its velocity speed (rad/s), shape (periods,); load, the disturbing torque (N*m), shape (scenarios, periods); forward, a torque
-    (N*m) added to the controller's, shape (periods,): with gains of zero the loop is open. Each value holds over one control period; periods must be
-    a multiple of the clock's decimation, else ValueError. Each number of `start` is one for all scenarios, or an array (scenarios,).
-    """
-    scenarios, periods = load.shape
-    samples, rest = divmod(periods, loop.clock.decimation)
-    if rest or reference.shape != (periods,) or speed.shape != (periods,):
-        raise ValueError(
-            f"the disturbance has {periods} control periods, reference and speed have {reference.size} and {speed.size}; "
-            f"expected the same number, a multiple of the decimation {loop.clock.decimation}"
-        )
-    memory: Any = np.array([np.broadcast_to(x, scenarios) for x in (*start, *AT_REST)])
-    forward = np.broadcast_to(forward, periods)
-    logs = np.empty((4, scenarios, samples))
-    for first in range(0, samples, _CHUNK):
-        last = min(first + _CHUNK, samples)
-        window = slice(first * loop.clock.decimation, last * loop.clock.decimation)
-        part = np.broadcast_arrays(reference[window], speed[window], forward[window], load[:, window])
-        memory, log = _run(loop, last - first, scenarios)(memory, np.stack(part).reshape(_INPUTS, -1))
-        logs[:, :, first:last] = log.full().reshape(4, scenarios, last - first)
-    return Log(*logs)

@@ -12,10 +12,11 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.fisher import STATIC
 from bristle.identification.identify import Measured
-from bristle.identification.known_model import DAMPING_RATIO, DEFLECTION
+from bristle.identification.known_model import DEFLECTION
 from bristle.identification.limits import Limits
 from bristle.identification.results import Estimate, Joint, StaticFit
 from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Lugre, Pair, unit
 from bristle.model.vectorize import evaluate
 

@@ -11,6 +11,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
 from bristle.identification.results import Joint
 from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.vectorize import evaluate
 
@@ -18,9 +19,7 @@ DRAWS = 60
 """Joints drawn from the covariance of the identified parameters."""
 SEED = 0
 DEFLECTION = 1e-3
-"""Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of the reference's amplitude ..."""
-DAMPING_RATIO = 0.1
-"""... and sigma_1 is that of (15)."""
+"""Where nothing shows the bristle's stiffness: its deflection in slow sliding over the reference's amplitude; sigma_1 is then that of (15)."""
 _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
 """Drawn by their logarithms: they are positive."""
 

@@ -61,6 +61,10 @@ def loading_displacement(T: Expression, p: Lugre[Any]) -> Expression:
     return -(g0 / p.sigma_0) * ca.log1p(-T / g0)
 
 
+DAMPING_RATIO = 0.1
+"""What (15) assumes of the bristle in presliding: 0.2 sqrt(J sigma_0) is 2 * 0.1 sqrt(J sigma_0)."""
+
+
 def presliding_damping(sigma_0: Expression, J: Expression, damping_ratio: Expression) -> Expression:
     """sigma_1 = 2 damping_ratio sqrt(J sigma_0), N*m*s/rad: the damping of J on the bristle spring; (15) assumes a ratio of 0.1."""
     return 2 * damping_ratio * ca.sqrt(J * sigma_0)

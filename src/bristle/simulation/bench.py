@@ -12,73 +12,45 @@ import numpy as np
 import pandas as pd
 
 from bristle.arrays import Array
+from bristle.control.closed_loop import Trajectory, simulate
+from bristle.control.compensator import Compensator, Reference
+from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.control.pid import Gains
-from bristle.control.plant import STILL, Clock, Log, Loop, simulate
 from bristle.control.sensors import Sensors, white_noise
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.model.vectorize import evaluate
+from bristle.simulation.references import Multisine, Plateau, Ramps, SlowLoads
 
 Seed = int | Sequence[int]
 
 
-class Plateau(NamedTuple):
-    """A stretch of constant reference velocity, after its run-in."""
+class Clock(NamedTuple):
+    """The times of a sampled loop."""
 
-    velocity: float
-    """rad/s."""
-    start: float
-    """s."""
-    stop: float
-    """s."""
+    period: float
+    """Control period, s."""
+    substeps: int
+    """Plant steps in one control period."""
+    decimation: int
+    """Control periods between logged samples."""
 
-
-class Reference(NamedTuple):
-    """An angle to follow, at every control period."""
-
-    time: Array
-    """s."""
-    position: Array
-    """rad."""
-    velocity: Array
-    """rad/s."""
-    plateaus: tuple[Plateau, ...]
-
-
-class Ramps(NamedTuple):
-    """The plan of a ramp experiment: each speed forth and then back, speed after speed, so that the joint ends where it began."""
-
-    speeds: tuple[float, ...]
-    """rad/s, > 0."""
-    plateau: float = 4.0
-    """Time at each constant velocity, s."""
-    run_in: float = 0.05
-    """Least angle travelled before each plateau, rad: several bristle deflections, so that each plateau begins in steady state."""
-    settle: float = 0.6
-    """Least time before each plateau, s."""
-    turn: float = 0.2
-    """Time to reach a leg's first speed from rest, and to stop from its last, s."""
-
-
-class Loads(NamedTuple):
-    """The plan of a presliding experiment, open loop: torque grows slowly to a peak below breakaway, falls faster, and so to the other side."""
-
-    positive: float
-    """Peak along positive torque, N*m, > 0."""
-    negative: float
-    """Peak along negative torque, N*m, > 0."""
-    rise: float = 25.0
-    """Time to each peak, s."""
-    fall: float = 4.0
-    """Time from it back to zero, s."""
-    cycles: int = 1
+    def instants(self, duration: float) -> Array:
+        """Every control period until the duration, s, has passed and a logged sample ends; (periods,)."""
+        periods = ceil(duration / (self.period * self.decimation)) * self.decimation
+        return np.arange(periods, dtype=np.float64) * self.period
 
 
 class Rig(NamedTuple):
     """A joint on the bench, its controller and its sensors."""
 
-    loop: Loop
+    pair: Pair[float]
+    motor: Motor[float]
+    gains: Gains[float]
+    torque_limit: float
+    """Largest torque that the controller asks for, N*m."""
     sensors: Sensors
+    clock: Clock
 
 
 class Logs(NamedTuple):
@@ -104,97 +76,72 @@ def on_bench(
     pair: Pair[float], motor: Motor[float], sensors: Sensors, gains: Gains[float], clock: Clock, volts: float
 ) -> Rig:
     """A joint under PID control on the bench, with a drive of at most about `volts`."""
-    return Rig(Loop(pair, motor, gains, volts * motor.k_t / motor.R, sensors.resolution, clock), sensors)
+    return Rig(pair, motor, gains, volts * motor.k_t / motor.R, sensors, clock)
 
 
-def ramp_reference(ramps: Ramps, clock: Clock) -> Reference:
-    """Piecewise-linear velocity: rest, then for each speed a leg forth and a leg back, each with its run-in and its plateau, and rest.
-
-    A slow leg runs in from up to twice its speed, slowing all the way, so that only the plateau is constant.
-    """
-    times, speeds, plateaus = [0.0, 0.5], [0.0, 0.0], []
-    for speed in ramps.speeds:
-        for velocity in (speed, -speed):
-            first = velocity * max(1.0, min(2.0, 0.15 / speed))
-            run_in = max(ramps.settle, 2 * ramps.run_in / abs(first + velocity))
-            start = times[-1] + ramps.turn + run_in
-            stop = start + ramps.plateau
-            times += [start - run_in, start, stop, stop + ramps.turn]
-            speeds += [first, velocity, velocity, 0.0]
-            plateaus.append(Plateau(velocity, start, stop))
-    periods = ceil((times[-1] + times[1]) / (clock.period * clock.decimation)) * clock.decimation
-    time = np.arange(periods, dtype=np.float64) * clock.period
-    sampled = np.interp(time, times, speeds)
-    position = np.concatenate([[0.0], np.cumsum(sampled[1:] + sampled[:-1])]) * (clock.period / 2)
-    return Reference(time, position, sampled, tuple(plateaus))
+def follow(rig: Rig, reference: Reference, load: Array) -> Trajectory:
+    """What happens at every control period, once for each disturbing torque, N*m, (cases, periods)."""
+    case = Case(
+        plant=rig.pair, motor=rig.motor, model=rig.pair, gains=rig.gains, torque_limit=rig.torque_limit, resolution=rig.sensors.resolution
+    )  # fmt: skip  # a list of values
+    options = LoopOptions(
+        compensator=Compensator(name="none"), drive="voltage", encoder=True, substeps=rig.clock.substeps
+    )
+    return simulate(options, [case] * len(load), reference, rig.clock.period, Disturbance(load=load), alike=True)
 
 
-def multisine(
-    lines: Sequence[tuple[float, float, float]], duration: float, clock: Clock, rest: float = 0.5
-) -> Reference:
-    """A sum of sines of the angle, (amplitude rad, frequency Hz, phase rad) each, faded in and out over `rest` seconds."""
-    every = clock.decimation
-    time = np.arange(ceil(duration / (clock.period * every)) * every, dtype=np.float64) * clock.period
-    fade = np.clip(np.minimum(time, duration - time) / rest, 0.0, 1.0)
-    fade = fade**3 * (10 - 15 * fade + 6 * fade**2)
-    position = fade * sum(a * np.sin(2 * np.pi * f * time + phase) for a, f, phase in lines)
-    return Reference(time, position, np.gradient(position, clock.period), ())
-
-
-def follow_logs(joint: Rig, reference: Reference, seeds: Sequence[Seed]) -> Logs:
-    """A motion followed under the joint's controller, once for each seed; the voltage is the mean of the two logged intervals about each sample.
-
-    A voltage that is held until the next sample belongs half an interval later than the position: at 17 Hz and 500 Hz that is 0.1 rad of phase.
-    """
-    log, noise, time = _followed(joint, reference, seeds)
-    before = np.concatenate([log.voltage[:, :1], log.voltage[:, :-1]], axis=1)
-    return Logs(time, log.position, (before + log.voltage) / 2 + noise, ())
-
-
-def _followed(joint: Rig, reference: Reference, seeds: Sequence[Seed]) -> tuple[Log, Array, Array]:
-    load, noise, _ = _noises(joint, reference.time.size, seeds)
-    log = simulate(joint.loop, reference.position, reference.velocity, load)
-    return log, noise, reference.time[:: joint.loop.clock.decimation]
-
-
-def load_logs(joint: Rig, loads: Loads, seeds: Sequence[Seed]) -> Logs:
-    """The presliding experiment, once for each seed: the voltage follows the plan, open loop; the joint rests anywhere in a count."""
-    clock = joint.loop.clock
-    times, torques = [0.0, 1.0], [0.0, 0.0]
-    for _ in range(loads.cycles):
-        for peak in (loads.positive, -loads.negative):
-            times += [times[-1] + loads.rise, times[-1] + loads.rise + loads.fall]
-            torques += [peak, 0.0]
-    periods = ceil((times[-1] + 1.0) / (clock.period * clock.decimation)) * clock.decimation
-    time = np.arange(periods, dtype=np.float64) * clock.period
-    load, noise, phase = _noises(joint, periods, seeds)
-    still = np.zeros(periods)
-    open_loop = joint.loop._replace(gains=Gains(0.0, 0.0, 0.0, 0.0))
-    start = STILL._replace(position=phase * joint.sensors.resolution)
-    log = simulate(open_loop, still, still, load, start, np.interp(time, times, torques))
-    return Logs(time[:: clock.decimation], log.position, log.voltage + noise, ())
-
-
-def _noises(joint: Rig, periods: int, seeds: Sequence[Seed]) -> tuple[Array, Array, Array]:
-    """Disturbing torque, N*m, (seeds, periods); voltage noise, V, (seeds, samples); and where in a count the joint rests, in counts, (seeds,)."""
-    rngs = [np.random.default_rng(seed) for seed in seeds]
-    load = np.stack([white_noise(rng, joint.sensors.torque_noise, (periods,)) for rng in rngs])
-    samples = periods // joint.loop.clock.decimation
-    noise = np.stack([white_noise(rng, joint.sensors.voltage_noise, (samples,)) for rng in rngs])
-    return load, noise, np.array([rng.uniform(-0.5, 0.5) for rng in rngs])
-
-
-def ramp_logs(joint: Rig, ramps: Ramps, seeds: Sequence[Seed]) -> Logs:
+def ramp_logs(rig: Rig, ramps: Ramps, seeds: Sequence[Seed]) -> Logs:
     """The same ramp experiment, once for each seed; one seed gives the same numbers whatever the others are."""
-    reference = ramp_reference(ramps, joint.loop.clock)
-    log, noise, time = _followed(joint, reference, seeds)
-    return Logs(time, log.position, log.voltage + noise, reference.plateaus)
+    time = rig.clock.instants(ramps.duration)
+    return _logged(rig, time, ramps.at(time), seeds)._replace(plateaus=ramps.plateaus)
 
 
-def ramp_experiment(joint: Rig, ramps: Ramps, seed: Seed) -> pd.DataFrame:
+def ramp_experiment(rig: Rig, ramps: Ramps, seed: Seed) -> pd.DataFrame:
     """One ramp experiment as a table of time (s), position (rad) and voltage (V)."""
-    logs = ramp_logs(joint, ramps, [seed])
+    logs = ramp_logs(rig, ramps, [seed])
     return pd.DataFrame({"time": logs.time, "position": logs.position[0], "voltage": logs.voltage[0]})
+
+
+def tracking_logs(rig: Rig, sines: Multisine, duration: float, seeds: Sequence[Seed]) -> Logs:
+    """A motion followed under the rig's controller, once for each seed; the voltage is the mean of the two logged intervals about each sample.
+
+    A voltage that is held until the next sample belongs half an interval later than the position: at 17 Hz and 500 Hz that is 0.1 rad of phase. The
+    controller knows positions alone: the velocity that it feeds forward is their central difference.
+    """
+    time = rig.clock.instants(duration)
+    motion = sines.at(time, duration)
+    motion = motion._replace(velocity=np.gradient(motion.position, rig.clock.period))
+    return _logged(rig, time, motion, seeds, centred=True)
+
+
+def load_logs(rig: Rig, loads: SlowLoads, seeds: Sequence[Seed]) -> Logs:
+    """The presliding experiment, once for each seed: the voltage follows the loads, open loop; the joint rests anywhere in a count."""
+    time = rig.clock.instants(loads.duration)
+    open_loop = rig._replace(gains=Gains(0.0, 0.0, 0.0, 0.0))
+    return _logged(open_loop, time, loads.at(time), seeds, anywhere=True)
+
+
+def _logged(
+    rig: Rig, time: Array, reference: Reference, seeds: Sequence[Seed], *, centred: bool = False, anywhere: bool = False
+) -> Logs:
+    """A reference followed once for each seed; the position where each sample begins, and the mean voltage over it, with noise.
+
+    Sampled, the controller's ripple would alias into the voltage. `centred`: the mean of that and the one before. `anywhere`: the joint begins at
+    rest anywhere in a count.
+    """
+    rngs, every, sensors = [np.random.default_rng(seed) for seed in seeds], rig.clock.decimation, rig.sensors
+    if time.size % every:
+        raise ValueError(f"got {time.size} control periods; expected a multiple of the decimation {every}")
+    load = np.stack([white_noise(rng, sensors.torque_noise, (time.size,)) for rng in rngs])
+    noise = np.stack([white_noise(rng, sensors.voltage_noise, (time.size // every,)) for rng in rngs])
+    if anywhere:
+        start = np.array([rng.uniform(-0.5, 0.5) for rng in rngs]) * sensors.resolution
+        reference = reference._replace(position=reference.position + start[:, None])
+    run = follow(rig, reference, load)
+    voltage = run.voltage.reshape(*noise.shape, every).mean(axis=2)
+    if centred:
+        voltage = (np.concatenate([voltage[:, :1], voltage[:, :-1]], axis=1) + voltage) / 2
+    return Logs(time[::every], np.asarray(run.measured)[:, ::every], voltage + noise, ())
 
 
 def steady_points(

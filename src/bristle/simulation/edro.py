@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.control.pid import Gains
-from bristle.control.plant import Clock
 from bristle.control.sensors import Sensors
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Lugre, Motor, Pair
-from bristle.simulation.bench import Loads, Logs, Ramps, Rig, follow_logs, multisine, on_bench, ramp_gains, ramp_logs
-from bristle.simulation.bench import load_logs as load_bench
+from bristle.simulation import bench
+from bristle.simulation.bench import Clock, Logs, Rig, on_bench, ramp_gains, ramp_logs
+from bristle.simulation.references import Multisine, Ramps, SlowLoads
 
 TABLE_1: dict[str, Pair[float]] = {
     "gripper rotation": Pair(
@@ -142,7 +143,7 @@ PAPER_PID_ASSUMPTIONS: tuple[str, ...] = tuple(
 
 def inertia(pair: Pair[float]) -> float:
     """J, kg*m**2: (15) inverted, the mean of the two directions, which differ by up to 20 %."""
-    return sum((p.sigma_1 / 0.2) ** 2 / p.sigma_0 for p in pair) / 2
+    return sum((p.sigma_1 / (2 * DAMPING_RATIO)) ** 2 / p.sigma_0 for p in pair) / 2
 
 
 def motor(name: str) -> Motor[float]:
@@ -183,9 +184,8 @@ def logs(stem: str, seeds: Sequence[int]) -> Logs:
 def load_logs(stem: str, seeds: Sequence[int]) -> Logs:
     """What the bench logs of a joint in presliding, once for each seed."""
     positive, negative = (PEAK * (p.alpha_0 + p.alpha_1) for p in TABLE_1[SETTINGS[stem].name])
-    return load_bench(
-        _quiet(stem, CLOCK), Loads(positive, negative, rise=16.0, fall=3.0, cycles=2), _stream(seeds, stem, 1)
-    )
+    loads = SlowLoads((positive, -negative) * 2, rise=16.0, fall=3.0)
+    return bench.load_logs(_quiet(stem, CLOCK), loads, _stream(seeds, stem, 1))
 
 
 def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, resolution: float = RESOLUTION) -> Logs:
@@ -193,17 +193,17 @@ def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, re
     pair = TABLE_1[SETTINGS[stem].name]
     deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in pair)
     lines = [(a * deflection or WIDE, f, phase) for a, f, phase in (HELD_OUT_LINES if held_out else LINES)]
-    reference = multisine(lines, 6.0 if held_out else 14.0, FAST_CLOCK)
     joint = _quiet(stem, FAST_CLOCK)
-    joint = Rig(joint.loop._replace(resolution=resolution), joint.sensors._replace(resolution=resolution))
-    return follow_logs(joint, reference, _stream(seeds, stem, 2 + held_out))
+    joint = joint._replace(sensors=joint.sensors._replace(resolution=resolution))
+    sines, duration = Multisine(*np.array(lines).T), 6.0 if held_out else 14.0
+    return bench.tracking_logs(joint, sines, duration, _stream(seeds, stem, 2 + held_out))
 
 
 def _quiet(stem: str, clock: Clock) -> Rig:
     """A joint on the bench without torque noise, under another clock."""
     joint = rig(stem)
     noise = joint.sensors.voltage_noise * (1.0 if clock == CLOCK else MOVING_NOISE)
-    return Rig(joint.loop._replace(clock=clock), joint.sensors._replace(torque_noise=0.0, voltage_noise=noise))
+    return joint._replace(clock=clock, sensors=joint.sensors._replace(torque_noise=0.0, voltage_noise=noise))
 
 
 def _stream(seeds: Sequence[int], stem: str, experiment: int) -> list[tuple[int, ...]]:

@@ -1,23 +1,57 @@
-"""A joint as it is compensated: its friction, what is known of that, its controller, and which motion it follows; the paper's four."""
+"""A known joint in its loop: its friction, what is known of that, its controller, and which motion it follows; the paper's four, or a user's own.
+
+What a user's experiment file does not give of the loop is derived, and said among the assumptions.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from bristle.arrays import Array
-from bristle.control.adaptation import Adaptation
-from bristle.control.compensator import Compensator
+from bristle.control.adaptation import Adaptation, steady_gradient
+from bristle.control.compensator import Compensator, Reference
+from bristle.control.control_period import Case
 from bristle.control.pid import Gains
-from bristle.control.wiring import Case, Course
-from bristle.identification.known_model import draws_of, identified
+from bristle.data.experiment.load import AdaptOptions, Experiment
+from bristle.errors import InputError
+from bristle.identification.known_model import (
+    DEFLECTION,
+    draws_of,
+    filled,
+    identified,
+    inertia_of,
+    truth_of,
+    unseen_of,
+)
 from bristle.identification.results import Joint
-from bristle.model.parameters import Kind, Motor, Pair
+from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
+from bristle.model.parameters import Kind, Lugre, Motor, Pair, unit
+from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
+from bristle.simulation.references import Sine
+
+_BANDWIDTH = 30.0
+"""Of a controller that nobody gave, rad/s: K_p = J w**2, K_d = 2 J w, K_i = 0.2 J w**3 ..."""
+_SLOWEST = 0.02
+"""... but w no more than this over the control period."""
+_BEYOND = 30.0
+"""A reference may be so many times as fast as what was measured."""
+_COARSE = 0.02
+"""The control period is at most this share of the reference's."""
+_FREQUENCY = 0.5
+"""Of a reference that nobody gave, Hz."""
+_PHASES = 64
+"""Of a quarter of a sine, over which rates are found."""
+_NOTHING = 1e-3
+"""Of the torque: a parameter that makes no more of it in steady sliding, where its law has a gradient, is not seen there."""
+_HALF = 0.5
+"""Share of a parameter's error that is mended in a second, where no rates are given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
+class JointLoop:
     """A joint to be compensated. Units are those of a revolute joint; rad stands for m and N*m for N where it slides."""
 
     name: str
@@ -44,19 +78,19 @@ class Subject:
     """Where the adaptation begins, as shares of the model's parameters."""
     simulated: bool
     assumptions: tuple[str, ...] = ()
-    tracing: Adaptation | None = None
+    diagnostic_law: Adaptation | None = None
     """The total law, by which replays tell parameters apart; None: none."""
     compensator: Compensator = field(default_factory=Compensator)
     """The paper's, if no other was asked for: LuGre driven by the reference velocity."""
 
     def case(self, plant: Pair[float] | None = None, model: Pair[float] | None = None, J: float | None = None) -> Case:
-        """Numbers of a run; what is not given is the subject's own."""
+        """Numbers of a run; what is not given is the joint's own."""
         inertia = self.J if J is None else J
         return Case(
             plant=plant or self.plant, motor=Motor(1.0, 1.0, 0.0, inertia), model=model or self.model, gains=self.gains
         )
 
-    def begun(self, model: Pair[float]) -> Pair[float]:
+    def wrong_start(self, model: Pair[float]) -> Pair[float]:
         """A model with the wrong parameters with which the adaptation begins."""
         return Pair(
             *(p._replace(**{name: share * getattr(p, name) for name, share in self.start.items()}) for p in model)
@@ -67,30 +101,18 @@ class Subject:
         """Gain k of the observer, 1/s: at most K_p a second of integral action, through the stiffest bristle."""
         return self.gains.K_p / max(p.sigma_0 for p in self.model)
 
-    def sine(self, frequency: float, duration: float, amplitude: float | None = None) -> Course:
-        """A reference: amplitude sin(2 pi frequency t), the plan's amplitude if no other is given."""
-        return sine(self.amplitude if amplitude is None else amplitude, frequency, duration, self.period)
+    def sine(self, frequency: float, duration: float, amplitude: float | None = None) -> Reference:
+        """A reference: amplitude sin(2 pi frequency t), the joint's own amplitude if no other is given."""
+        return Sine(self.amplitude if amplitude is None else amplitude, frequency).sampled(duration, self.period)
 
 
-def sine(amplitude: float, frequency: float, duration: float, period: float) -> Course:
-    """The course amplitude sin(2 pi frequency t), with its velocity and its acceleration, from 0 to the duration, s."""
-    t: Array = period * np.arange(round(duration / period) + 1, dtype=np.float64)
-    w = 2 * np.pi * frequency
-    return Course(amplitude * np.sin(w * t), amplitude * w * np.cos(w * t), -amplitude * w * w * np.sin(w * t))
-
-
-def stacked(courses: Sequence[Course]) -> Course:
-    """Courses of one length, one for each case: position, velocity and acceleration, (cases, n)."""
-    return Course(*(np.stack([getattr(c, part) for c in courses]) for part in ("position", "velocity", "acceleration")))
-
-
-def of_paper(joints: Sequence[Joint]) -> tuple[Subject, ...]:
+def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
     """The four joints of Table 1 under the paper's PID, each with what was identified of it from the embedded data."""
     found = []
     for joint in joints:
         pair = edro.TABLE_1[joint.name]
         found.append(
-            Subject(
+            JointLoop(
                 name=joint.name, kind="revolute", plant=pair, model=identified(joint), J=edro.inertia(pair),
                 draws=draws_of(joint, edro.inertia(pair)),
                 gains=edro.PID_GAINS, amplitude=1.0, frequency=0.5, slow=0.2, period=1e-3, adaptation=Adaptation(),
@@ -113,7 +135,148 @@ PAPER_ASSUMPTIONS: tuple[str, ...] = (
 """Every constant of the closed loop that the paper does not give."""
 
 
-def one_way(subject: Subject) -> Subject:
+def one_way(loop: JointLoop) -> JointLoop:
     """A joint of Table 1 with its positive friction in both directions, model and plant alike: as the paper's Table 2 has it."""
-    pair = Pair(subject.plant.positive, subject.plant.positive)
-    return replace(subject, plant=pair, model=pair, J=edro.inertia(pair), draws=())
+    pair = Pair(loop.plant.positive, loop.plant.positive)
+    return replace(loop, plant=pair, model=pair, J=edro.inertia(pair), draws=())
+
+
+def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
+    """A user's joint with its own `adapt` options, or with what bristle takes where there are none.
+
+    Raises InputError where no inertia is known, the runs do not give a whole model, or the adaptation cannot be as it is asked.
+    """
+    asked, found = experiment.adapt, identified(joint)
+    J = inertia_of(experiment, joint)
+    assumed: list[str] = []
+    fastest = fastest_measured(joint, 10 * max(p.v_s for p in found))
+    amplitude, frequency = requested_motion(asked, fastest)
+    speed = 2 * np.pi * frequency * amplitude
+    beyond = speed / fastest
+    if beyond > _BEYOND:
+        raise InputError(
+            f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
+            f"expected at most {_BEYOND:g} times: lower adapt.amplitude or adapt.frequency"
+        )
+    if beyond > 1:
+        assumed.append(f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated.")
+    gains = _gains(asked, J, joint.kind, assumed)
+    if asked.amplitude is None or asked.frequency is None:
+        q = unit("position", joint.kind)
+        assumed.append(
+            f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; give adapt.amplitude and adapt.frequency."
+        )
+    unseen = unseen_of(joint)
+    model = filled(found, unseen, amplitude, J)
+    assumed += [_filled(model[d == "-"], name, d, joint.kind) for d, names in unseen.items() for name in names]
+    compensator, adaptation = asked_parts(experiment)
+    if asked.gamma is None:
+        adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
+    total = replace(adaptation, law="total")
+    diagnostic_law = None if adaptation.law == "total" else _paced(total, model.positive, gains.K_p, speed, [])
+    truth = truth_of(joint)
+    if truth is None:
+        assumed.append(
+            "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations."
+        )
+    assumed.append(
+        f"The drive gives the {'torque' if joint.kind == 'revolute' else 'force'} that it is asked for, every {asked.period:g} s, without limit."
+    )
+    loop = JointLoop(
+        name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
+        draws=tuple((filled(pair, unseen, amplitude, inertia), inertia) for pair, inertia in draws_of(joint, J)),
+        gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
+        start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
+    )  # fmt: skip  # a list of values
+    return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
+
+
+def _filled(p: Lugre[float], name: str, direction: str, kind: Kind) -> str:
+    """What is said of a parameter that was filled in."""
+    by_deflection, by_ratio = (
+        f"{DEFLECTION:g} of the amplitude in deflection",
+        f"(15) with a damping ratio of {DAMPING_RATIO:g}",
+    )
+    how = by_deflection if name == "sigma_0" else by_ratio
+    return f"{name} ({direction}): these data do not show it; {getattr(p, name):.3g} {unit(name, kind)}, {how}."
+
+
+def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
+    """Where the wrong model begins: as given, or the paper's shares of what is adapted, half of what the paper does not adapt."""
+    if "start" in asked.model_fields_set:
+        return dict(asked.start)
+    return {name: asked.start.get(name, 0.5) for name in parameters}
+
+
+def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
+    """Compensator and adaptation as `adapt` asks for them; rates that are not given are zero.
+
+    Raises InputError, with the file's name, where they cannot be so.
+    """
+    asked = experiment.adapt
+    longest = _COARSE / (asked.frequency or _FREQUENCY)
+    if asked.period > longest:
+        raise InputError(
+            f"{experiment.path}: adapt.period: got {asked.period:g} s; expected at most {longest:g} s, a fiftieth of the reference's period"
+        )
+    names = ("law", "step", "parameters", "gamma", "limits", "dead_zone", "leakage", "forgetting")
+    given: dict[str, Any] = {name: value for name in names if (value := getattr(asked, name)) is not None}
+    if "gamma" not in given:
+        given["gamma"] = (0.0,) * len(given.get("parameters", Adaptation().parameters))
+    try:
+        adaptation = Adaptation(**given)
+        name: Any = asked.compensator
+        return replace(Compensator(name=name, adaptation=adaptation), adaptation=None), adaptation
+    except InputError as error:
+        raise InputError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
+
+
+def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[str]) -> Adaptation:
+    """The adaptation with rates that mend half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
+
+    A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
+    gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
+    """
+    names = plain.parameters
+    v = fastest * np.sin(np.pi * (np.arange(_PHASES) + 0.5) / (2 * _PHASES))
+    z, *by = evaluate(functions.steady_deflection(), v, *p)
+    T, T_z, *by_p = evaluate(functions.torque_sensitivity(), z, v, *p)
+    own = [Lugre._fields.index(name) for name in names]
+    G = np.abs(steady_gradient(plain, v, p))
+    rates = []
+    for k, (at, name) in enumerate(zip(own, names, strict=True)):
+        whole = getattr(p, name) * np.abs(by_p[at] + T_z * by[at])
+        worth = float(np.mean(G[k] * whole))
+        seen = worth > _NOTHING * float(np.mean(G[k]) * np.mean(np.abs(T)))
+        rates.append(_HALF * K_p / worth if seen else 0.0)
+    listed = ", ".join(f"{rate:.3g}" for rate in rates)
+    still = "" if all(rates) else "; zero where steady sliding shows nothing of a parameter"
+    assumed.append(
+        f"Learning rates: {listed} for {', '.join(names)}, which mend about half of an error in a second{still}; give adapt.gamma."
+    )
+    return replace(plain, gamma=tuple(rates))
+
+
+def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gains[float]:
+    if asked.gains is not None:
+        return Gains(asked.gains.K_p, asked.gains.K_i, asked.gains.K_d, asked.gains.filter_time)
+    w = min(_BANDWIDTH, _SLOWEST / asked.period)
+    gains = Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0)
+    q = unit("sigma_0", kind)
+    assumed.append(
+        f"PID: nobody gave one; K_p {gains.K_p:.3g} {q}, K_i and K_d to match, for {w:g} rad/s at this inertia; give adapt.gains."
+    )
+    return gains
+
+
+def fastest_measured(joint: Joint, otherwise: float) -> float:
+    """The fastest measured speed, rad/s, or this where there is none."""
+    moving = joint.moving
+    known = [fit.velocity for fit in joint.static.values()] + ([moving.velocity] if moving is not None else [])
+    return max((float(np.abs(v).max()) for v in known if v.size), default=otherwise)
+
+
+def requested_motion(asked: AdaptOptions, fastest: float) -> tuple[float, float]:
+    """Amplitude, rad, and frequency, Hz, of a sine: as asked for, or else 0.5 Hz and a top speed of half the fastest, rad/s."""
+    frequency = asked.frequency or _FREQUENCY
+    return asked.amplitude or float(f"{0.5 * fastest / (2 * np.pi * frequency):.2g}"), frequency

@@ -22,6 +22,7 @@ from bristle.identification.dynamic.uncertainty import explored, with_three_ways
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
@@ -36,8 +37,6 @@ _WORSE = 1.5
 """Times the relative error of the moving runs alone, beyond which the joint fit is doubted."""
 _BENDS = 0.01
 """A start for the bristle's deflection where no stage gives one, as a share of the travel."""
-_DAMPING_RATIO = 0.1
-"""A start for sigma_1 where no stage gives one, as (15) assumes."""
 
 
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
@@ -153,7 +152,7 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
         alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
         sigma_0 = _value(_stiffness(slow, tag), alpha_0 / (_BENDS * travel))
         inertia_guess = max(extra.get("inertia", 0.0), 1e-3 * torque / speed)
-        (sigma_1, *_) = evaluate(functions.presliding_damping(), sigma_0, inertia_guess, _DAMPING_RATIO)
+        (sigma_1, *_) = evaluate(functions.presliding_damping(), sigma_0, inertia_guess, DAMPING_RATIO)
         first = Lugre(
             alpha_0=alpha_0,
             alpha_1=_value(known.get("alpha_1"), 0.3 * alpha_0),

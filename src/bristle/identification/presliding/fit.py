@@ -15,12 +15,11 @@ from bristle.identification.presliding.stiffness import REACH, Level, count_edge
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Estimate, Presliding, PreslidingFit
 from bristle.model import functions
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
 from bristle.model.vectorize import evaluate
 
-DAMPING_RATIO = 0.1
-"""What (15) assumes: 0.2 sqrt(J sigma_0) is 2 * 0.1 sqrt(J sigma_0)."""
 _FEW = 8
 """Count edges in a loading below which they are called few."""
 _YIELDS = 3.0

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory, simulate
-from bristle.control.compensator import Compensator
-from bristle.control.wiring import Course, Wiring
+from bristle.control.compensator import Compensator, Reference
+from bristle.control.control_period import LoopOptions
 from bristle.model.parameters import Lugre, Pair
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 SHARES = (0.5, 0.75, 1.0, 1.25, 1.5)
 """Of the identified friction that is compensated."""
@@ -47,7 +47,7 @@ WAYS: dict[str, Compensator] = {
 }
 
 
-class Tried(NamedTuple):
+class AblationRow(NamedTuple):
     """One compensator under one set of circumstances."""
 
     compensator: str
@@ -69,34 +69,36 @@ class Tried(NamedTuple):
     """The loop has no bound."""
 
 
-def ablation(subject: Subject) -> tuple[Tried, ...]:
+def ablation(loop: JointLoop) -> tuple[AblationRow, ...]:
     """All of them; the joint goes forth and back twice, then is held at rest."""
-    course, moving = _course(subject)
+    reference, moving = _back_and_forth(loop)
     circumstances = [(bits, share) for bits in BITS for share in SHARES]
     cases = [
-        replace(subject.case(model=_scaled(subject.model, share)), resolution=_count(subject, bits))
+        replace(loop.case(model=_scaled(loop.model, share)), resolution=_count(loop, bits))
         for bits, share in circumstances
     ]
-    rows: list[Tried] = []
+    rows: list[AblationRow] = []
     bare: dict[int, float] = {}
     for way, compensator in WAYS.items():
-        own = replace(compensator, filter_time=_FILTER * subject.period, observer_gain=subject.observer_gain)
+        own = replace(compensator, filter_time=_FILTER * loop.period, observer_gain=loop.observer_gain)
         chosen = [k for k, (_, share) in enumerate(circumstances) if way != "none" or share == 1.0]
         for delay in DELAYS:
-            wiring = Wiring(compensator=own, encoder=True, delay=delay)
-            run = simulate(wiring, [cases[k] for k in chosen], course, subject.period)
-            found = _judged(subject, run, moving, [circumstances[k][0] for k in chosen], bare)
+            options = LoopOptions(compensator=own, encoder=True, delay=delay)
+            run = simulate(options, [cases[k] for k in chosen], reference, loop.period)
+            found = _judged(loop, run, moving, [circumstances[k][0] for k in chosen], bare)
             for k, (rms, chatter, cycles, leads, diverges) in zip(chosen, found, strict=True):
                 bits, share = circumstances[k]
                 bare.setdefault(bits, rms)
                 share = share if way != "none" else 0.0  # nothing is compensated
-                rows.append(Tried(way, bits, delay, share, rms, rms / bare[bits], chatter, cycles, leads, diverges))
+                rows.append(
+                    AblationRow(way, bits, delay, share, rms, rms / bare[bits], chatter, cycles, leads, diverges)
+                )
     return tuple(rows)
 
 
-def _count(subject: Subject, bits: int) -> float:
+def _count(loop: JointLoop, bits: int) -> float:
     """One count, rad."""
-    return float(2 * pi * subject.amplitude / 2**bits)
+    return float(2 * pi * loop.amplitude / 2**bits)
 
 
 def _scaled(model: Pair[float], share: float) -> Pair[float]:
@@ -104,21 +106,21 @@ def _scaled(model: Pair[float], share: float) -> Pair[float]:
     return Pair(*(Lugre(*(x if name == "v_s" else share * x for name, x in p._asdict().items())) for p in model))
 
 
-def _course(subject: Subject) -> tuple[Course, NDArray[np.bool_]]:
+def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:
     """Forth and back twice by the amplitude, at rest at both ends, then held; and where it moves fast enough to tell lead from lag."""
-    w, h = 2 * np.pi * subject.frequency, subject.period
-    t: Array = h * np.arange(round((2 / subject.frequency + HOLD) / h) + 1, dtype=np.float64)
-    on, half = t < 2 / subject.frequency, subject.amplitude / 2
+    w, h = 2 * np.pi * loop.frequency, loop.period
+    t: Array = h * np.arange(round((2 / loop.frequency + HOLD) / h) + 1, dtype=np.float64)
+    on, half = t < 2 / loop.frequency, loop.amplitude / 2
     y, v, acceleration = (
         np.asarray(on * half * x, dtype=np.float64)
         for x in (1 - np.cos(w * t), w * np.sin(w * t), w**2 * np.cos(w * t))
     )
-    course = Course(y, v, acceleration)
-    return course, np.abs(v) > 0.2 * half * w
+    reference = Reference(y, v, acceleration)
+    return reference, np.abs(v) > 0.2 * half * w
 
 
 def _judged(
-    subject: Subject, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int], bare: dict[int, float]
+    loop: JointLoop, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int], bare: dict[int, float]
 ) -> list[tuple[float, float, bool, bool, bool]]:
     """Of each case: RMS error in motion, chatter at rest, whether it cycles there, leads its reference, and diverges; `bare` RMS errors by bits."""
     late = run.time >= run.time[-1] - _WATCHED
@@ -131,9 +133,9 @@ def _judged(
         wide = np.ptp(held, axis=1)
         chatter = run.chatter(float(run.time[-1]) - _WATCHED)
     swings = np.count_nonzero(np.diff(np.signbit(about), axis=1), axis=1)
-    deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in subject.plant)
-    least = [max(_COUNTS * _count(subject, b), _SWAY * deflection) for b in bits]
-    diverges = ~(rms < _LOST * subject.amplitude)
+    deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in loop.plant)
+    least = [max(_COUNTS * _count(loop, b), _SWAY * deflection) for b in bits]
+    diverges = ~(rms < _LOST * loop.amplitude)
     cycles = (swings >= _SWINGS) & (wide > np.array(least)) & ~diverges
-    over = (lead < [-max(_count(subject, b), _LEAD * bare.get(b, np.inf)) for b in bits]) & ~diverges
+    over = (lead < [-max(_count(loop, b), _LEAD * bare.get(b, np.inf)) for b in bits]) & ~diverges
     return list(zip(*(x.tolist() for x in (rms, chatter, cycles, over, diverges)), strict=True))

@@ -33,7 +33,7 @@ def _line(ax: Axes, run: Trajectory, values: Array, colour: str, line: object, l
 def _panels(study: Study, count: int, height: float = 2.2, *, simulated: bool = True) -> tuple[Figure, Sequence[Axes]]:
     figure = new_figure(0.5 + height * count)
     axes: Sequence[Axes] = list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
-    title(axes[0], study.subjects[0].name, simulated)
+    title(axes[0], study.loops[0].name, simulated)
     return figure, axes
 
 
@@ -45,7 +45,7 @@ def followed_figure(study: Study) -> Figure:
 
 def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
     """Two runs of one reference by their labels: position, position error and control over time."""
-    kind = study.subjects[0].kind
+    kind = study.loops[0].kind
     figure, axes = _panels(study, 3)
     above, middle, below = axes
     looks = ((_VERMILION, "--"), (_BLUE, "-"))
@@ -69,7 +69,7 @@ def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
 @styled
 def errors_figure(study: Study) -> Figure:
     """Fig. 8: RMS error of each joint without, with, and with adaptive compensation, as bars with numbers; one panel for each frequency."""
-    kind = study.subjects[0].kind
+    kind = study.loops[0].kind
     rows = [row for row in study.errors if not row.inertia]
     names = list(dict.fromkeys(row.joint for row in rows))
     frequencies = list(dict.fromkeys(row.frequency for row in rows))
@@ -108,7 +108,7 @@ def gains_figure(study: Study) -> Figure:
     """Fig. 9: the adapted parameters over time by each law, with what the paper reports as lines across."""
     shown, a = study.adapted, study.adapted.adaptation
     figure, axes = _panels(study, len(a.parameters), 2.6)
-    own = "the true one" if study.subjects[0].simulated else "the identified"
+    own = "the true one" if study.loops[0].simulated else "the identified"
     for k, (ax, name) in enumerate(zip(axes, a.parameters, strict=True)):
         begun = study.adapting.start.get(name, 1.0)
         for law, run in shown.runs.items():
@@ -126,7 +126,7 @@ def gains_figure(study: Study) -> Figure:
                 fontsize=8.5,
             )
         ax.set_ylabel(f"{symbol(name)}, share of {own}")
-    axes[-1].set_xlabel(axis("time", study.subjects[0].kind))
+    axes[-1].set_xlabel(axis("time", study.loops[0].kind))
     axes[-1].legend(loc="lower right", ncols=2)
     return figure
 
@@ -139,14 +139,14 @@ def adapted_figure(study: Study) -> Figure:
 
 
 @styled
-def landings_figure(study: Study) -> Figure:
+def adaptation_map_figure(study: Study) -> Figure:
     """Where the adapted parameters end, as heat maps with numbers: rate over frequency, and amplitude over frequency."""
-    m, kind = study.landings, study.subjects[0].kind
+    m, kind = study.adaptation_map, study.loops[0].kind
     parameters = study.adapting.adaptation.parameters
     figure = new_figure(0.8 + 2.7 * len(parameters), width=6.6)
     axes = figure.subplots(len(parameters), 2, squeeze=False)
     figure.subplots_adjust(hspace=0.55, wspace=0.35)
-    title(axes[0, 0], study.subjects[0].name, True)
+    title(axes[0, 0], study.loops[0].name, True)
     columns = (
         (m.gammas, "Learning rate", m.by_gamma),
         (m.amplitudes, f"Amplitude ({pretty(unit('position', kind))})", m.by_amplitude),
@@ -189,12 +189,12 @@ def _heat(ax: Axes, values: Array, across: Array, up: Array) -> None:
 @styled
 def gradients_figure(study: Study) -> Figure:
     """What each law's gradient is over speed, in steady sliding, relative to the total derivative's."""
-    subject = study.adapting
+    loop = study.adapting
     v, found = study.gradients
-    name = subject.adaptation.parameters[0]
+    name = loop.adaptation.parameters[0]
     figure = new_figure(3.2)
     ax = figure.subplots()
-    title(ax, study.subjects[0].name, False)
+    title(ax, study.loops[0].name, False)
     for law, g in found.items():
         colour, line = LAWS[law]
         ax.plot(v, g, linestyle=line, color=colour, label=law)
@@ -204,10 +204,10 @@ def gradients_figure(study: Study) -> Figure:
         side.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         side.set_minor_locator(NullLocator())
     ax.set_ylim(1e-4, 10 * max(float(g.max()) for g in found.values()))
-    v_s = subject.plant.positive.v_s
+    v_s = loop.plant.positive.v_s
     ax.axvline(v_s, color="#666666", linewidth=0.8)
     ax.annotate("vₛ", (v_s, 0.03), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=9)
-    ax.set_xlabel(axis("velocity", subject.kind))
+    ax.set_xlabel(axis("velocity", loop.kind))
     ax.set_ylabel(f"Relative G of {symbol(name)}")
     ax.legend(loc="lower right")
     return figure
@@ -224,7 +224,7 @@ def ablation_figure(study: Study) -> Figure:
     figure = new_figure(1.0 + 2.15 * len(bits_of), width=7.4)
     axes = figure.subplots(len(bits_of), len(delays), sharex=True, sharey=True, squeeze=False)
     figure.subplots_adjust(left=2.05 / 7.4, hspace=0.22, wspace=0.06, bottom=0.5 / (1.0 + 2.15 * len(bits_of)))
-    title(axes[0, 0], study.subjects[0].name, True)
+    title(axes[0, 0], study.loops[0].name, True)
     for i, bits in enumerate(bits_of):
         for j, delay in enumerate(delays):
             ax = axes[i, j]
@@ -265,12 +265,12 @@ def ablation_figure(study: Study) -> Figure:
 @styled
 def band_figure(study: Study) -> Figure | None:
     """The tracking error on joints that the identified covariance allows, and on the plant; None where there is no covariance."""
-    band, kind = study.band, study.subjects[0].kind
+    band, kind = study.band, study.loops[0].kind
     if band is None:
         return None
     figure = new_figure(3.0)
     ax = figure.subplots()
-    title(ax, study.subjects[0].name, True)
+    title(ax, study.loops[0].name, True)
     k = thinned(band.time.size, MOST)
     ax.fill_between(
         band.time[k],
@@ -287,7 +287,7 @@ def band_figure(study: Study) -> Figure | None:
         "-",
         color=_BLACK,
         linewidth=0.9,
-        label="true joint" if study.subjects[0].simulated else "as identified",
+        label="true joint" if study.loops[0].simulated else "as identified",
     )
     ax.set_xlabel(axis("time", kind))
     ax.set_ylabel(f"Position error (m{pretty(unit('position', kind))})")
@@ -303,8 +303,8 @@ def replay_figure(at: int) -> Callable[[Study], Figure | None]:
         """The replay that stands there."""
         if at >= len(study.replays):
             return None
-        replay, kind = study.replays[at], study.subjects[0].kind
-        figure, (above, below) = _panels(study, 2, 2.5, simulated=study.subjects[0].simulated)
+        replay, kind = study.replays[at], study.loops[0].kind
+        figure, (above, below) = _panels(study, 2, 2.5, simulated=study.loops[0].simulated)
         k = thinned(replay.time.size, 2 * MOST)
         for values, colour, line, width, label in (
             (replay.measured, _GREY, "-", 2.4, "measured"),

@@ -25,10 +25,12 @@ _MOST_REPLAYS = 6
 """Replays drawn; the table has all."""
 
 
-def write_adaptation(study: Study, folder: Path, title: str) -> Path:
+def write_adaptation(study: Study, folder: Path) -> Path:
     """Write the compensated joint as a page of its own: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_page`."""
     files = tables_of(tables.all_tables(study))
-    named = {"title": title, "simulated": study.subjects[0].simulated, **versions(SEED), **_compensation(study, files)}
+    names = [loop.name for loop in study.loops]
+    title = names[0] if len(names) == 1 else f"{len(names)} joints"
+    named = {"title": title, "simulated": study.loops[0].simulated, **versions(SEED), **_compensation(study, files)}
     return write_page(folder, _PACKAGE, "adapt.html", named, files)
 
 
@@ -36,7 +38,7 @@ def section(study: Study) -> Section:
     """The compensated joint as a section of the embedded report."""
     files = tables_of(tables.all_tables(study))
     text = html(_PACKAGE, "compensation.html", _compensation(study, files))
-    name = study.subjects[0].name
+    name = study.loops[0].name
     return Section(Markup(text), _CONTENTS.format(name), files)  # noqa: S704  # rendered with autoescape
 
 
@@ -47,7 +49,7 @@ def _compensation(study: Study, files: dict[str, bytes]) -> dict[str, Any]:
     for kind, drawing in draw(study).items():
         figure = drawing(study)
         if figure is not None:
-            label = f"{kind} of {study.subjects[0].name}, compensated"
+            label = f"{kind} of {study.loops[0].name}, compensated"
             drawn[kind] = element(figure, f"compensation-{kind}", label, files)
     return {"compensation": context(study) | {"figures": drawn}}
 
@@ -59,7 +61,7 @@ def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
         "errors": figures.errors_figure,
         "gains": figures.gains_figure,
         "adapted": figures.adapted_figure,
-        "landings": figures.landings_figure,
+        "landings": figures.adaptation_map_figure,
         "gradients": figures.gradients_figure,
         "ablation": figures.ablation_figure,
         "band": figures.band_figure,
@@ -69,18 +71,36 @@ def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
 
 def context(study: Study) -> dict[str, Any]:
     """Everything that the template of the compensated joint names."""
-    subject, kind = study.subjects[0], study.subjects[0].kind
-    q = pretty(unit("position", kind))
-    T = pretty(unit("torque", kind))
+    loop, kind = study.loops[0], study.loops[0].kind
     return {
-        "subject": subject,
+        "joint": loop,
         "paper": study.paper,
         "kind": kind,
-        "unit": q,
+        "unit": pretty(unit("position", kind)),
         "law": study.adapted.adaptation.law,
         "step": "" if study.adapting.adaptation.step == "gradient" else study.adapting.adaptation.step,
         "gamma": ", ".join(number(g, 3) for g in study.adapting.adaptation.gamma),
-        "assumptions": subject.assumptions,
+        "assumptions": loop.assumptions,
+        "table_2": shown(tables.table_2(study)),
+        "counts": {
+            "tried": len(study.ablation), "cycling": sum(x.limit_cycle for x in study.ablation),
+            "leading": sum(x.over_compensated for x in study.ablation), "diverging": sum(x.diverges for x in study.ablation),
+        },
+        "band": study.band,
+        "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
+        "replays": shown(tables.replay(study)) if study.replays else None,
+        "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
+        "of_replay": [
+            (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
+        ],
+        **_tables(study),
+    }  # fmt: skip  # a table
+
+
+def _tables(study: Study) -> dict[str, Table]:
+    """Tables under the words of the page, errors in thousandths."""
+    q, T = (pretty(unit(name, study.loops[0].kind)) for name in ("position", "torque"))
+    return {
         "errors": _table(
             tables.compensation_errors(study).drop(columns=["torque_without", "torque_with", "true_share"]),
             {
@@ -89,7 +109,6 @@ def context(study: Study) -> dict[str, Any]:
             },
             "without", "true_model", "identified_model", "adaptive",
         ),
-        "table_2": shown(tables.table_2(study)),
         "drift": _table(
             tables.drift(study),
             {
@@ -117,25 +136,17 @@ def context(study: Study) -> dict[str, Any]:
         "sampling": _table(
             tables.sampling(study), {"joint": "of", "period": "period (ms)", "distance": f"distance (m{q})"}, "period", "distance"
         ),
-        "counts": _counts(study),
-        "band": study.band,
-        "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
-        "replays": shown(tables.replay(study)) if study.replays else None,
-        "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
-        "of_replay": [
-            (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
-        ],
     }  # fmt: skip  # tables of words
 
 
-def text(study: Study) -> Iterator[str]:
-    """What the command line prints, a line each."""
+def lines(study: Study) -> Iterator[str]:
+    """The study in words, a line each."""
     for row in study.errors:
         if not row.inertia:
             shares = f"{row.identified / row.without:.3f} with compensation, {row.adaptive / row.without:.3f} adaptive"
             yield f"{row.joint}, {row.frequency:g} Hz: RMS error {row.without:.4g} without compensation; of it {shares}."
     for x in study.adapted.factors:
-        yield f"{study.subjects[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}."
+        yield f"{study.loops[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}."
     for replay in study.replays:
         yield f"{replay.file}, begun at {replay.begun}, {replay.adaptation.law}: {replay.verdict}"
 
@@ -145,12 +156,3 @@ def _table(frame: pd.DataFrame, names: Mapping[str, str], *thousandths: str) -> 
     frame = frame.astype(dict.fromkeys(thousandths, float))
     frame[list(thousandths)] *= 1e3
     return shown(frame.rename(columns=dict(names)))
-
-
-def _counts(study: Study) -> dict[str, int]:
-    return {
-        "tried": len(study.ablation),
-        "cycling": sum(x.limit_cycle for x in study.ablation),
-        "leading": sum(x.over_compensated for x in study.ablation),
-        "diverging": sum(x.diverges for x in study.ablation),
-    }

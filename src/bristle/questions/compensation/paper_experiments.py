@@ -10,9 +10,10 @@ from typing import NamedTuple
 from bristle.control.adaptation import Adaptation, Law, laws_for
 from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator
-from bristle.control.wiring import Case, Wiring
+from bristle.control.control_period import Case, LoopOptions
 from bristle.errors import InputError
-from bristle.simulation.joint_loop import Subject, stacked
+from bristle.simulation.joint_loop import JointLoop
+from bristle.simulation.references import stacked
 
 LONG, SETTLE, SHORT = 30.0, 10.0, 20.0
 """s: a run of Fig. 8, from when on its error counts, and a run of the adaptation."""
@@ -41,41 +42,41 @@ class Errors(NamedTuple):
     """The same with the identified parameters."""
 
 
-def errors(subjects: Sequence[Subject]) -> tuple[Errors, ...]:
+def errors(loops: Sequence[JointLoop]) -> tuple[Errors, ...]:
     """Fig. 8 at both frequencies of each joint, without and with inertia feed-forward."""
-    rows = [[*_errors(subject, inertia=False), *_errors(subject, inertia=True)] for subject in subjects]
+    rows = [[*_errors(loop, inertia=False), *_errors(loop, inertia=True)] for loop in loops]
     return tuple(row for own in rows for row in sorted(own, key=lambda row: (row.frequency, row.inertia)))
 
 
-def _errors(subject: Subject, *, inertia: bool) -> list[Errors]:
-    frequencies = (subject.slow, subject.frequency)
-    courses = [subject.sine(f, LONG) for f in frequencies]
-    own, found = subject.case(model=subject.plant), subject.case()
+def _errors(loop: JointLoop, *, inertia: bool) -> list[Errors]:
+    frequencies = (loop.slow, loop.frequency)
+    references = [loop.sine(f, LONG) for f in frequencies]
+    own, found = loop.case(model=loop.plant), loop.case()
 
     def run(compensator: Compensator, cases: Sequence[Case]) -> Trajectory:
-        """A compensator with both courses, for each pair of cases."""
-        whole = replace(compensator, inertia=subject.J if inertia else 0.0)
-        return simulate(Wiring(compensator=whole), cases, stacked(courses * (len(cases) // 2)), subject.period)
+        """A compensator with both references, for each pair of cases."""
+        whole = replace(compensator, inertia=loop.J if inertia else 0.0)
+        return simulate(LoopOptions(compensator=whole), cases, stacked(references * (len(cases) // 2)), loop.period)
 
-    bare, steady = run(BARE, [found] * 2), run(subject.compensator, [own, own, found, found])
-    moved = run(replace(subject.compensator, adaptation=subject.adaptation), [found] * 2)
+    bare, steady = run(BARE, [found] * 2), run(loop.compensator, [own, own, found, found])
+    moved = run(replace(loop.compensator, adaptation=loop.adaptation), [found] * 2)
     without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
-    if not max(fed) < 10 * subject.amplitude:
+    if not max(fed) < 10 * loop.amplitude:
         raise InputError(
-            f"{subject.name}: the loop diverges with {subject.compensator.name}; choose lugre, lower gains, or a shorter period"
+            f"{loop.name}: the loop diverges with {loop.compensator.name}; choose lugre, lower gains, or a shorter period"
         )
     asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))
     return [
-        Errors(subject.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])
+        Errors(loop.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])
         for k, f in enumerate(frequencies)
     ]
 
 
-def followed(subject: Subject) -> dict[str, Trajectory]:
+def followed(loop: JointLoop) -> dict[str, Trajectory]:
     """Figs 5 to 7: the slow sine without friction compensation and with the identified model's."""
-    course = subject.sine(subject.slow, 2 / subject.slow)
-    wirings = {"without": Wiring(compensator=BARE), "with": Wiring(compensator=subject.compensator)}
-    return {name: simulate(w, [subject.case()], course, subject.period) for name, w in wirings.items()}
+    reference = loop.sine(loop.slow, 2 / loop.slow)
+    options = {"without": LoopOptions(compensator=BARE), "with": LoopOptions(compensator=loop.compensator)}
+    return {name: simulate(w, [loop.case()], reference, loop.period) for name, w in options.items()}
 
 
 class Factors(NamedTuple):
@@ -99,27 +100,27 @@ class Adapted:
     adaptation: Adaptation
 
 
-def adapted(subject: Subject) -> Adapted:
+def adapted(loop: JointLoop) -> Adapted:
     """The adaptation from the wrong start, by every law that can adapt the plan's parameters."""
-    plan, course = subject.adaptation, subject.sine(subject.frequency, SHORT)
-    case = subject.case(model=subject.begun(subject.model))
+    plan, reference = loop.adaptation, loop.sine(loop.frequency, SHORT)
+    case = loop.case(model=loop.wrong_start(loop.model))
     laws = laws_for(plan.parameters)
-    ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=_fair(subject, law)) for law in laws}
+    ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=comparable_rates(loop, law)) for law in laws}
     runs = {
-        name: simulate(Wiring(compensator=replace(subject.compensator, adaptation=a)), [case], course, subject.period)
+        name: simulate(LoopOptions(compensator=replace(loop.compensator, adaptation=a)), [case], reference, loop.period)
         for name, a in ways.items()
     }
     factors = [
         Factors(law, name, begun, float(begun * theta[theta.size // 5]), float(begun * theta[-1]))
         for law in laws
         for name, theta in zip(plan.parameters, runs[law].theta[0], strict=True)
-        for begun in [subject.start.get(name, 1.0)]
+        for begun in [loop.start.get(name, 1.0)]
     ]
     return Adapted(runs=runs, factors=tuple(factors), adaptation=plan)
 
 
-def _fair(subject: Subject, law: Law) -> tuple[float, ...]:
+def comparable_rates(loop: JointLoop, law: Law) -> tuple[float, ...]:
     """Rates of a law: the plan's, but times or over the parameter where only one of both laws has it once more in its gradient."""
-    plan, begun = subject.adaptation, subject.begun(subject.model).positive
+    plan, begun = loop.adaptation, loop.wrong_start(loop.model).positive
     power = (plan.law == "partial-theta") - (law == "partial-theta")
     return tuple(float(g * getattr(begun, name) ** power) for g, name in zip(plan.gamma, plan.parameters, strict=True))

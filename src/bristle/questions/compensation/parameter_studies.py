@@ -9,13 +9,15 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, Law, laws_for, steady_gradient
 from bristle.control.closed_loop import simulate
-from bristle.control.continuous import Sine, simulate_continuous
+from bristle.control.compensator import Reference
+from bristle.control.continuous import simulate_continuous
+from bristle.control.control_period import Disturbance, LoopOptions
 from bristle.control.pid import Sliding
-from bristle.control.wiring import Course, Wiring
 from bristle.errors import InputError
 from bristle.model.parameters import Lugre
 from bristle.questions.compensation import paper_experiments as paper
-from bristle.simulation.joint_loop import Subject, sine, stacked
+from bristle.simulation.joint_loop import JointLoop
+from bristle.simulation.references import Sine, stacked
 
 GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)
 """Rates of the maps, as multiples of a twentieth of the plan's."""
@@ -26,7 +28,7 @@ RISE = 0.5
 """By how much alpha_0 and alpha_2 grow in a drift."""
 
 
-class Map(NamedTuple):
+class AdaptationMap(NamedTuple):
     """Where the adapted parameters end, as shares of the model's: over rate and frequency, and over amplitude and frequency."""
 
     gammas: Array
@@ -41,26 +43,26 @@ class Map(NamedTuple):
     """(parameters, l, m)."""
 
 
-def landings(subject: Subject) -> Map:
+def adaptation_map(loop: JointLoop) -> AdaptationMap:
     """How the adapted values move with rate, amplitude and frequency, after the length of a run of the adaptation."""
-    plan = subject.adaptation
+    plan = loop.adaptation
     top = float(np.max(plan.gamma)) or 1.0
     gammas = top * np.array(GAMMAS) / 20.0
-    f, A = subject.frequency * np.array(FREQUENCIES), subject.amplitude * np.array(AMPLITUDES)
-    case = subject.case(model=subject.begun(subject.model))
-    begun = np.array([subject.start.get(name, 1.0) for name in plan.parameters])
+    f, A = loop.frequency * np.array(FREQUENCIES), loop.amplitude * np.array(AMPLITUDES)
+    case = loop.case(model=loop.wrong_start(loop.model))
+    begun = np.array([loop.start.get(name, 1.0) for name in plan.parameters])
 
-    def ends(share: float, courses: Sequence[Course]) -> Array:
-        """The adapted shares after courses, at that share of the plan's rates, (parameters, courses)."""
+    def ends(share: float, references: Sequence[Reference]) -> Array:
+        """The adapted shares after these references, at that share of the plan's rates, (parameters, references)."""
         a = replace(plan, gamma=tuple(share * g for g in plan.gamma))
-        wiring = Wiring(compensator=replace(subject.compensator, adaptation=a))
-        run = simulate(wiring, [case] * len(courses), stacked(courses), subject.period)
+        options = LoopOptions(compensator=replace(loop.compensator, adaptation=a))
+        run = simulate(options, [case] * len(references), stacked(references), loop.period)
         final: Array = begun[:, None] * run.theta[:, :, -1].T
         return final
 
-    by_gamma = [ends(float(g) / top, [subject.sine(x, paper.SHORT) for x in f]) for g in gammas]
-    grid = ends(1.0, [subject.sine(x, paper.SHORT, a) for a in A for x in f])
-    return Map(gammas, f, A, np.stack(by_gamma, axis=1), grid.reshape(begun.size, A.size, f.size))
+    by_gamma = [ends(float(g) / top, [loop.sine(x, paper.SHORT) for x in f]) for g in gammas]
+    grid = ends(1.0, [loop.sine(x, paper.SHORT, a) for a in A for x in f])
+    return AdaptationMap(gammas, f, A, np.stack(by_gamma, axis=1), grid.reshape(begun.size, A.size, f.size))
 
 
 def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[Law, Array]]:
@@ -96,17 +98,17 @@ class Drift(NamedTuple):
 _UNLIMITED = (1e-12, 1e12)
 
 
-def drifts(subjects: Sequence[Subject], shares: Sequence[float] = (0.25, 1.0)) -> tuple[Drift, ...]:
+def drifts(loops: Sequence[JointLoop], shares: Sequence[float] = (0.25, 1.0)) -> tuple[Drift, ...]:
     """Every joint at the plan's frequency and at its slow one: known, fixed, adapted at shares of the plan's rates, unprojected, normalised."""
-    return tuple(row for subject in subjects for row in _drift(subject, shares))
+    return tuple(row for loop in loops for row in _drift(loop, shares))
 
 
-def _drift(subject: Subject, shares: Sequence[float]) -> list[Drift]:
-    frequencies = (subject.slow, subject.frequency)
-    course = stacked([subject.sine(f, paper.LONG) for f in frequencies])
-    rising: Array = np.linspace(1.0, 1.0 + RISE, course.position.shape[-1], dtype=np.float64)
-    course = course._replace(drift_0=rising, drift_2=rising)
-    plan, cases = subject.adaptation, [subject.case(model=subject.plant)] * len(frequencies)
+def _drift(loop: JointLoop, shares: Sequence[float]) -> list[Drift]:
+    frequencies = (loop.slow, loop.frequency)
+    reference = stacked([loop.sine(f, paper.LONG) for f in frequencies])
+    rising: Array = np.linspace(1.0, 1.0 + RISE, reference.position.shape[-1], dtype=np.float64)
+    drifting = Disturbance(drift_0=rising, drift_2=rising)
+    plan, cases = loop.adaptation, [loop.case(model=loop.plant)] * len(frequencies)
     ways: list[tuple[str, Adaptation | None]] = [("known", None), ("fixed", None)]
     ways += [(plan.law, replace(plan, gamma=tuple(share * g for g in plan.gamma))) for share in shares]
     ways += [
@@ -115,12 +117,12 @@ def _drift(subject: Subject, shares: Sequence[float]) -> list[Drift]:
     ]
     rows: dict[float, list[Drift]] = {f: [] for f in frequencies}
     for way, a in ways:
-        wiring = Wiring(compensator=replace(subject.compensator, adaptation=a), informed=way == "known")
-        run = simulate(wiring, cases, course, subject.period)
+        options = LoopOptions(compensator=replace(loop.compensator, adaptation=a), informed=way == "known")
+        run = simulate(options, cases, reference, loop.period, drifting)
         for f, rms, theta in zip(frequencies, run.rms_error().tolist(), run.theta, strict=True):
             gain = float(np.exp(np.abs(np.log(theta)).max())) if a else np.nan
             known = rows[f][0].rms if rows[f] else rms
-            rows[f].append(Drift(subject.name, f, way, a.gamma[0] if a else np.nan, rms, rms / known, gain))
+            rows[f].append(Drift(loop.name, f, way, a.gamma[0] if a else np.nan, rms, rms / known, gain))
     return [row for f in frequencies for row in rows[f]]
 
 
@@ -139,24 +141,24 @@ class Controlled(NamedTuple):
     """Work at the joint, J."""
 
 
-def controllers(subject: Subject) -> tuple[Controlled, ...]:
+def controllers(loop: JointLoop) -> tuple[Controlled, ...]:
     """PID alone, with LuGre feed-forward, and sliding mode, which needs no model, with boundary layers in which it is PD of the same K_d or steeper.
 
     Sliding mode has five times the torque that the reference needs, and the slope K_p / K_d.
     """
-    course, gains = subject.sine(subject.frequency, paper.SHORT), subject.gains
-    fastest, hardest = float(np.abs(course.velocity).max()), float(np.abs(course.acceleration).max())
-    needed = max(p.alpha_0 + p.alpha_1 + p.alpha_2 * fastest for p in subject.plant) + subject.J * hardest
+    reference, gains = loop.sine(loop.frequency, paper.SHORT), loop.gains
+    fastest, hardest = float(np.abs(reference.velocity).max()), float(np.abs(reference.acceleration).max())
+    needed = max(p.alpha_0 + p.alpha_1 + p.alpha_2 * fastest for p in loop.plant) + loop.J * hardest
     K_d = gains.K_d or gains.K_p / 10
     ways = {
-        "PID alone": (Wiring(compensator=paper.BARE), subject.case()),
-        "PID with LuGre feed-forward": (Wiring(compensator=subject.compensator), subject.case()),
+        "PID alone": (LoopOptions(compensator=paper.BARE), loop.case()),
+        "PID with LuGre feed-forward": (LoopOptions(compensator=loop.compensator), loop.case()),
     }
     for share in (1.0, 0.1, 0.01):
         law = Sliding(5 * needed, gains.K_p / K_d, share * 5 * needed / K_d, gains.filter_time)
-        case = replace(subject.case(), sliding=law)
-        ways[f"sliding mode, layer {law.layer:.2g}"] = (Wiring(compensator=paper.BARE, controller="sliding"), case)
-    runs = {name: simulate(wiring, [case], course, subject.period) for name, (wiring, case) in ways.items()}
+        case = replace(loop.case(), sliding=law)
+        ways[f"sliding mode, layer {law.layer:.2g}"] = (LoopOptions(compensator=paper.BARE, controller="sliding"), case)
+    runs = {name: simulate(options, [case], reference, loop.period) for name, (options, case) in ways.items()}
     since = paper.SHORT / 5
     return tuple(
         Controlled(name, *(float(f(since)[0]) for f in (r.rms_error, r.peak_error, r.rms_torque, r.chatter, r.energy)))
@@ -174,21 +176,21 @@ class Sampled(NamedTuple):
     """Largest difference of the positions over the run, rad."""
 
 
-def sampling(subjects: Sequence[Subject]) -> tuple[Sampled, ...]:
+def sampling(loops: Sequence[JointLoop]) -> tuple[Sampled, ...]:
     """Every joint at twice, once and half its control period."""
     rows = []
-    for subject in subjects:
-        wave = Sine(subject.amplitude, subject.frequency)
-        case = replace(subject.case(), gains=subject.gains._replace(filter_time=0.0))  # the continuous loop has none
+    for loop in loops:
+        sine = Sine(loop.amplitude, loop.frequency)
+        case = replace(loop.case(), gains=loop.gains._replace(filter_time=0.0))  # the continuous loop has none
         for factor in (2.0, 1.0, 0.5):
-            h = factor * subject.period
-            exact = simulate_continuous(case, subject.compensator, wave, paper.SETTLE, h)
-            course = sine(subject.amplitude, subject.frequency, paper.SETTLE, h)
+            h = factor * loop.period
+            exact = simulate_continuous(case, loop.compensator, sine.position, paper.SETTLE, h)
+            reference = sine.sampled(paper.SETTLE, h)
             try:
-                held = simulate(Wiring(compensator=subject.compensator), [case], course, h)
+                held = simulate(LoopOptions(compensator=loop.compensator), [case], reference, h)
             except InputError:  # a longer period than the loop bears
                 continue
-            rows.append(Sampled(subject.name, h, float(np.abs(held.position - exact.position).max())))
+            rows.append(Sampled(loop.name, h, float(np.abs(held.position - exact.position).max())))
     return tuple(rows)
 
 
@@ -209,16 +211,16 @@ class Band(NamedTuple):
     joints: int
 
 
-def band(subject: Subject) -> Band | None:
+def band(loop: JointLoop) -> Band | None:
     """One period of the slow sine after the first, over joints drawn from the covariance; None where there is none."""
-    if not subject.draws:
+    if not loop.draws:
         return None
-    course = subject.sine(subject.slow, 2 / subject.slow)
-    cases = [subject.case(), *(subject.case(plant=pair, J=J) for pair, J in subject.draws)]
-    run = simulate(Wiring(compensator=subject.compensator), cases, course, subject.period)
-    late = run.time >= 1 / subject.slow
+    reference = loop.sine(loop.slow, 2 / loop.slow)
+    cases = [loop.case(), *(loop.case(plant=pair, J=J) for pair, J in loop.draws)]
+    run = simulate(LoopOptions(compensator=loop.compensator), cases, reference, loop.period)
+    late = run.time >= 1 / loop.slow
     e = run.error[:, late]
     lower, upper = np.quantile(e[1:], (0.025, 0.975), axis=0)
     rms = np.sqrt(np.mean(e**2, axis=1))
     low, middle, high = np.quantile(rms[1:], (0.025, 0.5, 0.975)).tolist()
-    return Band(run.time[late], lower, upper, e[0], (low, middle, high), float(rms[0]), len(subject.draws))
+    return Band(run.time[late], lower, upper, e[0], (low, middle, high), float(rms[0]), len(loop.draws))

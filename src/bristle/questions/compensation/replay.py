@@ -14,7 +14,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
-from bristle.control.compensator import Compensator, State, advanced, packed, start, unpacked
+from bristle.control.compensator import Compensator, CompensatorState, advanced, packed, start, unpacked
 from bristle.identification.dynamic.problem import Motion, tracking
 from bristle.identification.identify import Measured
 from bristle.identification.moving_runs import inertia, regressors
@@ -23,7 +23,7 @@ from bristle.model import law
 from bristle.model.parameters import Pair, pair_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import chained
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 _MOVED = 0.01
 """A gain that differs from 1, or from a limit, by no more than this share is there."""
@@ -92,29 +92,29 @@ class Replay:
         return f"Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
 
 
-def replays(subject: Subject, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
-    """Every tracking run, held-out too: by the subject's law from the identified model and from the wrong start, by the total one from the former."""
+def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
+    """Every tracking run, held-out too: by the loop's law from the identified model and from the wrong start, by the total one from the former."""
     fixed, _ = inertia(measured.experiment)
-    known = {"inertia": subject.J} | (joint.moving.known if joint.moving is not None else {})
-    wrong = ", ".join(f"{share:g} {name}" for name, share in subject.start.items())
+    known = {"inertia": loop.J} | (joint.moving.known if joint.moving is not None else {})
+    wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())
     ways = [
-        ("identified", subject.model, subject.adaptation),
-        (wrong, subject.begun(subject.model), subject.adaptation),
+        ("identified", loop.model, loop.adaptation),
+        (wrong, loop.wrong_start(loop.model), loop.adaptation),
     ]
-    ways += [("identified", subject.model, subject.tracing)] if subject.tracing else []
+    ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
     found = []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
         problem = tracking([record], ("both",), regressors(measured.experiment), 1, fixed)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
-        found += [_replay(subject, record.file, problem.motions, extra, *way) for way in ways]
+        found += [_replay(loop, record.file, problem.motions, extra, *way) for way in ways]
     return tuple(found)
 
 
 def _replay(
-    subject: Subject, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float], a: Adaptation
+    loop: JointLoop, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float], a: Adaptation
 ) -> Replay:
     parts, memory = [], np.array(packed(start(Compensator(adaptation=a), model)))
-    numbers = np.array([*model.positive, *model.negative, subject.gains.K_p])
+    numbers = np.array([*model.positive, *model.negative, loop.gains.K_p])
     for m in motions:
         friction = m.torque - m.extra @ extra
         memory[:2] = 0.0, m.velocity[0]
@@ -123,7 +123,7 @@ def _replay(
         memory = np.asarray(ends).ravel()
         fixed = rollout(m.velocity, m.step, model, 0.0).torque
         parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
-    shares = np.array([1.0 if begun == "identified" else subject.start.get(name, 1.0) for name in a.parameters])
+    shares = np.array([1.0 if begun == "identified" else loop.start.get(name, 1.0) for name in a.parameters])
     time, velocity, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
     return Replay(
         file=file, begun=begun, time=time, velocity=velocity, measured=friction, fixed=fixed, adapted=log[0],
@@ -145,6 +145,6 @@ def _run(a: Adaptation, samples: int) -> ca.Function:
     p = law.active(z, v, state.parameters)
     T = law.torque(z, v, effective(p, a, learnt.theta))
     learnt = learn(a, learnt, gradient(a, z, v, p, learnt), (T - friction) / numbers[12], h)
-    new = State(state.parameters, z, v, state.position, learnt)
+    new = CompensatorState(state.parameters, z, v, state.position, learnt)
     tick = ca.Function("tick", [memory, u, q], [ca.vertcat(*packed(new)), ca.vertcat(T, *learnt.theta)], {"cse": True})
     return chained(tick, samples)

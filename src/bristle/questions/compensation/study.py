@@ -2,45 +2,70 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Law
 from bristle.control.closed_loop import Trajectory
 from bristle.progress import Progress
-from bristle.questions.compensation import ablation as trying
+from bristle.questions.compensation import ablation as ablating
 from bristle.questions.compensation import paper_experiments, parameter_studies
-from bristle.questions.compensation.ablation import Tried
+from bristle.questions.compensation.ablation import AblationRow
 from bristle.questions.compensation.paper_experiments import Adapted, Errors
-from bristle.questions.compensation.parameter_studies import Band, Controlled, Drift, Map, Sampled
+from bristle.questions.compensation.parameter_studies import AdaptationMap, Band, Controlled, Drift, Sampled
 from bristle.questions.compensation.replay import Replay
-from bristle.simulation.joint_loop import Subject, one_way
+from bristle.simulation.joint_loop import JointLoop, one_way
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
     """What was tried. Errors, drifts and sampling are of every joint, all else of the first."""
 
-    subjects: tuple[Subject, ...]
-    adapting: Subject
+    loops: tuple[JointLoop, ...]
+    adapting: JointLoop
     """The first joint as the adaptation has it: the paper's Table 2 has the positive friction in both directions."""
     paper: bool
     """Whether these are the paper's joints and experiments."""
     errors: tuple[Errors, ...]
     followed: dict[str, Trajectory]
     adapted: Adapted
-    landings: Map
+    adaptation_map: AdaptationMap
     gradients: tuple[Array, dict[Law, Array]]
     drifts: tuple[Drift, ...]
     controllers: tuple[Controlled, ...]
     sampling: tuple[Sampled, ...]
-    ablation: tuple[Tried, ...]
+    ablation: tuple[AblationRow, ...]
     band: Band | None
     replays: tuple[Replay, ...] = ()
 
+    def text(self) -> str:
+        """What compensation does to each error, where adaptation ends, and whether it would help on the measured runs; a line each."""
+        from bristle.questions.compensation.page import lines
+
+        return "\n".join(lines(self))
+
+    def to_frame(self) -> "pd.DataFrame":
+        """Fig. 8: a row for each joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
+        from bristle.questions.compensation.tables import compensation_errors
+
+        return compensation_errors(self)
+
+    def write(self, folder: Path | str) -> Path:
+        """Write a page with figures and tables into a folder; returns the path of index.html.
+
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
+        """
+        from bristle.questions.compensation.page import write_adaptation
+
+        return write_adaptation(self, Path(folder))
+
 
 def study(
-    subjects: Sequence[Subject],
+    loops: Sequence[JointLoop],
     replays: Sequence[Replay] = (),
     progress: Progress | None = None,
     *,
@@ -50,23 +75,23 @@ def study(
 
     Raises InputError where a loop cannot be run: a control period longer than it bears.
     """
-    first = subjects[0]
+    first = loops[0]
     adapting = one_way(first) if paper else first
     steps: dict[str, Callable[[], Any]] = {
-        "errors": lambda: paper_experiments.errors(subjects),
+        "errors": lambda: paper_experiments.errors(loops),
         "followed": lambda: paper_experiments.followed(first),
         "adapted": lambda: paper_experiments.adapted(adapting),
-        "landings": lambda: parameter_studies.landings(adapting),
+        "adaptation_map": lambda: parameter_studies.adaptation_map(adapting),
         "gradients": lambda: parameter_studies.gradients(adapting.plant.positive, adapting.adaptation.parameters[0]),
-        "drifts": lambda: parameter_studies.drifts(subjects),
+        "drifts": lambda: parameter_studies.drifts(loops),
         "controllers": lambda: parameter_studies.controllers(first),
-        "sampling": lambda: parameter_studies.sampling(subjects),
-        "ablation": lambda: trying.ablation(first),
+        "sampling": lambda: parameter_studies.sampling(loops),
+        "ablation": lambda: ablating.ablation(first),
         "band": lambda: parameter_studies.band(first),
     }
-    found = {}
+    results = {}
     for done, (name, run) in enumerate(steps.items()):
         if progress:
-            progress(f"compensating: {name}", done, len(steps))
-        found[name] = run()
-    return Study(subjects=tuple(subjects), adapting=adapting, paper=paper, replays=tuple(replays), **found)
+            progress(f"compensating: {name.replace('_', ' ')}", done, len(steps))
+        results[name] = run()
+    return Study(loops=tuple(loops), adapting=adapting, paper=paper, replays=tuple(replays), **results)

@@ -44,7 +44,7 @@ def table_2(study: Study) -> pd.DataFrame:
 
 def adaptation_map(study: Study) -> pd.DataFrame:
     """Where adapted parameters end over rate, amplitude and frequency."""
-    m, plan = study.landings, study.adapting
+    m, plan = study.adaptation_map, study.adapting
     rows = [
         (name, float(g), plan.amplitude, float(f), float(m.by_gamma[k, i, j]))
         for k, name in enumerate(plan.adaptation.parameters)

@@ -5,21 +5,20 @@ The motion is a sum of sines; its information is J'J / noise**2 with J = dT/dp t
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.control.compensator import Reference
 from bristle.data.differentiation import stretches
 from bristle.data.record import freeze
 from bristle.identification.fisher import covariance, gram
 from bristle.identification.identify import Measured
 from bristle.identification.known_joint import Start
 from bristle.identification.limits import SAMPLES, Limits
-from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair, pair_of
 from bristle.model.rollout import rollout_into
-from bristle.model.vectorize import evaluate
+from bristle.simulation.references import Multisine
 
 LINES = 6
 """Sines of a motion."""
@@ -32,8 +31,6 @@ _ROUGH = 10.0
 """Nodes so many times farther apart while motions are compared: errors a few percent off, in a quarter of the time."""
 _SCALINGS = 20
 """Tries to bring a motion's torque below the limit."""
-_REST = 0.5
-"""Over which a motion fades in and out, s."""
 _WIDE = 0.2
 """Relative standard error beyond which the motion is averaged over other joints as well."""
 _OTHERS = 2
@@ -44,32 +41,12 @@ _GOOD = 0.97
 """Of each limit is used, for what lies between samples."""
 
 
-class Lines(NamedTuple):
-    """A sum of sines of the position."""
-
-    amplitude: Array
-    """rad, (k,)."""
-    frequency: Array
-    """Hz, (k,)."""
-    phase: Array
-    """rad, (k,)."""
-
-
-class Course(NamedTuple):
-    """A motion over time, (n,) each: s, rad, rad/s, rad/s**2."""
-
-    time: Array
-    position: Array
-    velocity: Array
-    acceleration: Array
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionDesign:
     """A motion to track, and what it should tell."""
 
     name: str
-    lines: Lines
+    lines: Multisine
     """As they are played: scaled to the limits."""
     duration: float
     """s."""
@@ -152,7 +129,7 @@ def measured_motion(measured: Measured, problem: MotionProblem) -> MotionDesign 
     matrix = matrix * (problem.duration / (v.size * step))
     return MotionDesign(
         name="measured so far",
-        lines=Lines(np.zeros(0), np.zeros(0), np.zeros(0)),
+        lines=Multisine(np.zeros(0), np.zeros(0), np.zeros(0)),
         duration=problem.duration,
         torque=torque,
         information=matrix,
@@ -160,36 +137,35 @@ def measured_motion(measured: Measured, problem: MotionProblem) -> MotionDesign 
     )
 
 
-def course(lines: Lines, limits: Limits, duration: float, step: float) -> Course:
-    """The motion over time about the middle of the positions, faded in and out, (n,) each; scaled down where it would leave a limit."""
-    time, *moved = _faded(limited(lines, limits, duration, step), duration, step)
-    return Course(time, (limits.position[0] + limits.position[1]) / 2 + moved[0], moved[1], moved[2])
+def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Reference:
+    """The motion about the middle of the positions, faded in and out; scaled down where it would leave a limit."""
+    found = _faded(limited(lines, limits, duration, step), duration, step)
+    return found._replace(position=(limits.position[0] + limits.position[1]) / 2 + found.position)
 
 
-def limited(lines: Lines, limits: Limits, duration: float, step: float) -> Lines:
+def limited(lines: Multisine, limits: Limits, duration: float, step: float) -> Multisine:
     """The same sines scaled down by one factor where they would leave a limit of position, velocity or acceleration: as they are played."""
-    _, *moved = _faded(lines, duration, step)
-    most = (limits.travel / 2, limits.velocity, limits.acceleration)
+    most, (*moved, _) = (limits.travel / 2, limits.velocity, limits.acceleration), _faded(lines, duration, step)
     share = min(_GOOD * x / max(float(np.abs(own).max()), 1e-300) for x, own in zip(most, moved, strict=True))
     return lines._replace(amplitude=lines.amplitude * min(1.0, share))
 
 
-def _faded(lines: Lines, duration: float, step: float) -> tuple[Array, Array, Array, Array]:
-    """Time, and the sum of all sines with its two derivatives, (n,) each."""
+def _faded(lines: Multisine, duration: float, step: float) -> Reference:
+    """The sum of all sines about zero."""
     time: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
-    sines = (x[:, None] for x in lines)
-    x, x_t, x_tt = evaluate(functions.faded_sine(), time, *sines, float(time[-1]), _REST)
-    return time, x.sum(axis=0), x_t.sum(axis=0), x_tt.sum(axis=0)
+    return lines.at(time, float(time[-1]))
 
 
-def plain_lines(limits: Limits) -> Lines:
+def plain_lines(limits: Limits) -> Multisine:
     """A plain multisine: frequencies spaced evenly in log(f), all sines of the same speed, Schroeder's phases."""
     frequency = np.geomspace(2.0 / 15.0, limits.frequency, LINES)
     k = np.arange(LINES)
-    return Lines(limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES)), frequency, -np.pi * k * (k - 1) / LINES)
+    return Multisine(
+        limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES)), frequency, -np.pi * k * (k - 1) / LINES
+    )
 
 
-def evaluate_motion(name: str, lines: Lines, problem: MotionProblem) -> MotionDesign:
+def evaluate_motion(name: str, lines: Multisine, problem: MotionProblem) -> MotionDesign:
     """A motion with its sines as they are played, and what it should tell of each parameter, at the estimate."""
     lines = limited(lines, problem.limits, problem.duration, 1 / problem.limits.rate)
     run = course(lines, problem.limits, problem.duration, problem.step)
@@ -204,7 +180,7 @@ def evaluate_motion(name: str, lines: Lines, problem: MotionProblem) -> MotionDe
     )
 
 
-def within_torque(lines: Lines, problem: MotionProblem) -> Lines:
+def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
     """The same scaled down, where it would take more torque than the drive has, until it does not at the estimate."""
     for _ in range(_SCALINGS):
         run = course(lines, problem.limits, problem.duration, problem.step)
@@ -256,15 +232,15 @@ def _box(limits: Limits) -> tuple[Array, Array]:
     return low, high
 
 
-def _packed(lines: Lines) -> Array:
+def _packed(lines: Multisine) -> Array:
     """Log(speed amplitude), log(frequency) and phase, (3 k,)."""
     speed = 2 * np.pi * lines.frequency * lines.amplitude
     return np.concatenate([np.log(speed), np.log(lines.frequency), np.mod(lines.phase, 2 * np.pi)])
 
 
-def _unpacked(x: Array) -> Lines:
+def _unpacked(x: Array) -> Multisine:
     speed, frequency, phase = np.exp(x[:LINES]), np.exp(x[LINES : 2 * LINES]), x[2 * LINES :]
-    return Lines(speed / (2 * np.pi * frequency), frequency, phase)
+    return Multisine(speed / (2 * np.pi * frequency), frequency, phase)
 
 
 def _cost(x: Array, problem: MotionProblem) -> float:

@@ -23,7 +23,7 @@ from bristle.model.parameters import Lugre, unit
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
-from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, Reference
+from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun
 from bristle.questions.experiment_design.schedule import duration, schedule
 from bristle.questions.experiment_design.velocities import VelocityPlan, plan_velocities
 
@@ -62,7 +62,7 @@ class Plan:
     standard_errors: Mapping[str, Array]
     """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not
     seen."""
-    references: tuple[Reference, ...]
+    references: tuple[PlannedRun, ...]
     assumptions: tuple[Diagnostic | str, ...]
     """What the expected intervals rest on; of limits that nobody declared, and of the start, as sentences."""
 

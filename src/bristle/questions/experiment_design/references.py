@@ -1,23 +1,24 @@
-"""References that a controller can play: each planned run as position and velocity over time, or as torque where it loads below breakaway.
+"""The runs of a plan within its limits: which holds make a run at constant velocity, in which order, and each run as samples to play.
 
-Velocity goes from one value to the next by 3 s**2 - 2 s**3 of the time, so the acceleration is continuous; each hold begins with a run-in that is
-not averaged. Runs forth and back are ordered so that the position stays within its limits, with moves between them where it would not.
+Each hold begins with a run-in that is not averaged. Runs forth and back are ordered so that the position stays within its limits, with moves between
+them where it would not.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from bristle.arrays import Array
+from bristle.control.compensator import Reference
 from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
-from bristle.questions.experiment_design.excitation import Lines, course
+from bristle.questions.experiment_design.excitation import course
 from bristle.questions.experiment_design.loading import LoadingDesign
+from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, SlowLoads
 
 SETTLE = 0.6
 """Least run-in before a hold is averaged, s."""
@@ -31,14 +32,6 @@ FALL = 0.2
 """Time in which a load falls back to zero, as a share of its rise."""
 _REST = 0.5
 """Rest before and after each run that starts from rest, s."""
-_SMOOTH = Polynomial([0.0, 0.0, 3.0, -2.0])
-"""From one velocity to the next."""
-_TRAVELLED = _SMOOTH.integ()
-_ACROSS = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
-"""From one position to the next, at rest at both."""
-_STEEPEST = float(_SMOOTH.deriv()(0.5))
-_FASTEST = float(_ACROSS.deriv()(0.5))
-_HARDEST = float(np.abs(_ACROSS.deriv(2)(_ACROSS.deriv(3).roots().real)).max())
 _USED = 0.999
 """Of each limit, so that rounding in a file stays within it."""
 
@@ -46,7 +39,7 @@ Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reference:
+class PlannedRun:
     """One run; what is not commanded is nan. Arrays of shape (n,), n >= 1."""
 
     kind: Kind
@@ -64,33 +57,9 @@ class Reference:
         freeze(self)
 
 
-class Hold(NamedTuple):
-    """One pass at a constant velocity."""
-
-    run: int
-    velocity: float
-    """rad/s, with its sign."""
-    run_in: float
-    """s."""
-    averaged: float
-    """s."""
-    ramp: float
-    """Time from rest to the velocity, s."""
-
-    @property
-    def travel(self) -> float:
-        """From rest to rest, rad, with its sign."""
-        return self.velocity * (self.run_in + self.averaged + self.ramp)
-
-    @property
-    def duration(self) -> float:
-        """From rest to rest, s."""
-        return self.run_in + self.averaged + 2 * self.ramp
-
-
 def ramp_time(velocity: float, limits: Limits) -> float:
     """Time from rest to a velocity within the largest acceleration, s; at least `TURN`."""
-    return max(TURN, _STEEPEST * abs(velocity) / (_USED * limits.acceleration))
+    return max(TURN, STEEPEST * abs(velocity) / (_USED * limits.acceleration))
 
 
 def run_in(speed: float, deflection: float) -> float:
@@ -152,50 +121,45 @@ _LONGEST = 1e7
 """Samples of one run's reference."""
 
 
-def hold_reference(hold: Hold, start: float, step: float) -> Reference:
+def hold_reference(hold: Hold, start: float, step: float) -> PlannedRun:
     """From rest to the velocity, at it, and to rest again. Raises InputError where that takes more samples than a reference may have."""
-    ends = np.cumsum([0.0, hold.ramp, hold.run_in + hold.averaged, hold.ramp])
-    if not ends[-1] / step < _LONGEST:
+    if not hold.duration / step < _LONGEST:
         raise InputError(
-            f"a hold at a velocity of {hold.velocity:.3g} takes {ends[-1]:.3g} s, {ends[-1] / step:.1e} samples; expected at most {_LONGEST:g}: "
+            f"a hold at a velocity of {hold.velocity:.3g} takes {hold.duration:.3g} s, {hold.duration / step:.1e} samples; "
+            f"expected at most {_LONGEST:g}: "
             "raise plan.minimum_velocity, or give plan.hold, plan.acceleration or a lower plan.rate"
         )
-    time = np.arange(ceil(ends[-1] / step - 1e-9) + 1) * step
-    up, down = (np.clip((time - t) / hold.ramp, 0.0, 1.0) for t in (ends[0], ends[2]))
-    flat = np.clip(time - ends[1], 0.0, ends[2] - ends[1])
-    velocity = hold.velocity * (_SMOOTH(up) - _SMOOTH(down))
-    way = hold.ramp * _TRAVELLED(up) + flat + hold.ramp * (down - _TRAVELLED(down))
-    return _driven("ramp", hold.run, start + hold.velocity * way, velocity)
+    return _driven("ramp", hold.run, hold.at(_instants(hold.duration - 1e-9 * step, step), start))
 
 
-def move_reference(start: float, stop: float, limits: Limits, step: float) -> Reference:
+def move_reference(start: float, stop: float, limits: Limits, step: float) -> PlannedRun:
     """From rest to rest elsewhere, never at a constant velocity."""
-    way = stop - start
-    duration = max(
-        SETTLE,
-        _FASTEST * abs(way) / (_USED * limits.velocity),
-        (_HARDEST * abs(way) / (_USED * limits.acceleration)) ** 0.5,
-    )
-    s = np.clip(np.arange(ceil(duration / step) + 1) * step / duration, 0.0, 1.0)
-    return _driven("move", 0, start + way * _ACROSS(s), way / duration * _ACROSS.deriv()(s))
+    way = abs(stop - start)
+    fast = FASTEST * way / (_USED * limits.velocity)
+    hard = (HARDEST * way / (_USED * limits.acceleration)) ** 0.5
+    move = Move(start, stop, max(SETTLE, fast, hard))
+    return _driven("move", 0, move.at(_instants(move.duration, step)))
 
 
-def load_reference(plan: LoadingDesign, run: int, cycles: int, step: float) -> Reference:
+def load_reference(plan: LoadingDesign, run: int, cycles: int, step: float) -> PlannedRun:
     """Torque from zero to the peak and back, so many times, open loop, the joint at rest."""
-    fall = FALL * plan.rise
-    sign = -1.0 if plan.tag == "-" else 1.0
-    turns = np.cumsum([0.0, _REST, *[plan.rise, fall, _REST] * cycles])
-    torque = sign * plan.peak * np.array([0.0, 0.0, *[1.0, 0.0, 0.0] * cycles])
-    time = np.arange(ceil(turns[-1] / step) + 1) * step
-    lost = np.full(time.size, np.nan)
-    return Reference(kind="presliding", run=run, position=lost, velocity=lost, torque=np.interp(time, turns, torque))
+    peak = -plan.peak if plan.tag == "-" else plan.peak
+    loads = SlowLoads((peak,) * cycles, plan.rise, FALL * plan.rise, rest=_REST, pause=_REST)
+    torque = loads.at(_instants(loads.duration, step)).torque
+    lost = np.full(torque.size, np.nan)
+    return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=torque)
 
 
-def motion_reference(lines: Lines, run: int, limits: Limits, duration: float, step: float) -> Reference:
+def _instants(duration: float, step: float) -> Array:
+    """Every step until the duration has passed, s."""
+    return np.arange(ceil(duration / step) + 1, dtype=np.float64) * step
+
+
+def motion_reference(lines: Multisine, run: int, limits: Limits, duration: float, step: float) -> PlannedRun:
     """The tracking motion."""
-    found = course(lines, limits, duration, step)
-    return _driven("tracking", run, found.position, found.velocity)
+    return _driven("tracking", run, course(lines, limits, duration, step))
 
 
-def _driven(kind: Kind, run: int, position: Array, velocity: Array) -> Reference:
-    return Reference(kind=kind, run=run, position=position, velocity=velocity, torque=np.full(position.size, np.nan))
+def _driven(kind: Kind, run: int, played: Reference) -> PlannedRun:
+    lost = np.full(played.position.size, np.nan)
+    return PlannedRun(kind=kind, run=run, position=played.position, velocity=played.velocity, torque=lost)

@@ -10,7 +10,7 @@ from bristle.identification.limits import Limits
 from bristle.questions.experiment_design import references as reference
 from bristle.questions.experiment_design.excitation import MotionDesign
 from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
-from bristle.questions.experiment_design.references import Reference
+from bristle.questions.experiment_design.references import PlannedRun
 from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection
 
 
@@ -20,7 +20,7 @@ def schedule(
     velocities: Sequence[VelocityPlan],
     loadings: Sequence[LoadingDesign],
     motion: MotionDesign,
-) -> tuple[Reference, ...]:
+) -> tuple[PlannedRun, ...]:
     """Every reference of a plan, runs numbered from 1. Raises InputError where the travel is too short for a hold."""
     ramps = _ramps(start, limits, velocities)
     runs, step = max(r.run for r in ramps), 1 / limits.rate
@@ -45,12 +45,12 @@ def duration(
     return sum(r.position.size for r in played) / limits.rate + motion + step
 
 
-def _ramps(start: Start, limits: Limits, velocities: Sequence[VelocityPlan]) -> list[Reference]:
+def _ramps(start: Start, limits: Limits, velocities: Sequence[VelocityPlan]) -> list[PlannedRun]:
     """The runs at constant velocity in the order to play, with the moves between them."""
     deflection = largest_deflection(start)
     runs = enumerate((v for plan in velocities for v in plan.velocities), 1)
     holds = [hold for run, v in runs for hold in reference.passes(v, run, deflection, limits)]
-    played: list[Reference] = []
+    played: list[PlannedRun] = []
     position, step = _middle(limits), 1 / limits.rate
     for begin, hold in reference.ordered(holds, limits):
         if abs(begin - position) > 1e-9 * limits.travel:

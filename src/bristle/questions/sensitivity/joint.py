@@ -4,24 +4,27 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from bristle.data.experiment.load import Experiment
 from bristle.data.units import to_si
 from bristle.errors import InputError
 from bristle.identification.identify import Measured
 from bristle.identification.known_joint import Start, start_of
-from bristle.identification.known_model import DAMPING_RATIO, DEFLECTION, inertia_of
+from bristle.identification.known_model import DEFLECTION, inertia_of
 from bristle.identification.limits import Limits, limits_of
 from bristle.identification.results import Estimate, Joint
+from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, Lugre, Pair, unit
 from bristle.questions.sensitivity.local import Motion, motion
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import Subject, of_paper, one_way
-from bristle.simulation.requested_loop import of_experiment
+from bristle.simulation.joint_loop import (
+    JointLoop,
+    fastest_measured,
+    of_experiment,
+    of_paper,
+    one_way,
+    requested_motion,
+)
 
-_FREQUENCY = 0.5
-"""Hz, of a motion that nobody gave; its top speed is half the fastest measured one."""
 RANGE = (1e-6, 1e4)
 """Of a motion's amplitude over the measured travel, and of its peak speed over the fastest measured one."""
 _BRISTLE = ("sigma_0", "sigma_1")
@@ -85,18 +88,15 @@ def _quantity(name: str, given: str | float, si: str) -> float:
 
 def of_joint(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[Model, Motion, Subject | str]:
+) -> tuple[Model, Motion, JointLoop | str]:
     """A user's joint, as identified from `measured`: what is known of it, the motion, and its loop, or the sentence why there is none.
 
     Raises InputError where nothing is known of its friction over velocity, or the motion cannot be.
     """
     experiment, sets = measured.experiment, _sets(joint)
     limits = _limits(measured)
-    tone = experiment.adapt.frequency or _FREQUENCY
-    speeds = [fit.velocity for fit in joint.static.values()] + ([joint.moving.velocity] if joint.moving else [])
-    fastest = max((float(np.abs(v).max()) for v in speeds if v.size), default=1.0)
-    wide = experiment.adapt.amplitude or float(f"{0.5 * fastest / (2 * np.pi * tone):.2g}")
-    moved = within(motion_of(joint.kind, amplitude, frequency, (wide, tone)), joint.kind, limits)
+    default = requested_motion(experiment.adapt, fastest_measured(joint, 1.0))
+    moved = within(motion_of(joint.kind, amplitude, frequency, default), joint.kind, limits)
     model = _model(measured, joint, sets, limits)
     try:
         return model, moved, of_experiment(experiment, joint)
@@ -116,7 +116,7 @@ def _limits(measured: Measured) -> Limits:
 
 def of_gripper(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[Model, Motion, Subject | str]:
+) -> tuple[Model, Motion, JointLoop | str]:
     """The paper's gripper rotation (+) in both directions, with the intervals that its simulated logs give; `joint` as identified from them.
 
     Raises InputError where the motion cannot be.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.control.wiring import Course
+from bristle.control.compensator import Reference
 from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.fisher import cleared
@@ -22,7 +22,7 @@ from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 from bristle.model.vectorize import evaluate
-from bristle.simulation.joint_loop import sine
+from bristle.simulation.references import Sine
 
 CLAIMED = frozenset({"alpha_0", "alpha_2"})
 """The parameters that matter most, as section 3.3 of the paper has it."""
@@ -51,9 +51,9 @@ class Motion(NamedTuple):
     """Time between samples, s."""
 
     @property
-    def course(self) -> Course:
+    def course(self) -> Reference:
         """Position, velocity and acceleration at the samples."""
-        return sine(*self)
+        return Sine(self.amplitude, self.frequency).sampled(self.duration, self.period)
 
     @property
     def time(self) -> Array:

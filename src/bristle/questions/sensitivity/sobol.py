@@ -11,7 +11,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
-from bristle.control.wiring import Wiring
+from bristle.control.control_period import LoopOptions
 from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair
@@ -19,7 +19,7 @@ from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.parameter_box import Span, joints_at, ordered, spans_of
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 """Called with what is being done, how many steps are done, and how many there are."""
 RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
@@ -177,7 +177,7 @@ def _salib() -> Any:
 def global_sensitivity(
     p: Pair[float] | Lugre[float],
     box: Mapping[str, tuple[float, float]],
-    subject: Subject,
+    subject: JointLoop,
     *,
     samples: int = 1024,
     seed: int = 0,
@@ -244,16 +244,16 @@ def _breakaway(joints: Pair[Array]) -> Array:
     return np.asarray(np.mean(levels, axis=0))
 
 
-def _rms_error(subject: Subject, model: Pair[float], joints: Pair[Array]) -> Array:
+def _rms_error(subject: JointLoop, model: Pair[float], joints: Pair[Array]) -> Array:
     """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
     sets = [[Lugre(*row) for row in np.column_stack(p).tolist()] for p in joints]
     cases = [subject.case(plant=Pair(*both), model=model) for both in zip(*sets, strict=True)]
     course = subject.sine(subject.frequency, PERIODS / subject.frequency)
-    run = simulate(Wiring(compensator=subject.compensator), cases, course, subject.period)
+    run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
     return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
 
-def _refuse_loop(subject: Subject) -> None:
+def _refuse_loop(subject: JointLoop) -> None:
     """Raise InputError where the reference is too fast for the loop's control period, or too slow to be simulated."""
     how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
     if subject.frequency * subject.period > _COARSE:
@@ -262,7 +262,7 @@ def _refuse_loop(subject: Subject) -> None:
         raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
 
 
-def _ticks(subject: Subject) -> int:
+def _ticks(subject: JointLoop) -> int:
     """Control periods of one loop."""
     return max(round(PERIODS / (subject.frequency * subject.period)), 1)
 

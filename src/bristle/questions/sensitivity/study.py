@@ -17,7 +17,7 @@ from bristle.questions.sensitivity.joint import Model
 from bristle.questions.sensitivity.local import Local, Map, Motion, Tornado, grid, local, sensitivity_map, tornado
 from bristle.questions.sensitivity.parameter_box import box_of
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 SAMPLES = 1024
 """Of the Sobol indices, if no other number is given."""
@@ -77,7 +77,7 @@ def check_samples(samples: int) -> None:
 
 def explore(
     joint: Joint,
-    asked: tuple[Model, Motion, Subject | str],
+    asked: tuple[Model, Motion, JointLoop | str],
     samples: int = SAMPLES,
     progress: Progress | None = None,
 ) -> Exploration:
@@ -105,7 +105,7 @@ def explore(
 
 
 def _sobol(
-    model: Model, box: Mapping[str, tuple[float, float]], moved: Motion, subject: Subject | str, samples: int,
+    model: Model, box: Mapping[str, tuple[float, float]], moved: Motion, subject: JointLoop | str, samples: int,
     progress: Progress | None,
 ) -> tuple[Global | None, tuple[str, ...]]:  # fmt: skip
     """Sobol indices over the intervals, or the sentence why there are none."""

@@ -1,4 +1,4 @@
-"""Joints, experiment files and subjects that are made by hand, so that nothing is identified first."""
+"""Joints, experiment files and joints in their loops that are made by hand, so that nothing is identified first."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,7 +14,7 @@ from bristle.diagnostics import Kind
 from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model.parameters import Lugre, Pair, unit
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import Subject
+from bristle.simulation.joint_loop import JointLoop
 
 GRIPPER = edro.TABLE_1["gripper rotation"]
 J = edro.inertia(GRIPPER)
@@ -22,10 +22,10 @@ FASTEST = 2.0
 """The fastest measured speed of `joint`, rad/s."""
 
 
-def subject(name: str = "gripper rotation", **changes: Any) -> Subject:
+def joint_loop(name: str = "gripper rotation", **changes: Any) -> JointLoop:
     """A joint of Table 1 as `of_paper` has it, the model being the truth."""
     pair = edro.TABLE_1[name]
-    own = Subject(
+    own = JointLoop(
         name=name, kind="revolute", plant=pair, model=pair, J=edro.inertia(pair), gains=edro.PID_GAINS, amplitude=1.0, frequency=0.5, slow=0.2,
         period=1e-3, adaptation=Adaptation(), start={"alpha_0": 0.3, "alpha_2": 0.5}, simulated=True,
     )  # fmt: skip  # a list of values

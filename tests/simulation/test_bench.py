@@ -3,11 +3,11 @@ import pytest
 from scipy.stats import kstest
 
 from bristle.arrays import Array
-from bristle.control.plant import Clock
 from bristle.control.sensors import Sensors
 from bristle.model import law, motor
 from bristle.simulation import bench, edro
-from bristle.simulation.bench import Logs, Ramps, Rig
+from bristle.simulation.bench import Clock, Logs, Rig
+from bristle.simulation.references import Ramps
 
 PAIR = edro.TABLE_1["gripper rotation"]
 CLOCK = Clock(2e-3, 1, 5)
@@ -30,7 +30,7 @@ def means(joint: Rig, logs: Logs) -> tuple[Array, Array, Array]:
         kept = (logs.time >= plateau.start) & (logs.time < plateau.stop)
         t = logs.time[kept] - logs.time[kept].mean()
         v = logs.position[:, kept] @ t / (t @ t)
-        T = motor.drive_torque(logs.voltage[:, kept].mean(axis=1), v, joint.loop.motor)
+        T = motor.drive_torque(logs.voltage[:, kept].mean(axis=1), v, joint.motor)
         p = PAIR[int(plateau.velocity < 0)]
         rows.append((v, T, np.array([float(law.steady_torque(float(x), p)) for x in v])))
     v, T, expected = np.array(rows).transpose(1, 0, 2)
@@ -68,8 +68,8 @@ def test_the_seed_alone_decides() -> None:
 
 def test_joint_ends_where_it_began() -> None:
     """Each speed goes forth and back by the same angle, so that the excursion is that of one leg."""
-    reference = bench.ramp_reference(RAMPS, CLOCK)
-    legs = [p.velocity * (p.stop - p.start) for p in reference.plateaus]
+    reference = RAMPS.at(CLOCK.instants(RAMPS.duration))
+    legs = [p.velocity * (p.stop - p.start) for p in RAMPS.plateaus]
     assert abs(reference.position[-1]) < 2e-3
     assert np.ptp(reference.position) < 1.6 * max(legs)
     assert legs[0::2] == pytest.approx([-x for x in legs[1::2]])
@@ -77,13 +77,14 @@ def test_joint_ends_where_it_began() -> None:
 
 def test_run_in_covers_the_angle_asked_for() -> None:
     """Between the turn and the plateau, every leg travels at least `run_in` and takes at least `settle`, so that the bristle has settled."""
-    reference = bench.ramp_reference(RAMPS, CLOCK)
-    for plateau in reference.plateaus:
-        at_start = np.searchsorted(reference.time, plateau.start)
+    time = CLOCK.instants(RAMPS.duration)
+    reference = RAMPS.at(time)
+    for plateau in RAMPS.plateaus:
+        at_start = np.searchsorted(time, plateau.start)
         turned = np.flatnonzero(reference.velocity[:at_start] * plateau.velocity <= 0)[-1]
         travelled = abs(reference.position[at_start] - reference.position[turned])
         assert travelled > RAMPS.run_in * 0.98
-        assert reference.time[at_start] - reference.time[turned] >= RAMPS.settle
+        assert time[at_start] - time[turned] >= RAMPS.settle
 
 
 def test_planned_points_are_9_plus_noise() -> None:

@@ -10,16 +10,15 @@ import pytest
 
 from bristle.control.adaptation import LAWS, Adaptation
 from bristle.control.closed_loop import simulate
+from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
-from bristle.control.wiring import Wiring
 from bristle.data.experiment.load import load_experiment
 from bristle.identification import known_model
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import of_paper, one_way
-from bristle.simulation.requested_loop import asked_parts, of_experiment
+from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper, one_way
 
-from .conftest import FASTEST, GRIPPER, J, experiment, joint, subject, tracked, unseen, values_of
+from .joints import FASTEST, GRIPPER, J, experiment, joint, joint_loop, tracked, unseen, values_of
 
 ASKED = {
     "amplitude": "20 deg", "frequency": "2 Hz", "period": "2 ms",
@@ -36,7 +35,7 @@ def options(given: Mapping[str, str]) -> str:
 
 
 def test_the_paper_s_joints_are_those_of_table_1() -> None:
-    """Four subjects in the order of Table 1: its sets as plant, what was identified as model, the PID of (21), J by (15), and Table 2's start."""
+    """Four loops in the order of Table 1: its sets as plant, what was identified as model, the PID of (21), J by (15), and Table 2's start."""
     wrong = {name: Pair(*(p._replace(alpha_0=1.1 * p.alpha_0) for p in pair)) for name, pair in edro.TABLE_1.items()}
     found = of_paper([joint(tracked(values_of(pair)), name) for name, pair in wrong.items()])
     assert [one.name for one in found] == list(edro.TABLE_1)
@@ -54,16 +53,16 @@ def test_the_paper_s_joints_are_those_of_table_1() -> None:
 
 def test_one_way_has_the_positive_friction_in_both_directions() -> None:
     """Table 2's joint: plant and model have the (+) set both ways, J that of this set alone, and no uncertainty."""
-    one = one_way(subject(model=Pair(GRIPPER.negative, GRIPPER.negative)))
+    one = one_way(joint_loop(model=Pair(GRIPPER.negative, GRIPPER.negative)))
     assert one.plant == one.model == Pair(GRIPPER.positive, GRIPPER.positive)
     assert pytest.approx((0.0184 / 0.2) ** 2 / 6.1843) == one.J
     assert one.draws == ()
 
 
 def test_a_wrong_start_differs_in_what_it_names_alone() -> None:
-    """`begun` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given."""
-    one = subject(start={"alpha_0": 0.3, "v_s": 2.0})
-    for before, after in zip(GRIPPER, one.begun(GRIPPER), strict=True):
+    """`wrong_start` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given."""
+    one = joint_loop(start={"alpha_0": 0.3, "v_s": 2.0})
+    for before, after in zip(GRIPPER, one.wrong_start(GRIPPER), strict=True):
         assert after == before._replace(alpha_0=0.3 * before.alpha_0, v_s=2.0 * before.v_s)
     other = Pair(GRIPPER.negative, GRIPPER.positive)
     assert one.case().motor == Motor(1.0, 1.0, 0.0, one.J)
@@ -73,7 +72,7 @@ def test_a_wrong_start_differs_in_what_it_names_alone() -> None:
 
 def test_a_sine_is_its_own_derivative() -> None:
     """Velocity and acceleration of the reference are the derivatives of its position; amplitude, frequency and duration are those asked for."""
-    course = subject(period=1e-4).sine(0.7, 2.0, 0.3)
+    course = joint_loop(period=1e-4).sine(0.7, 2.0, 0.3)
     h, inner = 1e-4, slice(1, -1)
     assert course.position.size == 20_001
     assert np.abs(course.position).max() == pytest.approx(0.3, rel=1e-6)
@@ -84,7 +83,7 @@ def test_a_sine_is_its_own_derivative() -> None:
 
 
 def test_what_is_asked_for_is_taken(tmp_path: Path) -> None:
-    """Every option of `adapt` reaches the subject in SI, and nothing that was given is called an assumption."""
+    """Every option of `adapt` reaches the loop in SI, and nothing that was given is called an assumption."""
     one = of_experiment(experiment(tmp_path, options(ASKED)), joint())
     assert one.amplitude == pytest.approx(np.deg2rad(20))
     assert (one.frequency, one.slow, one.period) == (2.0, 0.8, 2e-3)
@@ -140,8 +139,8 @@ def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, p
     one = of_experiment(
         experiment(tmp_path, f"law: {law}, parameters: [{parameter}], start: {{{parameter}: 0.9}}"), joint()
     )
-    wiring = Wiring(compensator=replace(one.compensator, adaptation=one.adaptation))
-    run = simulate(wiring, [one.case(model=one.begun(one.model))], one.sine(one.frequency, 1.0), one.period)
+    options = LoopOptions(compensator=replace(one.compensator, adaptation=one.adaptation))
+    run = simulate(options, [one.case(model=one.wrong_start(one.model))], one.sine(one.frequency, 1.0), one.period)
     assert 0.25 < (0.9 * run.theta[0, 0, -1] - 0.9) / 0.1 < 0.75
 
 

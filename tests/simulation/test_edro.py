@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 import yaml
 
-from bristle.control.plant import simulate
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.diagnostics import Kind
 from bristle.identification.identify import measure
 from bristle.model.parameters import Pair, is_passive
-from bristle.simulation import edro
-from bristle.simulation.bench import ramp_reference
+from bristle.simulation import bench, edro
 
 FOLDER = edro.datasets_folder()
 STEMS = list(edro.SETTINGS)
@@ -111,12 +109,11 @@ def ripple(stem: str, paper: bool, multiples: tuple[float, ...]) -> list[float]:
     v_s = edro.TABLE_1[edro.SETTINGS[stem].name].negative.v_s
     joint = edro.rig(stem, edro.PID_GAINS if paper else None)
     plan = edro.ramps(stem)._replace(speeds=tuple(k * v_s for k in multiples), plateau=6.0)
-    reference = ramp_reference(plan, joint.loop.clock)
-    log = simulate(joint.loop, reference.position, reference.velocity, np.zeros((1, reference.time.size)))
-    time, out = reference.time[:: joint.loop.clock.decimation], []
-    for plateau in reference.plateaus[1::2]:
+    time, out = joint.clock.instants(plan.duration), []
+    run = bench.follow(joint, plan.at(time), np.zeros((1, time.size)))
+    for plateau in plan.plateaus[1::2]:
         late = (time > (plateau.start + plateau.stop) / 2) & (time < plateau.stop)
-        out.append(float(log.velocity[0, late].std() / abs(plateau.velocity)))
+        out.append(float(run.velocity[0, late].std() / abs(plateau.velocity)))
     return out
 
 

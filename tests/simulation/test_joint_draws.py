@@ -9,14 +9,13 @@ import pytest
 from bristle.identification import known_model
 from bristle.identification.results import TrackingFit
 from bristle.model.parameters import Lugre
-from bristle.simulation.joint_loop import Subject
-from bristle.simulation.requested_loop import of_experiment
+from bristle.simulation.joint_loop import JointLoop, of_experiment
 
-from .conftest import GRIPPER, J, experiment, joint, tracked, values_of
+from .joints import GRIPPER, J, experiment, joint, tracked, values_of
 
 
-def drawn(folder: Path, fit: TrackingFit) -> Subject:
-    """The subject of a joint with that fit."""
+def drawn(folder: Path, fit: TrackingFit) -> JointLoop:
+    """The loop of a joint with that fit."""
     return of_experiment(experiment(folder), joint(fit))
 
 

@@ -1,0 +1,283 @@
+"""One control period of the closed loop: what it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples.
+
+The encoder reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and the plant
+goes on. Whatever goes in or out is a tuple with names; `packing` makes the vectors.
+"""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
+
+import casadi as ca
+
+from bristle.arrays import Array
+from bristle.control import compensator as compensating
+from bristle.control.compensator import Compensator, Measurement, Reference
+from bristle.control.packing import flat, symbols
+from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
+from bristle.control.plant import STILL, Current, State, inductive_step, plant_rates, plant_step
+from bristle.control.sensors import quantise
+from bristle.errors import InputError
+from bristle.model import law, motor
+from bristle.model.parameters import Motor, Pair, pair_of
+
+Expression = Any
+"""A float or a CasADi symbol: CasADi carries no types."""
+_SOFT: Sliding[float] = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.0)
+_KNOWN = {"drive": ("torque", "voltage"), "controller": ("pid", "sliding"), "derivative": ("error", "measurement")}
+_CURRENT: dict[str, Current] = {"torque": motor.current_for, "voltage": motor.current}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopOptions:
+    """What is connected to what; the numbers stand in `Case`. Raises InputError where that cannot work."""
+
+    compensator: Compensator = field(default_factory=Compensator)
+    drive: Literal["torque", "voltage"] = "torque"
+    """What the drive takes: the torque itself, or the voltage that the motor model makes of it."""
+    back_emf: bool = True
+    """Whether that voltage has the back-EMF at the reference velocity; else the joint is braked by it."""
+    delay: int = 0
+    """Control periods from the command to the drive."""
+    encoder: bool = False
+    """Whether positions are counted; else they are measured as they are."""
+    speedometer: bool = False
+    """Whether the compensator is given the true velocity; else it differentiates the position where it needs one."""
+    substeps: int = 1
+    """Steps of the plant in a control period."""
+    controller: Literal["pid", "sliding"] = "pid"
+    """(21), or sliding mode, to compare with."""
+    derivative: Literal["error", "measurement"] = "error"
+    """What (21) differentiates: with the measurement, a step of the reference kicks no more."""
+    inductance: bool = False
+    """Whether the current lags the voltage by L / R (1); else it follows at once (6)."""
+    informed: bool = False
+    """Whether the compensator's model drifts with the plant: the best that adaptation can do."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        if self.delay < 0 or self.substeps < 1:
+            raise InputError(
+                f"loop: got delay {self.delay} and substeps {self.substeps}; expected zero or more, and one or more"
+            )
+        for what, known in _KNOWN.items():
+            if getattr(self, what) not in known:
+                raise InputError(f"loop: {what}: got {getattr(self, what)!r}; expected {' or '.join(known)}")
+        if self.controller == "sliding" and self.derivative == "measurement":
+            raise InputError(
+                "loop: derivative: got measurement for sliding mode, whose surface needs that of the error"
+            )
+        if self.inductance and self.drive == "torque":
+            raise InputError(
+                "loop: inductance: got a drive of torque, whose current does not lag; choose drive voltage"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """The numbers of one run. Raises InputError where sliding mode has no boundary layer."""
+
+    plant: Pair[float]
+    """Friction as it is."""
+    motor: Motor[float]
+    model: Pair[float]
+    """Friction as the compensator takes it."""
+    gains: Gains[float]
+    torque_limit: float = float("inf")
+    """Largest torque asked for, controller and compensator together, N*m."""
+    resolution: float = 1.0
+    """One count, rad, where there is an encoder."""
+    sliding: Sliding[float] = _SOFT
+    """Of the controller where it is sliding mode; in its layer the default is a PD controller with the paper's K_p and K_d."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        if not self.sliding.layer > 0:
+            raise InputError(f"case: sliding: layer: got {self.sliding.layer:g}; expected a positive number")
+
+
+class Disturbance(NamedTuple):
+    """What acts on a run beside its reference, at every control period: a number, or an array (n,) or (cases, n)."""
+
+    load: Array | float = 0.0
+    """Disturbing torque, positive along positive velocity, N*m."""
+    drift_0: Array | float = 1.0
+    """The plant's alpha_0 over that of the case: friction that changes during the run."""
+    drift_2: Array | float = 1.0
+    """The same of alpha_2."""
+    noise: Array | float = 0.0
+    """Added to the measured position, rad."""
+
+
+class Given(NamedTuple):
+    """What a period is given."""
+
+    reference: Reference
+    disturbance: Disturbance
+
+
+class Numbers(NamedTuple):
+    """The numbers of a period: those of a `Case`, and how long it lasts, s."""
+
+    plant: Pair[Any]
+    model: Pair[Any]
+    motor: Motor[Any]
+    gains: Gains[Any]
+    sliding: Sliding[Any]
+    torque_limit: Expression
+    resolution: Expression
+    period: Expression
+
+
+class LoopMemory(NamedTuple):
+    """What the loop remembers from one period to the next."""
+
+    plant: State
+    current: tuple[Expression, ...]
+    """Of the armature, A, where it lags; else empty."""
+    controller: Memory[Any]
+    compensator: tuple[Expression, ...]
+    """As `compensator.packed` has it."""
+    asked: tuple[tuple[Expression, Expression], ...]
+    """Torque, N*m, and voltage, V, that have not reached the drive, the oldest first."""
+
+
+class Logged(NamedTuple):
+    """What a period logs, as it begins; as in `Trajectory`."""
+
+    position: Expression
+    velocity: Expression
+    measured: Expression
+    torque: Expression
+    voltage: Expression
+    friction: Expression
+    compensation: Expression
+    theta: tuple[Expression, ...]
+
+
+class Period(NamedTuple):
+    """A control period as expressions: its inputs as vectors and by name, and what the controller made of them."""
+
+    inputs: tuple[ca.SX, ca.SX, ca.SX]
+    """Memory, what is given, and numbers."""
+    memory: LoopMemory
+    numbers: Numbers
+    friction: Pair[Any]
+    """The plant's, as it has drifted."""
+    load: Expression
+    sent: Expression
+    """To the drive: N*m or V."""
+    kept: LoopMemory
+    """After the period; the plant as it was before."""
+    log: Logged
+
+
+UNDISTURBED = Given(Reference(0.0, 0.0, 0.0), Disturbance())
+"""At rest at zero, nothing acting."""
+_NO_FRICTION = pair_of([0.0] * 12)
+_BLANK = Numbers(_NO_FRICTION, _NO_FRICTION, Motor(*[0.0] * 4), Gains(*[0.0] * 4), _SOFT, 0.0, 0.0, 0.0)
+
+
+def numbers_of(case: Case, period: float) -> list[float]:
+    """A case as the numbers that a period of that length, s, takes, one after the other."""
+    return flat(named(case, period))
+
+
+def named(case: Case, period: float) -> Numbers:
+    """The same by name."""
+    limit = min(case.torque_limit, 1e300)
+    return Numbers(case.plant, case.model, case.motor, case.gains, case.sliding, limit, case.resolution, period)
+
+
+def at_rest(options: LoopOptions, position: float) -> LoopMemory:
+    """What the loop remembers at rest at its reference, rad."""
+    control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
+    own = compensating.packed(compensating.start(options.compensator, _NO_FRICTION, position))
+    current = (0.0,) if options.inductance else ()
+    return LoopMemory(STILL._replace(position=position), current, control, tuple(own), ((0.0, 0.0),) * options.delay)
+
+
+def blank_log(options: LoopOptions) -> Logged:
+    """The shape of what a period logs."""
+    return Logged(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * compensating.adapted_count(options.compensator))
+
+
+def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period:
+    """The controller's part of a period; its numbers are inputs, but where they are constants."""
+    memory, before = symbols("memory", at_rest(options, 0.0))
+    u, (r, outside) = symbols("u", UNDISTURBED)
+    q, case = symbols("q", _BLANK)
+    case = constants or case
+    state, h, limit = before.plant, case.period, case.torque_limit
+    drift = {"alpha_0": outside.drift_0, "alpha_2": outside.drift_2}
+    friction = Pair(*(law.adapted(p, drift) for p in case.plant))
+    model = Pair(*(law.adapted(p, drift) for p in case.model)) if options.informed else case.model
+    seen = state.position + outside.noise
+    seen = quantise(seen, case.resolution) if options.encoder else seen
+    measured = Measurement(seen, state.velocity if options.speedometer else None)
+    own = compensating.unpacked(before.compensator, model, compensating.adapted_count(options.compensator))
+    new_own, T_c = compensating.step(options.compensator, own, r, measured, h)
+    if options.controller == "sliding":
+        T_own, control = sliding(before.controller, r.position - seen, h, case.sliding)
+    else:
+        of = -seen if options.derivative == "measurement" else None
+        T_own, control = pid(before.controller, r.position - seen, h, case.gains, limit, of)
+    T = ca.fmin(ca.fmax(T_own + T_c + r.torque, -limit), limit)
+    V = motor.voltage(T, r.velocity if options.back_emf else 0.0, case.motor)
+    now, *later = (*before.asked, (T, V))
+    true = law.torque(state.deflection, state.velocity, law.active(state.deflection, state.velocity, friction))
+    return Period(
+        inputs=(memory, u, q),
+        memory=before,
+        numbers=case,
+        friction=friction,
+        load=outside.load,
+        sent=now[options.drive == "voltage"],
+        kept=LoopMemory(state, before.current, control, tuple(compensating.packed(new_own)), tuple(later)),
+        log=Logged(state.position, state.velocity, seen, T, V, true, T_c, new_own.learnt.theta),
+    )
+
+
+def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
+    """What is remembered after the period, with this held at the drive."""
+    state, current, case = now.memory.plant, now.memory.current, now.numbers
+    h = case.period / options.substeps
+    for _ in range(options.substeps):
+        if options.inductance:
+            state, i = inductive_step(state, current[0], sent, now.load, h, now.friction, case.motor)
+            current = (i,)
+        else:
+            state = plant_step(state, sent, now.load, h, now.friction, case.motor, _CURRENT[options.drive])
+    return now.kept._replace(plant=state, current=current)
+
+
+@lru_cache(maxsize=32)
+def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca.Function:
+    """One control period: (memory, what is given, numbers) -> (memory, log). With constants the numbers given are not looked at."""
+    now = controlled(options, constants)
+    new = ca.vertcat(*flat(after(options, now, now.sent)))
+    return ca.Function("control_period", [*now.inputs], [new, ca.vertcat(*flat(now.log))], {"cse": True})
+
+
+@lru_cache(maxsize=8)
+def stiff_control_period(options: LoopOptions) -> ca.Function:
+    """The same, the plant by CVODES at tight tolerances: variable steps and orders, implicit, nothing of the fast step in it."""
+    now = controlled(options)
+    kept = ca.vertcat(*flat(now.kept))
+    state = ca.vertcat(*flat((now.memory.plant, now.memory.current)))
+    x, (plant, current) = symbols("x", (now.memory.plant, now.memory.current))
+    constants = (now.sent, now.load, now.friction, now.numbers.motor, now.numbers.period)
+    held, (sent, load, friction, m, h) = symbols("held", constants)
+    drawn = (lambda *_: current[0]) if current else _CURRENT[options.drive]
+    lag = [motor.current_rate(current[0], sent, plant.velocity, m)] if current else []
+    v = plant.velocity
+    rates = ca.vertcat(v, plant_rates(v, plant.deflection, sent, load, friction, m, drawn), *lag)
+    settings = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 1_000_000}
+    solver = ca.integrator("stiff", "cvodes", {"x": x, "p": held, "ode": h * rates}, 0.0, 1.0, settings)
+    log = ca.vertcat(*flat(now.log))
+    controller = ca.Function("controller", [*now.inputs], [ca.vertcat(*flat(constants)), kept, log], {"cse": True})
+    inputs = [ca.MX.sym(name, s.shape[0]) for name, s in zip("muq", now.inputs, strict=True)]
+    given, new, logged = controller(*inputs)
+    n = state.shape[0]
+    moved = solver(x0=inputs[0][:n], p=given)["xf"]
+    return ca.Function("stiff_control_period", inputs, [ca.vertcat(moved, new[n:]), logged])

@@ -1,0 +1,224 @@
+"""References that a joint is given: ramps, holds, moves, sines, multisines and slow loads, one kind for bench, closed loop and plan.
+
+Each is a few numbers; `at` makes of them a `Reference` at instants from zero on, s, (n,): position, velocity and acceleration, or a torque. Holds and
+moves go from one value to the next by polynomials of the time, so that their acceleration is continuous.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from bristle.arrays import Array
+from bristle.control.compensator import Reference
+from bristle.model import functions
+from bristle.model.vectorize import evaluate
+
+Expression = Any
+"""A CasADi symbol: CasADi carries no types."""
+_SMOOTH = Polynomial([0.0, 0.0, 3.0, -2.0])
+"""From one velocity to the next."""
+_TRAVELLED = _SMOOTH.integ()
+_ACROSS = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""From one position to the next, at rest at both."""
+STEEPEST = float(_SMOOTH.deriv()(0.5))
+"""Largest acceleration of a hold's ramp, over its velocity and over one per its time."""
+FASTEST = float(_ACROSS.deriv()(0.5))
+"""Largest velocity of a move, over its mean."""
+HARDEST = float(np.abs(_ACROSS.deriv(2)(_ACROSS.deriv(3).roots().real)).max())
+"""Largest acceleration of a move, over its way and over one per its time squared."""
+
+
+class Sine(NamedTuple):
+    """amplitude sin(2 pi frequency t)."""
+
+    amplitude: float
+    """rad."""
+    frequency: float
+    """Hz."""
+
+    def position(self, t: Expression) -> Expression:
+        """At a CasADi symbol of time, rad."""
+        return self.amplitude * ca.sin(2 * np.pi * self.frequency * t)
+
+    def sampled(self, duration: float, period: float) -> Reference:
+        """From 0 to the duration, every period, s."""
+        return self.at(period * np.arange(round(duration / period) + 1, dtype=np.float64))
+
+    def at(self, time: Array) -> Reference:
+        """With velocity and acceleration."""
+        A, w = self.amplitude, 2 * np.pi * self.frequency
+        return Reference(A * np.sin(w * time), A * w * np.cos(w * time), -A * w * w * np.sin(w * time))
+
+
+class Multisine(NamedTuple):
+    """A sum of sines of the position, faded in and out."""
+
+    amplitude: Array
+    """rad, (k,)."""
+    frequency: Array
+    """Hz, (k,)."""
+    phase: Array
+    """rad, (k,)."""
+
+    def at(self, time: Array, duration: float, rest: float = 0.5) -> Reference:
+        """About zero, fading over `rest` at its beginning and before its end, after `duration`, s."""
+        sines = (x[:, None] for x in self)
+        x, x_t, x_tt = evaluate(functions.faded_sine(), time, *sines, duration, rest)
+        return Reference(x.sum(axis=0), x_t.sum(axis=0), x_tt.sum(axis=0))
+
+
+class Plateau(NamedTuple):
+    """A stretch of constant reference velocity, after its run-in."""
+
+    velocity: float
+    """rad/s."""
+    start: float
+    """s."""
+    stop: float
+    """s."""
+
+
+class Ramps(NamedTuple):
+    """A ramp experiment: each speed forth and then back, speed after speed, so that the joint ends where it began; the velocity is piecewise linear.
+
+    A slow leg runs in from up to twice its speed, slowing all the way, so that only the plateau is constant.
+    """
+
+    speeds: tuple[float, ...]
+    """rad/s, > 0."""
+    plateau: float = 4.0
+    """Time at each constant velocity, s."""
+    run_in: float = 0.05
+    """Least angle travelled before each plateau, rad: several bristle deflections, so that each plateau begins in steady state."""
+    settle: float = 0.6
+    """Least time before each plateau, s."""
+    turn: float = 0.2
+    """Time to reach a leg's first speed from rest, and to stop from its last, s."""
+    rest: float = 0.5
+    """Before the first leg and after the last, s."""
+
+    @property
+    def plateaus(self) -> tuple[Plateau, ...]:
+        """Forth and back in turn."""
+        times, velocities = self._corners()
+        return tuple(map(Plateau, velocities[3::4], times[3::4], times[4::4]))
+
+    @property
+    def duration(self) -> float:
+        """S."""
+        return self._corners()[0][-1] + self.rest
+
+    def at(self, time: Array) -> Reference:
+        """At evenly spaced instants; the position is the integral of the sampled velocity by the trapezoidal rule."""
+        step, velocity = float(time[1]), np.interp(time, *self._corners())
+        position = np.concatenate([[0.0], np.cumsum(velocity[1:] + velocity[:-1])]) * (step / 2)
+        return Reference(position, velocity, np.gradient(velocity, step))
+
+    def _corners(self) -> tuple[list[float], list[float]]:
+        """Times, s, and velocities, rad/s, between which the velocity is linear: two at rest, then four of each leg."""
+        times, velocities = [0.0, self.rest], [0.0, 0.0]
+        for velocity in (sign * speed for speed in self.speeds for sign in (1, -1)):
+            first = velocity * max(1.0, min(2.0, 0.15 / abs(velocity)))
+            run_in = max(self.settle, 2 * self.run_in / abs(first + velocity))
+            start = times[-1] + self.turn + run_in
+            stop = start + self.plateau
+            times += [start - run_in, start, stop, stop + self.turn]
+            velocities += [first, velocity, velocity, 0.0]
+        return times, velocities
+
+
+class Hold(NamedTuple):
+    """One pass at a constant velocity, from rest to rest."""
+
+    run: int
+    """Of which it is a pass."""
+    velocity: float
+    """rad/s, with its sign."""
+    run_in: float
+    """At that velocity before it is averaged, s."""
+    averaged: float
+    """s."""
+    ramp: float
+    """Time from rest to the velocity, s."""
+
+    @property
+    def travel(self) -> float:
+        """rad, with its sign."""
+        return self.velocity * (self.run_in + self.averaged + self.ramp)
+
+    @property
+    def duration(self) -> float:
+        """S."""
+        return self.ramp + (self.run_in + self.averaged) + self.ramp
+
+    def at(self, time: Array, start: float = 0.0) -> Reference:
+        """From a position, rad."""
+        falls = self.ramp + (self.run_in + self.averaged)
+        up, down = (np.clip((time - t) / self.ramp, 0.0, 1.0) for t in (0.0, falls))
+        flat = np.clip(time - self.ramp, 0.0, falls - self.ramp)
+        way = self.ramp * _TRAVELLED(up) + flat + self.ramp * (down - _TRAVELLED(down))
+        slope = _SMOOTH.deriv()
+        return Reference(
+            start + self.velocity * way,
+            self.velocity * (_SMOOTH(up) - _SMOOTH(down)),
+            self.velocity / self.ramp * (slope(up) - slope(down)),
+        )
+
+
+class Move(NamedTuple):
+    """From rest to rest elsewhere, never at a constant velocity."""
+
+    start: float
+    """rad."""
+    stop: float
+    """rad."""
+    duration: float
+    """s."""
+
+    def at(self, time: Array) -> Reference:
+        """At rest after its duration."""
+        s, way = np.clip(time / self.duration, 0.0, 1.0), self.stop - self.start
+        return Reference(
+            self.start + way * _ACROSS(s),
+            way / self.duration * _ACROSS.deriv()(s),
+            way / self.duration**2 * _ACROSS.deriv(2)(s),
+        )
+
+
+class SlowLoads(NamedTuple):
+    """A presliding experiment, open loop: torque grows slowly to each peak below breakaway and falls back faster, the joint at rest."""
+
+    peaks: tuple[float, ...]
+    """One after the other, N*m, each with its sign."""
+    rise: float = 25.0
+    """Time to each peak, s."""
+    fall: float = 4.0
+    """Time from it back to zero, s."""
+    rest: float = 1.0
+    """Before the first and after the last, s."""
+    pause: float = 0.0
+    """Between one and the next, s."""
+
+    @property
+    def duration(self) -> float:
+        """S."""
+        return float(self._turns()[-1])
+
+    def at(self, time: Array) -> Reference:
+        """A torque, at a position of zero."""
+        torques = [0.0, 0.0, *(x for peak in self.peaks for x in (peak, 0.0, 0.0))]
+        still = np.zeros(time.size)
+        return Reference(still, still, still, np.interp(time, self._turns(), torques))
+
+    def _turns(self) -> Array:
+        """Where the torque turns, s."""
+        steps = [self.rise, self.fall, self.pause] * len(self.peaks)
+        return np.cumsum([0.0, self.rest, *steps[:-1], self.rest])
+
+
+def stacked(references: Sequence[Reference]) -> Reference:
+    """References of one length, one for each case: position, velocity and acceleration, (cases, n)."""
+    return Reference(*(np.stack([getattr(r, part) for r in references]) for part in Reference._fields[:3]))

@@ -1,0 +1,58 @@
+"""A study carries itself: its table, its words and its page are those of what was tried."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import bristle
+from bristle.errors import InputError
+from bristle.questions.compensation import ablation, parameter_studies
+from bristle.questions.compensation.study import Study, study
+
+from ..simulation.joints import joint_loop
+
+
+@pytest.fixture(scope="module")
+def compensated() -> Study:
+    """The gripper with its true model, on small maps."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name, few in (
+            (parameter_studies, "GAMMAS", (20.0,)), (parameter_studies, "FREQUENCIES", (1.0,)), (parameter_studies, "AMPLITUDES", (1.0,)),
+            (ablation, "BITS", (20,)), (ablation, "DELAYS", (0,)), (ablation, "SHARES", (1.0,)),
+        ):  # fmt: skip  # a table
+            patch.setattr(module, name, few)
+        return study([joint_loop()])
+
+
+def test_its_frame_is_fig_8(compensated: Study) -> None:
+    """A row for each error, with the same numbers."""
+    frame = compensated.to_frame()
+    assert len(frame) == len(compensated.errors)
+    assert frame["identified_model"].tolist() == [row.identified for row in compensated.errors]
+    assert (frame["true_share"] * frame["without"]).tolist() == pytest.approx([row.true for row in compensated.errors])
+
+
+def test_its_text_has_a_line_for_each_error_and_each_adapted_parameter(compensated: Study) -> None:
+    """One line each, without inertia feed-forward, with what is left of the error and where each factor ends."""
+    lines = compensated.text().splitlines()
+    plain = [row for row in compensated.errors if not row.inertia]
+    factors = compensated.adapted.factors
+    assert len(lines) == len(plain) + len(factors)
+    for line, row in zip(lines, plain, strict=False):
+        assert f"{row.identified / row.without:.3f} with compensation" in line
+    for line, factor in zip(lines[len(plain) :], factors, strict=True):
+        assert f"{factor.law}: {factor.parameter} from {factor.initial:g} to {factor.final:.3f}" in line
+
+
+def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path: Path) -> None:
+    """`write` and `write_adaptation` leave the same files, among them the table of `to_frame`; no file where the folder cannot be used."""
+    one, other = compensated.write(tmp_path / "a"), bristle.write_adaptation(compensated, str(tmp_path / "b"))
+    names = sorted(p.relative_to(one.parent) for p in one.parent.rglob("*") if p.is_file())
+    assert one == tmp_path / "a" / "index.html"
+    assert names == sorted(p.relative_to(other.parent) for p in other.parent.rglob("*") if p.is_file())
+    assert all((one.parent / name).read_bytes() == (other.parent / name).read_bytes() for name in names)
+    written = pd.read_csv(tmp_path / "a" / "tables" / "compensation_errors.csv", comment="#")
+    pd.testing.assert_frame_equal(written, compensated.to_frame(), check_dtype=False, rtol=1e-6)
+    with pytest.raises(InputError):
+        compensated.write(one)
