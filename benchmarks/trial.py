@@ -1,4 +1,4 @@
-"""The grid method on trial: `python benchmarks/trial.py [--repetitions 1000] [--starts 100] [--joints 4]`.
+"""The grid search validated: `python benchmarks/trial.py [--repetitions 1000] [--starts 100] [--joints 4]`.
 
 Every set of Table 1, at two noise levels and three designs, SIMULATED: does IPOPT from random starts within its bounds ever undercut the refined
 grid, where do local solvers end elsewhere, how fine must a plain grid be, how often do 95 % intervals cover the truth, and how long does it all take.
@@ -11,14 +11,14 @@ import numpy as np
 
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.cases import NOISES, sweep
-from bristle.questions.method_validation.results import FREE, SAME, Tried
-from bristle.questions.method_validation.run import POLISHED, REFINED, SEED, run_trial
+from bristle.questions.method_validation.results import SAME_COST, CaseResult
+from bristle.questions.method_validation.run import POLISHED, REFINED, SEED, validate
 from bristle.questions.method_validation.solvers import NAMES
 from bristle.questions.method_validation.verdict import overall
 
 
 def main() -> None:
-    """Try, and print the tables and the verdict."""
+    """Validate, and print the tables and the verdict."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repetitions", type=int, default=1000)
     parser.add_argument("--starts", type=int, default=100)
@@ -26,22 +26,24 @@ def main() -> None:
     chosen = parser.parse_args()
     every = sweep()
     cases = every.cases[: chosen.joints * 2 * 3 * len(NOISES)]
-    found = run_trial(replace(every, cases=cases), repetitions=chosen.repetitions, starts=chosen.starts)
-    print(f"{len(cases)} cases, {found.repetitions} repetitions, {found.starts} starts, seed {SEED}; all SIMULATED")
-    of_cases(found.cases)
-    of_methods(found.cases)
-    of_coverage(found.cases)
-    for sentence in overall(found):
-        print(sentence)
-    worst = max(tried.beaten for tried in found.cases)
+    validation = validate(replace(every, cases=cases), repetitions=chosen.repetitions, starts=chosen.starts)
     print(
-        f"asked: IPOPT never beats the refined grid by more than {SAME:g}, relative: {'holds' if worst <= SAME else 'FAILS'}, {worst:.1e}"
+        f"{len(cases)} cases, {validation.repetitions} repetitions, {validation.starts} starts, seed {SEED}; all SIMULATED"
+    )
+    of_cases(validation.cases)
+    of_methods(validation.cases)
+    of_coverage(validation.cases)
+    for sentence in overall(validation):
+        print(sentence)
+    worst = max(result.cost_deficit for result in validation.cases)
+    print(
+        f"asked: IPOPT never beats the refined grid by more than {SAME_COST:g}, relative: {'holds' if worst <= SAME_COST else 'FAILS'}, {worst:.1e}"
     )
 
 
-def of_cases(cases: tuple[Tried, ...]) -> None:
+def of_cases(cases: tuple[CaseResult, ...]) -> None:
     """A row per case."""
-    solvers = [name for name in cases[0].starts.ended if name != FREE]
+    solvers = cases[0].starts.solvers
     print(
         "\nof random starts, % that end elsewhere; IPOPT's lead over the grid, relative; % lower beyond the range; % declined by bristle;"
     )
@@ -51,24 +53,23 @@ def of_cases(cases: tuple[Tried, ...]) -> None:
     heads = "".join(f"{name:>11}" for name in (*solvers, "lead", "beyond", "declined", "error", "needed"))
     print(f"{'set':<22}{'noise':>7}{heads}")
     design = ""
-    for tried in sorted(cases, key=lambda t: [c.case.design for c in cases].index(t.case.design)):
-        if tried.case.design != design:
-            design = tried.case.design
+    for result in sorted(cases, key=lambda t: [c.case.design for c in cases].index(t.case.design)):
+        if result.case.design != design:
+            design = result.case.design
             print(design)
-        away = "".join(f"{100 * tried.starts.elsewhere(n).mean():11.0f}" for n in solvers)
-        r = tried.resolution
-        error = "-" if tried.blind else f"{100 * r.share(PLAIN_GRID):.1f}"
-        needed = "-" if tried.blind else f"{r.enough or 'more'}"
-        noise = f"{100 * tried.case.noise / tried.case.truth.alpha_0:.1f}%"
-        lead = f"{max(tried.beaten, 0.0):11.0e}"
-        print(
-            f"  {tried.case.label:<20}{noise:>7}{away}{lead}{100 * tried.beyond.mean():11.0f}{100 * tried.declined:11.0f}{error:>11}{needed:>11}"
-        )
+        away = "".join(f"{100 * result.starts.in_other_minimum(n).mean():11.0f}" for n in solvers)
+        r = result.resolution
+        error = "-" if result.not_identifiable else f"{100 * r.share(PLAIN_GRID):.1f}"
+        needed = "-" if result.not_identifiable else f"{r.enough or 'more'}"
+        noise = f"{100 * result.case.noise / result.case.truth.alpha_0:.1f}%"
+        lead = f"{max(result.cost_deficit, 0.0):11.0e}"
+        shares = "".join(f"{100 * share:11.0f}" for share in (result.outside_range.mean(), result.declined))
+        print(f"  {result.case.label:<20}{noise:>7}{away}{lead}{shares}{error:>11}{needed:>11}")
 
 
-def of_methods(cases: tuple[Tried, ...]) -> None:
+def of_methods(cases: tuple[CaseResult, ...]) -> None:
     """A row per method, over the cases in which v_s can be known."""
-    known = [tried for tried in cases if not tried.blind]
+    known = [result for result in cases if not result.not_identifiable]
     print(
         f"\nmethods, over the {len(known)} cases in which v_s can be known: medians of |bias| and spread of v_s (% of it), mean coverage,"
     )
@@ -81,18 +82,18 @@ def of_methods(cases: tuple[Tried, ...]) -> None:
         bias = np.median([100 * abs(m.bias[3]) / v_s for m, v_s, _ in rows])
         spread = np.median([100 * m.spread[3] / v_s for m, v_s, _ in rows])
         covers, fails = (100 * np.mean(x) for x in zip(*((m.coverage[3], m.failed) for m, _, _ in rows), strict=True))
-        away = [m.elsewhere for m, _, _ in rows if m.elsewhere is not None]
+        away = [m.other_minimum for m, _, _ in rows if m.other_minimum is not None]
         above = f"{100 * np.mean(away):8.1f}%" if away else f"{'-':>9}"
         ms, ratio = (
             1e3 * np.median([m.seconds for m, _, _ in rows]),
             np.median([m.seconds / base for m, _, base in rows]),
         )
         print(f"{name:<28}{bias:8.2f}{spread:8.2f}{covers:8.1f}%{fails:8.1f}%{above}{ms:9.3f}{ratio:9.2f}")
-    moved = max(t.moved for t in known)
+    moved = max(t.polish_shift for t in known)
     print(f"{POLISHED} moves by at most {moved:.1e} spreads of any parameter in them")
 
 
-def of_coverage(cases: tuple[Tried, ...]) -> None:
+def of_coverage(cases: tuple[CaseResult, ...]) -> None:
     """A row per design and kind of interval: how often it covers the truth, by parameter, lowest and highest of its cases."""
     print("\n95 % intervals that cover the truth, lowest to highest of a design's cases, %")
     print(f"{'':<60}{'cases':>6} " + "".join(f"{name:>16}" for name in NAMES))

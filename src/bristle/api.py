@@ -18,10 +18,9 @@ from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
 from bristle.questions.joint_report import results_file
-from bristle.questions.method_validation.cases import own_cases, sweep
-from bristle.questions.method_validation.results import Trial
-from bristle.questions.method_validation.run import REPETITIONS, STARTS, run_trial
-from bristle.questions.method_validation.run import check as check_trial
+from bristle.questions.method_validation.cases import joint_cases, sweep
+from bristle.questions.method_validation.results import Validation
+from bristle.questions.method_validation.run import REPETITIONS, STARTS, check_request, validate
 from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
 from bristle.questions.sensitivity.study import SAMPLES, SensitivityStudy, check_samples, study_sensitivity
 from bristle.questions.session_comparison.compare import compare as compare_sessions
@@ -237,8 +236,8 @@ def trial(
     starts: int = STARTS,
     noise: float | None = None,
     progress: Progress | None = None,
-) -> Trial:
-    """The grid method on trial against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
+) -> Validation:
+    """The grid search validated against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
 
     With no experiment a declared sweep: every set of Table 1, at two noise levels and three designs. The seed is fixed.
 
@@ -250,23 +249,18 @@ def trial(
         noise: standard deviation of a point's torque over alpha_0; None: the fit's own, or both levels of the sweep.
         progress: called as it goes.
 
-    Raises InputError in one sentence where a file cannot be used, or a number makes no trial.
+    Raises InputError in one sentence where a file cannot be used, or a number makes no validation.
     """
-    check_trial(repetitions, starts, noise)
+    check_request(repetitions, starts, noise)
     if experiment is not None and identified is None:
         identified = identify(experiment, progress=progress)
-    subject = own_cases(identified.joints[0], noise) if identified else sweep(noise)
-    return run_trial(subject, repetitions=repetitions, starts=starts, progress=progress)
+    case_set = joint_cases(identified.joints[0], noise) if identified else sweep(noise)
+    return validate(case_set, repetitions=repetitions, starts=starts, progress=progress)
 
 
-def write_trial(tried: Trial, folder: Path | str) -> Path:
-    """Write what `trial` returned as a page with figures and tables into a folder; returns the path of index.html.
-
-    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-    """
-    from bristle.questions.method_validation.page import write_trial as write
-
-    return write(tried, Path(folder))
+def write_trial(validated: Validation, folder: Path | str) -> Path:
+    """`Validation.write`: what `trial` returned as a page with figures and tables."""
+    return validated.write(folder)
 
 
 def plan(
@@ -291,13 +285,8 @@ def plan(
 
 
 def write_plan(planned: Plan, folder: Path | str) -> Path:
-    """Write what `plan` returned as a page with figures and tables into a folder; returns the path of index.html.
-
-    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-    """
-    from bristle.questions.experiment_design.page import write_plan as write
-
-    return write(planned, Path(folder))
+    """`Plan.write`: what `plan` returned as a page with figures and tables."""
+    return planned.write(folder)
 
 
 def inspect(experiment: Source) -> Measured:

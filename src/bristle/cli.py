@@ -193,24 +193,23 @@ def validate(
     ] = None,
     strict: _Strict = False,
 ) -> None:
-    """Check each fit against a full nonlinear one (CasADi + IPOPT), then put the grid method on trial where the truth is known.
+    """Check each fit against a full nonlinear one (CasADi + IPOPT), then validate the grid search where the truth is known.
 
-    The trial simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
+    The validation simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
 
-    Example: bristle validate wrist.yaml -o reports/trial
+    Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
-    from bristle import trial, write_trial
-    from bristle.questions.method_validation.page import text
-    from bristle.questions.method_validation.run import check
+    from bristle import trial
+    from bristle.questions.method_validation.run import check_request
 
     folder = _folder(output, experiment, "-validate")
-    check(repetitions, starts, noise)
+    check_request(repetitions, starts, noise)
     results = _cross_checked(experiment) if experiment else None
     with shown() as progress:
-        tried = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-    _print(text(tried, each=results is not None))
-    if tried.cases:
-        _print([f"Page: {write_trial(tried, folder)}"], done=True)
+        validated = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
+    _print([validated.text()])
+    if validated.cases:
+        _print([f"Page: {validated.write(folder)}"], done=True)
     if results:
         _finish(results, strict)
 
@@ -345,10 +344,7 @@ def plan(
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
     from bristle import plan as run
-    from bristle import write_plan
     from bristle.page.output_folder import check_apart, check_folder, staged
-    from bristle.questions.experiment_design.page import text
-    from bristle.questions.experiment_design.tables import to_csv
 
     _check(output)
     if page is not None:
@@ -357,9 +353,9 @@ def plan(
         check_apart(output, page)
     with shown() as progress:
         planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
-    _print([text(planned)])
-    with nullcontext() if output is None else staged(output, to_csv(planned).encode()):
-        written = None if page is None else write_plan(planned, page)
+    _print([planned.text()])
+    with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
+        written = None if page is None else planned.write(page)
     if output is not None:
         _print([f"References: {output}, {planned.duration:.0f} s"], done=True)
     if written is not None:

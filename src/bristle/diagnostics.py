@@ -65,6 +65,7 @@ class _Formatter(Formatter):
 
 
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
+    "c": lambda numbers: ", ".join(f"{name} {number:.3g} %" for name, number in numbers),
     "d": in_direction,
     "i": lambda ends: ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends),
     "j": lambda words: " and ".join(map(str, words)),
@@ -72,8 +73,10 @@ _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "m": lambda words: "; ".join(map(str, words)),
     "p": lambda numbers: ", ".join(f"{name} ({number:.1f})" for name, number in numbers),
     "w": lambda alone: "would let it in" if alone else "would answer this reason, not the other",
+    "x": lambda numbers: ", ".join(f"{name} {number:.2g}" for name, number in numbers),
 }
-"""Of a direction, of named intervals, of lists of names and of long things, of named numbers, of whether a reason stands alone."""
+"""Of named percentages, of a direction, of named intervals, of lists of names and of long things, of named numbers, of whether a reason stands
+alone, and of named ratios."""
 _FORMATTER = _Formatter()
 _CRITICAL, _CAUTION, _NOTE = Severity.CRITICAL, Severity.CAUTION, Severity.NOTE
 
@@ -526,6 +529,146 @@ class Kind(Enum):
     )
     HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
     TRUTH_UNDECLARED = _CAUTION, "A truth is given, but the data are not declared simulated."
+
+    # validation of the grid search
+    POINTS_SIMULATED = (
+        _NOTE,
+        (
+            "SIMULATED: torques are those of the model at the velocities named, with white Gaussian noise; "
+            "no run is simulated, and no velocity is in error."
+        ),
+    )
+    DIRECTIONS_ALONE = (
+        _NOTE,
+        "Each direction stands alone: what directions share (inertia, gravity, offset) is taken as known.",
+    )
+    NO_STRIBECK_TERM = _NOTE, "nothing to try: {outcome}"
+    POINTS_WITHOUT_NOISE = (
+        _NOTE,
+        "nothing to try: the points lie on the model without noise; choose a noise level with --noise",
+    )
+    NO_GRID_FIT = _NOTE, "nothing to try: no friction over velocity was fitted by the grid."
+    NOTHING_TRIED = _NOTE, "Nothing was tried."
+    NEVER_UNDERCUT = (
+        _NOTE,
+        (
+            "{fits} fits by IPOPT from random starts within the grid's bounds ({starts} of them on the first data set of each case): "
+            "none undercuts the refined grid's cost by more than {same:g}, relative (at most {deficit:.1g})."
+        ),
+    )
+    UNDERCUT = (
+        _CRITICAL,
+        (
+            "{fits} fits by IPOPT from random starts within the grid's bounds ({starts} of them on the first data set of each case): "
+            "the refined grid was undercut by up to {deficit:.2g}, relative; do not trust it before you know why."
+        ),
+    )
+    DESIGN_VALIDATED = (
+        _NOTE,
+        (
+            "{design}: random starts that end in another minimum: {other!c}; "
+            "with v_s free, {outside:.3g} % find a lower cost outside the grid's range; "
+            "no method can know v_s in {unknowable} of {cases} cases; in {coarse} of the others a plain grid of {values} is too coarse."
+        ),
+    )
+    V_S_KNOWABLE = (
+        _NOTE,
+        (
+            "v_s can be known here ({below} of {speeds} speeds below v_s): it scatters by {spread:.3g} % of the truth; "
+            "no finite interval is returned in {declined:.3g} % of the repetitions."
+        ),
+    )
+    V_S_UNKNOWABLE = (
+        _CRITICAL,
+        (
+            "No method can know v_s here ({below} of {speeds} speeds below v_s): "
+            "no finite interval is returned in {declined:.3g} % of the repetitions, "
+            "and the best fit's v_s is off by {bias:.3g} % of the truth in the median and scatters by {spread:.3g} %. "
+            "A solver that returns a number all the same returns noise."
+        ),
+    )
+    IPOPT_NEVER_LOWER = (
+        _NOTE,
+        "From {starts} random starts within the grid's bounds IPOPT never finds a cost below the refined grid's.",
+    )
+    IPOPT_UNDERCUTS = (
+        _CRITICAL,
+        "IPOPT finds a cost below the refined grid's, by {deficit:.2g} relative; do not trust the grid before you know why.",
+    )
+    POLISHING_STAYS = (
+        _NOTE,
+        "IPOPT initialised at the grid's answer stays there, within {shift:.1g} standard errors: the full fit adds nothing.",
+    )
+    POLISHING_MOVES = (
+        _CAUTION,
+        "IPOPT initialised at the grid's answer moves by up to {shift:.2g} standard errors, along a valley of one cost.",
+    )
+    STARTS_PART = (
+        _NOTE,
+        (
+            "Random starts that end in another minimum, or short of one: {other!c}; without a Stribeck term: {flat!c}. "
+            "The grid has no start."
+        ),
+    )
+    STARTS_AGREE = (
+        _NOTE,
+        "Every random start of {solvers!l} ends in the grid's minimum: here the grid has no advantage but time.",
+    )
+    PLAIN_GRID_ERROR = (
+        _NOTE,
+        (
+            "The paper's plain grid of {values} has an error of v_s of {share:.3g} % of its standard error; "
+            "{enough} (a step over √12 predicts {predicted}). The refined grid has none."
+        ),
+    )
+    FINE_GRID = _NOTE, "the first of the resolutions tried to keep below {most:.3g} % is {values}"
+    NO_FINE_GRID = _NOTE, "none of the resolutions tried keeps below {most:.3g} %"
+    LOWER_OUTSIDE_RANGE = (
+        _CAUTION,
+        (
+            "With v_s free, {count} of {starts} starts find a lower cost outside the grid's range, at v_s from {low:.3g} to {high:.3g}: "
+            "there the range decides, not the data."
+        ),
+    )
+    FIT_TIMES = _NOTE, "Time of one fit, over the refined grid's: {times!x}."
+    PLAIN_GRID_ENOUGH = _NOTE, "Faster than the refined grid, and fine enough here: a plain grid of {values}."
+
+    # a plan of measurements
+    PLAN_LOCAL = (
+        _NOTE,
+        (
+            "The design is local: errors are those of the estimates, to first order; velocities are averaged over what v_s may be, "
+            "the motion over {others} other joints that may be."
+        ),
+    )
+    REFERENCES_FOLLOWED = (
+        _NOTE,
+        "Each reference is followed exactly; friction is LuGre, the same everywhere and at any time.",
+    )
+    RUN_IN = (
+        _NOTE,
+        (
+            "A run-in of at least {settle:g} s, or {deflections:g} bristle deflections of travel, precedes each hold: "
+            "the bristle forgets over one."
+        ),
+    )
+    ENCODER_COUNT = _NOTE, "Encoder: {count:.3g} {unit} a count."
+    ENCODER_FINE = _NOTE, "Encoder: no count is known; loading is planned as if it were fine."
+    STILL_UNSEEN = _CAUTION, "Even after this plan {names!l} would not be seen within these limits."
+    SLOWEST_TOO_FAST = (
+        _CAUTION,
+        (
+            "The slowest constant speed, {slowest:.3g} {unit}, is {ratio:.2g} times v_s{direction!d}: slower runs would show the Stribeck region "
+            "far better; a stiffer controller may hold them, then lower plan.minimum_velocity."
+        ),
+    )
+    FEW_VELOCITIES = (
+        _CAUTION,
+        (
+            "The planned velocities{direction!d} are too few different ones for a fit of their own: they add to what was measured; "
+            "identify them together with the runs so far."
+        ),
+    )
 
 
 NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})

@@ -8,14 +8,20 @@ import pandas as pd
 import pytest
 
 import bristle
+from bristle.diagnostics import Kind
 from bristle.identification.fisher import STATIC
 from bristle.identification.identify import Measured, measure
 from bristle.identification.limits import followed, limits_of
 from bristle.identification.results import Outcome, StaticFit
 from bristle.model.parameters import ParameterName
 from bristle.questions.experiment_design import excitation
-from bristle.questions.experiment_design.figures import intervals_figure, motions_figure, velocities_figure
-from bristle.questions.experiment_design.page import lacking, text
+from bristle.questions.experiment_design.figures import (
+    intervals_figure,
+    loading_figure,
+    motions_figure,
+    velocities_figure,
+)
+from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.start import scatter
 from bristle.questions.experiment_design.tables import (
@@ -25,12 +31,12 @@ from bristle.questions.experiment_design.tables import (
     loading,
     motions,
     references,
-    to_csv,
 )
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, run, speeds, write
+from ..sameness import held, without_sentences
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
 Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
@@ -75,17 +81,19 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     fit = gripper.joint.moving
     assert fit is not None
     said = [fit.parameters[ParameterName.parse(name)].standard_error for name in gripper.start.names]
-    assert gripper.stages["now"] == pytest.approx(said, rel=1e-3)
-    assert tuple(gripper.stages) == PARTS
+    assert gripper.standard_errors["now"] == pytest.approx(said, rel=1e-3)
+    assert tuple(gripper.standard_errors) == PARTS
     for before, after in pairwise(PARTS):
-        assert (gripper.stages[after] <= gripper.stages[before] * (1 + 1e-9)).all()
-    assert (gripper.stages["with motion"] < gripper.stages["now"]).all()
+        assert (gripper.standard_errors[after] <= gripper.standard_errors[before] * (1 + 1e-9)).all()
+    assert (gripper.standard_errors["with motion"] < gripper.standard_errors["now"]).all()
 
 
 def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
     """Velocities shrink the four static parameters, loading sigma_0, and the motion sigma_1 and the inertia, by a tenth at least."""
     at = dict(zip(gripper.start.names, range(13), strict=True))
-    shrunk = {after: gripper.stages[after] / gripper.stages[before] for before, after in pairwise(PARTS)}
+    shrunk = {
+        after: gripper.standard_errors[after] / gripper.standard_errors[before] for before, after in pairwise(PARTS)
+    }
     for d in "+-":
         assert shrunk["with velocities"][[at["v_s" + d], at["alpha_1" + d]]].max() < 0.9
         assert shrunk["with loading"][at["sigma_0" + d]] < 0.9
@@ -102,7 +110,7 @@ def test_planned_beats_plain_and_measured(gripper: Plan) -> None:
 
 def test_designs_beat_spaced_velocities(gripper: Plan) -> None:
     """For its own parameter each design is the best of the table, what is known included; simulated fits confirm it of v_s without."""
-    for own in gripper.directions:
+    for own in gripper.velocities:
         for k, aim in enumerate(STATIC):
             others = [own.designs["all"], *own.spaced.values()]
             assert all(own.designs[aim].errors[k] <= 1.01 * x.errors[k] for x in others)
@@ -112,7 +120,7 @@ def test_designs_beat_spaced_velocities(gripper: Plan) -> None:
 
 def test_references_are_read_back(gripper: Plan) -> None:
     """The file is what pandas reads back, within every limit; runs are numbered in order, torque only where the joint is loaded."""
-    frame = pd.read_csv(io.StringIO(to_csv(gripper)))
+    frame = pd.read_csv(io.StringIO(gripper.reference_csv()))
     pd.testing.assert_frame_equal(frame, references(gripper), rtol=1e-8)
     limits = gripper.limits
     assert list(frame.columns) == ["time (s)", "experiment", "run", Q, V, T]
@@ -136,13 +144,13 @@ def test_planned_speeds_are_played(gripper: Plan) -> None:
         speed = own[V].abs().max()
         assert (own[V].abs() == speed).sum() / gripper.limits.rate >= gripper.limits.hold
         held.append(speed if own[V].max() == speed else -speed)
-    wanted = [(-1 if d.tag == "-" else 1) * v for d in gripper.directions for v in d.chosen.speeds]
+    wanted = [(-1 if d.tag == "-" else 1) * v for d in gripper.velocities for v in d.chosen.speeds]
     assert sorted(held) == pytest.approx(sorted(wanted))
 
 
 def test_stated_sines_are_those_written(gripper: Plan) -> None:
     """Least squares of the written tracking reference gives the amplitudes that are stated and their phases, but for the fading at its ends."""
-    frame, stated = pd.read_csv(io.StringIO(to_csv(gripper))), lines(gripper)
+    frame, stated = pd.read_csv(io.StringIO(gripper.reference_csv())), lines(gripper)
     own = frame[frame["experiment"] == "tracking"]
     time = own["time (s)"].to_numpy() - own["time (s)"].iloc[0]
     turns = 2 * np.pi * time[:, None] * stated["frequency"].to_numpy() + stated["phase"].to_numpy()
@@ -155,7 +163,7 @@ def test_stated_sines_are_those_written(gripper: Plan) -> None:
     if distinct:
         found = np.linalg.lstsq(columns[kept], position, rcond=None)[0]
         assert found == pytest.approx(wanted, abs=1e-6)
-    said = text(gripper).split("tracking, ")[1].splitlines()[0]
+    said = gripper.text().split("tracking, ")[1].splitlines()[0]
     assert all(f"{a:.2g} at {f:.2g}" in said for a, f in zip(stated["amplitude"], stated["frequency"], strict=True))
 
 
@@ -214,8 +222,8 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     found = bristle.plan(path, velocities=4)
     assert "inertia" not in intervals(found)["parameter"].tolist()
     assert "inertia" not in motions(found).columns
-    assert "\n    inertia" not in text(found)
-    assert any("Inertia: 0.0013 kg*m**2, given as exact" in s for s in found.assumptions)
+    assert "\n    inertia" not in found.text()
+    assert any("Inertia: 0.0013 kg*m**2, given as exact" in s for s in map(str, found.assumptions))
     for figure in (intervals_figure(found), motions_figure(found)):
         assert len(figure.axes[0].get_yticks()) == 12
         low, _ = figure.axes[0].get_xlim()
@@ -241,8 +249,8 @@ def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
     found = bristle.plan(path, velocities=4)
     assert found.start.noise["+"] < 1.2e-4  # root mean square: 3.3e-4
     assert found.start.noise["-"] == pytest.approx(2e-4, rel=0.35)
-    assert [d.task.noise for d in found.directions] == [found.start.noise[d.tag] for d in found.directions]
-    said = {tag: next(s for s in found.assumptions if s.startswith(f"Noise ({tag})")) for tag in "+-"}
+    assert [d.problem.noise for d in found.velocities] == [found.start.noise[d.tag] for d in found.velocities]
+    said = {tag: next(s for s in map(str, found.assumptions) if s.startswith(f"Noise ({tag})")) for tag in "+-"}
     assert "a few points lie far off" in said["+"]
     assert "a few points lie far off" not in said["-"]
 
@@ -268,14 +276,26 @@ def test_robust_scatter_is_that_of_normal_noise() -> None:
 def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
     """The table and the text have the error by noise, the viscous share, and both together as the promised one, which is what is added."""
     columns = ("by_noise", "viscous_share", "standard_error")
-    for row, own in zip(loading(gripper)[[*columns]].to_numpy(float).tolist(), gripper.loads, strict=True):
+    for row, own in zip(loading(gripper)[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True):
         by_noise, viscous, whole = row
         sigma_0 = gripper.start.p(own.tag).sigma_0
         assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
-        assert f"{100 * viscous:.2g} %" in text(gripper)
+        assert f"{100 * viscous:.2g} %" in gripper.text()
         k = gripper.start.names.index("sigma_0" + own.tag)
-        before, after = gripper.stages["with velocities"][k], gripper.stages["with loading"][k]
+        before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
+
+
+def test_rises_are_drawn_as_they_are_played(gripper: Plan) -> None:
+    """The legend names each rise in the time that is left for it, where loading shows nothing too, and marks a choice where it does show."""
+    p = gripper.start.p("+")
+    for count, marked in ((0.0, True), (1.1 * p.alpha_0 / p.sigma_0, False)):
+        design = design_loading("+", p, 0.0, 1e-4, count, share=0.5)
+        (ax,) = loading_figure(replace(gripper, loadings=(design,))).axes
+        legend = ax.get_legend()
+        assert legend is not None
+        labels = [text.get_text() for text in legend.get_texts()]
+        assert labels == ["2.5 s", "4 s", "7 s", "12.5 s", "20 s"] + ["chosen"] * marked
 
 
 def test_counts_of_velocities_stay_in_the_figure(gripper: Plan) -> None:
@@ -283,7 +303,7 @@ def test_counts_of_velocities_stay_in_the_figure(gripper: Plan) -> None:
     figure = velocities_figure(gripper)
     figure.draw_without_rendering()
     (legend,) = figure.legends
-    for ax, own in zip(figure.axes, gripper.directions, strict=True):
+    for ax, own in zip(figure.axes, gripper.velocities, strict=True):
         frame, boxes = ax.get_window_extent(), [t.get_window_extent() for t in ax.texts if t.get_text().startswith("×")]
         assert len(boxes) == np.unique(own.chosen.speeds).size
         assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and frame.y0 <= b.y0 and b.y1 <= frame.y1 for b in boxes)
@@ -331,28 +351,45 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert (tmp_path / "page" / "tables" / "intervals.csv").is_file()
 
 
+def test_a_plan_carries_itself(gripper: Plan, tmp_path: Path) -> None:
+    """Its frame is the table of intervals; written by itself or by `bristle.write_plan`, from a path or a text, its page is the same."""
+    pd.testing.assert_frame_equal(gripper.to_frame(), intervals(gripper))
+    first, second = gripper.write(str(tmp_path / "one")), bristle.write_plan(gripper, tmp_path / "two")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_no_sentence_decides_on_a_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name a plan comes out the same in every number and warning."""
+    path = write(tmp_path, speeds(both=False))
+    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
+    first = bristle.plan(path, velocities=4)
+    without_sentences(monkeypatch)
+    second = bristle.plan(path, velocities=4)
+    assert held(second) == held(first)
+    assert [warning.kind for warning in second.warnings] == [warning.kind for warning in first.warnings]
+    assert first.reference_csv() == second.reference_csv()
+
+
 def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     """Points of one direction: bristle, inertia and the other direction are guesses that the plan names, never nan."""
     path = write(tmp_path, speeds(both=False))
     found = bristle.plan(path, velocities=4)
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
     assert guessed <= set(found.start.guessed)
-    said = " ".join(found.assumptions)
+    said = " ".join(map(str, found.assumptions))
     assert "Nothing is known of direction -" in said
     assert "Inertia: a guess" in said
-    assert np.isinf(found.stages["now"][[found.start.names.index(n) for n in guessed]]).all()
-    assert "nan" not in text(found)
-    assert all(np.isfinite(errors).all() for errors in (found.stages["with motion"], found.start.estimate))
+    assert np.isinf(found.standard_errors["now"][[found.start.names.index(n) for n in guessed]]).all()
+    assert "nan" not in found.text()
+    assert all(np.isfinite(errors).all() for errors in (found.standard_errors["with motion"], found.start.estimate))
 
 
 def test_too_fast_a_slowest_speed_is_said(tmp_path: Path) -> None:
     """Where constant velocities begin above v_s, the plan says that slower ones would show more."""
     path = write(tmp_path, speeds())
     path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
-    assert any(
-        "slower runs would show the Stribeck region" in sentence
-        for sentence in lacking(bristle.plan(path, velocities=4))
-    )
+    kinds = [warning.kind for warning in bristle.plan(path, velocities=4).warnings]
+    assert Kind.SLOWEST_TOO_FAST in kinds
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,13 @@ from bristle.arrays import Array
 from bristle.identification.fisher import static_information, static_jacobian
 from bristle.questions.experiment_design.velocities import (
     Design,
-    Task,
-    by_v_s,
+    DesignProblem,
     design,
-    judged,
+    errors_by_v_s,
+    evaluate_design,
     nodes_of,
     simulated_errors,
-    spaced,
+    spaced_speeds,
 )
 from bristle.simulation.edro import TABLE_1
 
@@ -21,22 +21,29 @@ P = TABLE_1["gripper rotation"].positive
 RUNS = 12
 
 
-def task(low: float = 0.15, high: float = 0.8, relative: float = 0.0, **changed: object) -> Task:
+def problem(low: float = 0.15, high: float = 0.8, relative: float = 0.0, **changed: object) -> DesignProblem:
     """Gripper rotation (+), from `low` v_s to `high` rad/s, with nothing known before."""
-    given_ = {"p": P, "nodes": nodes_of(P.v_s, relative), "known": np.zeros((4, 4)), "noise": 0.005 * P.alpha_0}
-    return Task(**{**given_, "low": low * P.v_s, "high": high, **changed})  # type: ignore[arg-type]  # of mixed types
+    given_ = {
+        "p": P,
+        "nodes": nodes_of(P.v_s, relative),
+        "prior_information": np.zeros((4, 4)),
+        "noise": 0.005 * P.alpha_0,
+    }
+    return DesignProblem(**{**given_, "low": low * P.v_s, "high": high, **changed})  # type: ignore[arg-type]  # of mixed types
 
 
-def loss(own: Task, found: Design) -> float:
+def loss(own: DesignProblem, found: Design) -> float:
     """-log det of the information, averaged over the nodes."""
-    each = [np.linalg.slogdet(own.known + static_information(found.speeds, p, own.noise))[1] for p in own.sets]
+    each = [
+        np.linalg.slogdet(own.prior_information + static_information(found.speeds, p, own.noise))[1] for p in own.sets
+    ]
     return -float(np.mean(each))
 
 
 def test_planned_velocities_beat_log_spaced_ones_for_v_s() -> None:
     """Twelve runs planned for v_s alone give it at most 0.67 times the standard error of twelve log-spaced ones; simulated fits agree."""
-    own = task()
-    planned, log = design(own, RUNS, "v_s"), judged(own, spaced(own, RUNS, "log"))
+    own = problem()
+    planned, log = design(own, RUNS, "v_s"), evaluate_design(own, spaced_speeds(own, RUNS, "log"))
     assert planned.alone[3] <= 0.67 * log.alone[3]
     seen = [simulated_errors(own, speeds, 20_000)[3] for speeds in (planned.speeds, log.speeds)]
     assert seen[0] <= 0.67 * seen[1]
@@ -46,16 +53,19 @@ def test_planned_velocities_beat_log_spaced_ones_for_v_s() -> None:
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.8), (1.0, 0.8), (0.15, 0.3)])
 def test_planned_velocities_win_in_every_range(low: float, high: float) -> None:
     """For v_s and alpha_1, the runs planned for it are at least as good as spaced ones of the same range."""
-    own = task(low, high)
+    own = problem(low, high)
     for k, aim in ((1, "alpha_1"), (3, "v_s")):
         found = design(own, RUNS, aim)
         assert found.aim == aim
-        assert all(found.errors[k] <= judged(own, spaced(own, RUNS, kind)).errors[k] for kind in ("log", "even"))
+        assert all(
+            found.errors[k] <= evaluate_design(own, spaced_speeds(own, RUNS, kind)).errors[k]
+            for kind in ("log", "even")
+        )
 
 
 def test_d_optimal_runs_satisfy_the_equivalence_theorem() -> None:
     """Kiefer and Wolfowitz: with a multiple of four runs, n s'(v) F**-1 s(v) / noise**2 is at most 4 anywhere, and 4 at each speed that is run."""
-    own = task()
+    own = problem()
     found = design(own, RUNS)
     inverse = np.linalg.inv(static_information(found.speeds, P, own.noise))
 
@@ -73,20 +83,20 @@ def test_d_optimal_runs_satisfy_the_equivalence_theorem() -> None:
 @given(st.lists(st.floats(0.0, 1.0), min_size=RUNS, max_size=RUNS))
 def test_no_other_runs_are_better(where: list[float]) -> None:
     """Any twelve speeds of the range have an information no larger, and an error of v_s no smaller, than those planned; averaged over v_s."""
-    own = task(relative=0.3)
+    own = problem(relative=0.3)
     speeds = own.low * (own.high / own.low) ** np.array(where)
-    other = judged(own, speeds)
+    other = evaluate_design(own, speeds)
     assert loss(own, other) >= loss(own, _PLANNED["all"]) - 0.02
-    variance = 2 * np.log(by_v_s(own, speeds, own.nodes)[:, 3]).mean()
-    assert variance >= 2 * np.log(by_v_s(own, _PLANNED["v_s"].speeds, own.nodes)[:, 3]).mean() - 0.02
+    variance = 2 * np.log(errors_by_v_s(own, speeds, own.nodes)[:, 3]).mean()
+    assert variance >= 2 * np.log(errors_by_v_s(own, _PLANNED["v_s"].speeds, own.nodes)[:, 3]).mean() - 0.02
 
 
-_PLANNED = {aim: design(task(relative=0.3), RUNS, aim) for aim in ("all", "v_s")}
+_PLANNED = {aim: design(problem(relative=0.3), RUNS, aim) for aim in ("all", "v_s")}
 
 
 def test_one_unknown_parameter_has_a_closed_form() -> None:
     """Where all but alpha_2 is known, its runs all go to the fastest speed v, and its error is noise / (sqrt(n) v)."""
-    own = task(known=np.diag([1e14, 1e14, 0.0, 1e14]))
+    own = problem(prior_information=np.diag([1e14, 1e14, 0.0, 1e14]))
     found = design(own, 9, "alpha_2")
     assert found.speeds == pytest.approx(np.full(9, own.high), rel=1e-6)
     assert found.errors[2] == pytest.approx(own.noise / (3 * own.high), rel=1e-3)
@@ -94,29 +104,29 @@ def test_one_unknown_parameter_has_a_closed_form() -> None:
 
 def test_what_is_known_is_added_up() -> None:
     """Standard errors are those of the sum of both informations, and smaller than those of the runs alone; known runs move the design."""
-    first = spaced(task(), 6, "log")
-    own = task(known=static_information(first, P, task().noise))
+    first = spaced_speeds(problem(), 6, "log")
+    own = problem(prior_information=static_information(first, P, problem().noise))
     found = design(own, 6, "v_s")
-    together = judged(task(), np.concatenate([first, found.speeds]))
+    together = evaluate_design(problem(), np.concatenate([first, found.speeds]))
     assert found.errors == pytest.approx(together.errors, rel=1e-6)
     assert (found.errors < found.alone).all()
-    assert found.errors[3] < judged(own, design(task(), 6, "v_s").speeds).errors[3]
+    assert found.errors[3] < evaluate_design(own, design(problem(), 6, "v_s").speeds).errors[3]
 
 
 def test_an_average_over_v_s_survives_a_poor_estimate() -> None:
     """Where v_s is known to a factor of two only, the averaged design is worse at the estimate, and better where v_s is half of it."""
-    averaged, local = design(task(relative=0.7), RUNS, "v_s"), design(task(), RUNS, "v_s")
-    there = by_v_s(task(), averaged.speeds, np.array([P.v_s, P.v_s / 2]))[:, 3]
-    here = by_v_s(task(), local.speeds, np.array([P.v_s, P.v_s / 2]))[:, 3]
+    averaged, local = design(problem(relative=0.7), RUNS, "v_s"), design(problem(), RUNS, "v_s")
+    there = errors_by_v_s(problem(), averaged.speeds, np.array([P.v_s, P.v_s / 2]))[:, 3]
+    here = errors_by_v_s(problem(), local.speeds, np.array([P.v_s, P.v_s / 2]))[:, 3]
     assert there[0] > here[0]
     assert there[1] < 0.9 * here[1]
 
 
 def test_predictions_are_what_simulated_fits_scatter_by() -> None:
     """At little noise the scatter of fits of simulated runs is the predicted standard error of each parameter, within 3 %."""
-    own = task(noise=5e-4 * P.alpha_0)
-    speeds = spaced(own, RUNS, "log")
-    assert simulated_errors(own, speeds, 20_000) == pytest.approx(judged(own, speeds).alone, rel=0.03)
+    own = problem(noise=5e-4 * P.alpha_0)
+    speeds = spaced_speeds(own, RUNS, "log")
+    assert simulated_errors(own, speeds, 20_000) == pytest.approx(evaluate_design(own, speeds).alone, rel=0.03)
 
 
 def test_nodes_lie_about_the_estimate() -> None:
@@ -132,7 +142,7 @@ def test_nodes_lie_about_the_estimate() -> None:
 @given(low=st.floats(0.02, 2.0), share=st.floats(1.5, 100.0), count=st.integers(4, 9))
 def test_runs_stay_within_their_range(low: float, share: float, count: int) -> None:
     """Every planned speed lies between the slowest and the fastest, and there are as many as were asked for."""
-    own = task(low, low * P.v_s * share)
+    own = problem(low, low * P.v_s * share)
     found = design(own, count).speeds
     assert found.size == count
     assert own.low <= found.min()
@@ -142,6 +152,6 @@ def test_runs_stay_within_their_range(low: float, share: float, count: int) -> N
 def test_what_cannot_be_planned_is_refused() -> None:
     """Fewer runs than parameters, or an aim that constant velocities do not show."""
     with pytest.raises(ValueError, match="got 3 velocities; expected at least 4"):
-        design(task(), 3)
+        design(problem(), 3)
     with pytest.raises(ValueError, match="got 'sigma_0'; constant velocities show alpha_0"):
-        design(task(), RUNS, "sigma_0")
+        design(problem(), RUNS, "sigma_0")

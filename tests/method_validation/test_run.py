@@ -1,4 +1,4 @@
-"""The grid method on trial: the methods agree where they must, and what is counted is what happened."""
+"""The grid search validated: the methods agree where they must, and what is counted is what happened."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from bristle import identify, trial, write_trial
 from bristle.arrays import Array
+from bristle.diagnostics import Kind
 from bristle.estimation.covariance import covariance, student
 from bristle.identification.results import Estimate, Joint, Outcome, StaticFit
 from bristle.identification.static import grid as static
@@ -18,17 +19,24 @@ from bristle.identification.static.batch import Batch
 from bristle.questions.method_validation import figures, intervals
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
-from bristle.questions.method_validation.cases import MOST_POINTS, Subject, own_cases, sweep
-from bristle.questions.method_validation.intervals import covered
-from bristle.questions.method_validation.page import cases as table_of_cases
-from bristle.questions.method_validation.results import BLIND, FREE, SAME, Starts, Trial, Tried
-from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, run_trial, spread
+from bristle.questions.method_validation.cases import MOST_POINTS, CaseSet, joint_cases, sweep
+from bristle.questions.method_validation.intervals import covers_truth
+from bristle.questions.method_validation.results import (
+    FREE,
+    MOST_DECLINED,
+    SAME_COST,
+    CaseResult,
+    RandomStarts,
+    Validation,
+)
+from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, spread, validate
 from bristle.questions.method_validation.solvers import NAMES, Case
 from bristle.questions.method_validation.verdict import overall, verdict
 from bristle.simulation import edro
 from bristle.simulation.bench import steady_points
 
 from ..conftest import FEW, experiment, run, speeds, table, tree, write
+from ..sameness import without_sentences
 
 P = edro.TABLE_1["gripper rotation"].positive
 WIDE, EVEN, NONE_BELOW = range(3)
@@ -56,17 +64,17 @@ def torques_of(case: Case, sets: int, seed: int = 0) -> Array:
 
 def quick(patch: pytest.MonkeyPatch) -> None:
     """Fewer data sets for what takes long."""
-    patch.setattr(running, "LOCAL", 6)
-    patch.setattr(intervals, "BOOTSTRAPPED", 12)
+    patch.setattr(running, "LOCAL_SETS", 6)
+    patch.setattr(intervals, "BOOTSTRAP_SETS", 12)
 
 
 @pytest.fixture(scope="module")
-def tried() -> Trial:
-    """A short trial of three cases: all can be known, little noise; all can be known, much noise; nothing can be known."""
+def validation() -> Validation:
+    """A short validation of three cases: all can be known, little noise; all can be known, much noise; nothing can be known."""
     cases = (case_of(WIDE, 0.005), case_of(WIDE), case_of(NONE_BELOW, 0.005))
     with pytest.MonkeyPatch.context() as patch:
         quick(patch)
-        return run_trial(Subject(title="<b>three", kind="prismatic", cases=cases), repetitions=60, starts=6)
+        return validate(CaseSet(title="<b>three", kind="prismatic", cases=cases), repetitions=60, starts=6)
 
 
 def test_the_sweep_is_what_it_says() -> None:
@@ -176,12 +184,12 @@ def test_coverage_counts_the_intervals_of_the_covariance() -> None:
     for k in range(40):
         cov, freedom = covariance(case.problem(torques[:, k]).jacobian(theta[:, k]), cost[k])
         expected.append(np.abs(theta[:, k] - case.theta) <= student(freedom) * np.sqrt(np.diag(cov)))
-    inside = covered(case, theta, cost)
+    inside = covers_truth(case, theta, cost)
     assert inside.T.tolist() == np.array(expected).tolist()
     assert 0 < inside.sum() < inside.size
     without = theta.copy()
     without[2] = 0.0
-    assert not covered(case, without, cost)[3].any()
+    assert not covers_truth(case, without, cost)[3].any()
 
 
 @settings(deadline=None, max_examples=20)
@@ -208,7 +216,8 @@ def test_ipopt_never_undercuts_the_refined_grid(design: int, noise: float) -> No
     assert (ends[3] <= case.v_s_range[1] * (1 + 1e-9)).all()
     assert (ends[:3] >= 0).all()
     assert (
-        methods.costs(case, torques, ends) > methods.costs(case, torques, methods.refined(case, torques)) * (1 - SAME)
+        methods.costs(case, torques, ends)
+        > methods.costs(case, torques, methods.refined(case, torques)) * (1 - SAME_COST)
     ).all()
 
 
@@ -225,113 +234,132 @@ def test_error_of_a_fine_plain_grid_is_even_rounding() -> None:
     assert (high - low) / (found.predicted - 1) / np.sqrt(12) == pytest.approx(0.1 * found.floor, rel=0.02)
 
 
-def test_enough_is_where_a_tenth_is_reached_for_good(tried: Trial) -> None:
+def test_enough_is_where_a_tenth_is_reached_for_good(validation: Validation) -> None:
     """`enough` is the first resolution from which on the error is at most a tenth of the floor; less noise asks for a finer grid."""
-    for one in tried.cases[:2]:
+    for one in validation.cases[:2]:
         r = one.resolution
         shares = {n: r.share(n) for n in r.counts}
         assert r.enough == min((n for n in r.counts if all(shares[m] <= 0.1 for m in r.counts if m >= n)), default=None)
-    assert tried.cases[0].resolution.predicted > 3 * tried.cases[1].resolution.predicted
-    uneven = replace(tried.cases[0].resolution, counts=(8, 16, 32), error=np.array([0.05, 0.2, 0.1]), floor=1.0)
+    assert validation.cases[0].resolution.predicted > 3 * validation.cases[1].resolution.predicted
+    uneven = replace(validation.cases[0].resolution, counts=(8, 16, 32), error=np.array([0.05, 0.2, 0.1]), floor=1.0)
     assert uneven.enough == 32
     assert replace(uneven, floor=0.5).enough is None
 
 
-def test_the_refined_grid_is_never_worse(tried: Trial) -> None:
+def test_the_refined_grid_is_never_worse(validation: Validation) -> None:
     """Nothing within the range undercuts the refined grid; IPOPT begun there stays; plain grids approach it as they become finer."""
-    for one in tried.cases:
-        assert one.beaten <= SAME
-        assert one.methods[REFINED].elsewhere == 0.0
+    for one in validation.cases:
+        assert one.cost_deficit <= SAME_COST
+        assert one.methods[REFINED].other_minimum == 0.0
         assert one.methods[REFINED].failed == 0.0
         assert one.resolution.error[-1] < one.resolution.error[0] / 10
-    assert max(one.moved for one in tried.cases[:2]) < 1e-3
+    assert max(one.polish_shift for one in validation.cases[:2]) < 1e-3
 
 
-def test_where_nobody_can_know_the_verdict_says_so(tried: Trial) -> None:
+def test_where_nobody_can_know_the_verdict_says_so(validation: Validation) -> None:
     """Without a speed below v_s bristle declines nearly always, and the verdict says that no method can know; elsewhere it never declines there."""
-    known, noisy, blind = tried.cases
-    assert (known.declined, known.blind, noisy.blind) == (0.0, False, False)
-    assert blind.declined > BLIND
-    assert verdict(blind)[0].startswith("No method can know v_s here (none of the 12 speeds lies below v_s)")
-    assert verdict(known)[0].startswith("v_s can be known here (7 of the 16 speeds lie below v_s)")
-    assert not any("plain grid" in s and "standard error" in s for s in verdict(blind))
+    known, noisy, blind = validation.cases
+    assert (known.declined, known.not_identifiable, noisy.not_identifiable) == (0.0, False, False)
+    assert blind.declined > MOST_DECLINED
+    for result, kind, below, speeds_ in ((blind, Kind.V_S_UNKNOWABLE, 0, 12), (known, Kind.V_S_KNOWABLE, 7, 16)):
+        first = verdict(result)[0]
+        assert (first.kind, first.numbers["below"], first.numbers["speeds"]) == (kind, below, speeds_)
+    assert Kind.PLAIN_GRID_ERROR not in {diagnostic.kind for diagnostic in verdict(blind)}
 
 
-def test_the_verdict_holds_the_numbers(tried: Trial) -> None:
-    """Shares, resolution and times in the sentences are those counted."""
-    one = tried.cases[0]
-    said = " ".join(verdict(one))
-    assert f"{100 * one.resolution.share(500):.3g} % of its standard error" in said
-    for name in ("IPOPT", "SciPy TRF"):
-        if (
-            one.starts.elsewhere("IPOPT").any()
-            or one.starts.elsewhere("SciPy TRF").any()
-            or one.starts.elsewhere("lmfit").any()
-        ):
-            assert f"{name} {100 * one.starts.elsewhere(name).mean():.3g} %" in said
-    assert f"{POLISHED} {one.methods[POLISHED].seconds / one.methods[REFINED].seconds:.2g}" in said
-    assert "none undercuts the refined grid's cost" in overall(tried)[0]
-    assert len(overall(tried)) == 1 + 2
+def test_the_verdict_holds_the_numbers(validation: Validation) -> None:
+    """Shares, resolution and times of the verdict are those counted, and the text says them."""
+    result = validation.cases[0]
+    numbers = {diagnostic.kind: diagnostic.numbers for diagnostic in verdict(result)}
+    share = 100 * result.resolution.share(500)
+    assert numbers[Kind.PLAIN_GRID_ERROR]["share"] == share
+    assert f"{share:.3g} % of its standard error" in validation.text()
+    other = [(name, 100 * result.starts.in_other_minimum(name).mean()) for name in result.starts.solvers]
+    assert (Kind.STARTS_PART in numbers) == any(share for _, share in other)
+    assert list(numbers.get(Kind.STARTS_PART, {"other": other})["other"]) == other
+    ratio = result.methods[POLISHED].seconds / result.methods[REFINED].seconds
+    assert dict(numbers[Kind.FIT_TIMES]["times"])[POLISHED] == ratio
+    assert f"{POLISHED} {ratio:.2g}" in validation.text()
+    assert [diagnostic.kind for diagnostic in overall(validation)] == [
+        Kind.NEVER_UNDERCUT,
+        Kind.DESIGN_VALIDATED,
+        Kind.DESIGN_VALIDATED,
+    ]
 
 
-def test_minima_beyond_the_range_are_counted_apart(tried: Trial) -> None:
-    """A start counts as beyond where v_s, set free, leaves the range and the cost falls below the grid's; it does not count against the grid."""
+def test_no_sentence_decides_on_a_validation(validation: Validation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name the verdicts are the same values, and so are the tables."""
+    before = [verdict(result) for result in validation.cases], overall(validation), validation.to_frame()
+    without_sentences(monkeypatch)
+    after = [verdict(result) for result in validation.cases], overall(validation), validation.to_frame()
+    assert after[:2] == before[:2]
+    pd.testing.assert_frame_equal(after[2], before[2])
+
+
+def test_minima_outside_the_range_are_counted_apart(validation: Validation) -> None:
+    """A start counts as outside where v_s, set free, leaves the range and the cost falls below the grid's; it does not count against the grid."""
     case = case_of(WIDE)
-    ended = np.tile(case.theta[:, None], 5)
-    ended[3] = np.array([0.5, 0.5, 0.9, 1.0, 2.0]) * case.v_s_range[0]
-    ended[3, 4] = 2 * case.v_s_range[1]
+    final = np.tile(case.theta[:, None], 5)
+    final[3] = np.array([0.5, 0.5, 0.9, 1.0, 2.0]) * case.v_s_range[0]
+    final[3, 4] = 2 * case.v_s_range[1]
     cost = np.array([1 - 1e-5, 1 - 1e-7, 1.0, 1 - 1e-5, 1 - 1e-5])
-    apart = Starts(
-        torque=np.ones(5), begun=np.ones(5), ended={FREE: ended}, best=case.theta, best_cost=1.0, cost={FREE: cost}
+    apart = RandomStarts(
+        torque=np.ones(5),
+        initial_v_s=np.ones(5),
+        final={FREE: final},
+        best=case.theta,
+        best_cost=1.0,
+        cost={FREE: cost},
     )
-    assert running._beyond(case, apart).tolist() == [True, False, False, False, True]
-    for one in tried.cases:
-        v_s, cost = one.starts.ended[FREE][3], one.starts.cost[FREE]
+    assert running._outside_range(case, apart).tolist() == [True, False, False, False, True]
+    for one in validation.cases:
+        v_s, cost = one.starts.final[FREE][3], one.starts.cost[FREE]
         low, high = one.case.v_s_range
-        for k, beyond in enumerate(one.beyond.tolist()):
-            assert beyond == bool((v_s[k] < low or v_s[k] > high) and cost[k] < one.starts.best_cost * (1 - SAME))
+        for k, outside in enumerate(one.outside_range.tolist()):
+            assert outside == bool((v_s[k] < low or v_s[k] > high) and cost[k] < one.starts.best_cost * (1 - SAME_COST))
 
 
-def test_without_slow_speeds_a_lower_cost_may_lie_beyond_the_range(tried: Trial) -> None:
-    """On a data set whose best v_s within the range is at its end, v_s set free ends beyond at a lower cost, which is counted and said."""
+def test_without_slow_speeds_a_lower_cost_may_lie_outside_the_range(validation: Validation) -> None:
+    """On a data set whose best v_s within the range is at its end, v_s set free ends outside at a lower cost, which is counted and said."""
     case = case_of(NONE_BELOW, 0.005)
     rng = np.random.default_rng([0, 4])
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, 1).T)
-    many = running._from_starts(
+    starts = running._from_starts(
         case, torques[:, 0], methods.refined(case, torques)[:, 0], methods.random_starts(case, 4, rng), {}
     )
-    beyond = running._beyond(case, many)
-    assert beyond.any()
-    assert min(abs(np.log(many.best[3] / end)) for end in case.v_s_range) < 0.2
-    here = tried.cases[2]
-    ended = {**here.starts.ended, FREE: many.ended[FREE]}
-    told = verdict(replace(here, beyond=beyond, starts=replace(here.starts, ended=ended)))
-    said = [sentence for sentence in told if "beyond the grid's range, at v_s = " in sentence]
-    assert said[0].startswith(f"With v_s free, {beyond.sum()} of 4 starts")
+    outside = running._outside_range(case, starts)
+    assert outside.any()
+    assert min(abs(np.log(starts.best[3] / end)) for end in case.v_s_range) < 0.2
+    here = validation.cases[2]
+    final = {**here.starts.final, FREE: starts.final[FREE]}
+    diagnostics = verdict(replace(here, outside_range=outside, starts=replace(here.starts, final=final)))
+    v_s = starts.final[FREE][3][outside]
+    assert Kind.LOWER_OUTSIDE_RANGE(count=outside.sum(), starts=4, low=v_s.min(), high=v_s.max()) in diagnostics
 
 
-def test_elsewhere_is_above_the_lowest_cost() -> None:
-    """A start is elsewhere where it ends more than 1e-6 above the lowest cost within the range, whoever found it; v_s set free does not count."""
+def test_another_minimum_is_above_the_lowest_cost() -> None:
+    """A start is in another minimum where it ends more than 1e-6 above the lowest cost within the range; v_s set free does not count."""
     theta = np.array([[1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [1e-6, 0.5, 0.5], [0.1, 0.1, 0.1]])
-    starts = Starts(
-        torque=np.ones(5), begun=np.ones(3), ended={"IPOPT": theta, FREE: theta}, best=theta[:, 1], best_cost=1.0,
+    starts = RandomStarts(
+        torque=np.ones(5), initial_v_s=np.ones(3), final={"IPOPT": theta, FREE: theta}, best=theta[:, 1], best_cost=1.0,
         cost={"IPOPT": np.array([2.0, 1.0 + 5e-7, 1.0 + 5e-6]), FREE: np.array([0.5, 0.5, 0.5])},
     )  # fmt: skip  # a table
-    assert starts.elsewhere("IPOPT").tolist() == [True, False, True]
+    assert starts.in_other_minimum("IPOPT").tolist() == [True, False, True]
     assert starts.without_peak("IPOPT").tolist() == [True, False, False]
 
 
-def test_a_grid_that_is_undercut_is_said(tried: Trial) -> None:
+def test_a_grid_that_is_undercut_is_said(validation: Validation) -> None:
     """Had IPOPT found less than the refined grid, verdict and summary would say so and by how much."""
-    worse = replace(tried.cases[0], beaten=3e-4)
-    assert any("IPOPT finds a cost below the refined grid's, by 0.0003 relative" in s for s in verdict(worse))
-    assert "undercut by up to 0.0003" in overall(replace(tried, cases=(worse,)))[0]
+    worse = replace(validation.cases[0], cost_deficit=3e-4)
+    assert Kind.IPOPT_UNDERCUTS(deficit=3e-4) in verdict(worse)
+    claim = overall(replace(validation, cases=(worse,)))[0]
+    assert (claim.kind, claim.numbers["deficit"]) == (Kind.UNDERCUT, 3e-4)
 
 
-def test_intervals_of_bristle_cover_as_counted(tried: Trial) -> None:
+def test_intervals_of_bristle_cover_as_counted(validation: Validation) -> None:
     """Coverage of covariance and profile is that of the batch's own intervals; the bootstrap is there only where v_s can be known."""
-    one = tried.cases[1]
-    rng = np.random.default_rng([tried.seed, 1])
+    one = validation.cases[1]
+    rng = np.random.default_rng([validation.seed, 1])
     torques = np.ascontiguousarray(steady_points(one.case.truth, one.case.velocity, one.case.noise, rng, 60).T)
     found = Batch(one.case.problem(torques[:, 0]), torques, one.case.v_s_range)
     low, high = found.profile_intervals()
@@ -340,23 +368,23 @@ def test_intervals_of_bristle_cover_as_counted(tried: Trial) -> None:
     assert shares["profile"] == pytest.approx(inside.mean(axis=1), abs=1e-12)
     assert shares["covariance"] == pytest.approx(one.methods[REFINED].coverage, abs=0.02)
     assert all(0.8 < x <= 1 for c in one.coverage for x in c.share)
-    assert [c.kind for c in tried.cases[2].coverage] == ["covariance", "profile"]
+    assert [c.kind for c in validation.cases[2].coverage] == ["covariance", "profile"]
     assert [c.kind for c in one.coverage] == ["covariance", "profile", "bootstrap-t"]
 
 
-def test_the_same_seed_gives_the_same_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_seed_gives_the_same_validation(monkeypatch: pytest.MonkeyPatch) -> None:
     """All but the times repeats, and another seed gives other data."""
     quick(monkeypatch)
-    subject = Subject(title="one", kind="revolute", cases=(case_of(WIDE),))
-    one, again, other = (run_trial(subject, repetitions=20, starts=2, seed=seed).cases[0] for seed in (0, 0, 1))
+    case_set = CaseSet(title="one", kind="revolute", cases=(case_of(WIDE),))
+    one, again, other = (validate(case_set, repetitions=20, starts=2, seed=seed).cases[0] for seed in (0, 0, 1))
     assert one.starts.torque.tolist() == again.starts.torque.tolist()
     assert one.methods[REFINED].bias.tolist() == again.methods[REFINED].bias.tolist()
-    assert one.starts.ended["IPOPT"].tolist() == again.starts.ended["IPOPT"].tolist()
+    assert one.starts.final["IPOPT"].tolist() == again.starts.final["IPOPT"].tolist()
     assert one.starts.torque.tolist() != other.starts.torque.tolist()
 
 
 def test_progress_names_each_case() -> None:
-    """Each case is announced before it is tried."""
+    """Each case is announced before it is begun."""
     heard: list[tuple[str, int, int]] = []
 
     def stop(what: str, done: int, total: int) -> None:
@@ -364,37 +392,37 @@ def test_progress_names_each_case() -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_trial(sweep(), progress=stop)
-    assert heard == [("trying gripper rotation (+)", 0, 48)]
+        validate(sweep(), progress=stop)
+    assert heard == [("validating gripper rotation (+)", 0, 48)]
 
 
 def test_own_design_is_the_joint_s(tmp_path: Path) -> None:
     """A joint's own cases have its velocities, its fitted parameters, its range of v_s, and its noise, corrected for four parameters."""
     joint = identify(write(tmp_path, speeds())).joints[0]
-    subject = own_cases(joint)
-    assert [c.label for c in subject.cases] == ["wrist (+)", "wrist (-)"]
-    for case, fit in zip(subject.cases, joint.static.values(), strict=True):
+    case_set = joint_cases(joint)
+    assert [c.label for c in case_set.cases] == ["wrist (+)", "wrist (-)"]
+    for case, fit in zip(case_set.cases, joint.static.values(), strict=True):
         assert case.velocity.tolist() == fit.velocity.tolist()
         assert case.theta.tolist() == [fit.parameters[name].value for name in NAMES]
         assert case.noise == pytest.approx(np.sqrt(np.sum(fit.residuals**2) / (fit.n - 4)), rel=1e-12)
         assert case.v_s_range == pytest.approx(static.default_range(fit.velocity), rel=1e-12)
-    louder = own_cases(joint, 0.03)
+    louder = joint_cases(joint, 0.03)
     assert [c.noise for c in louder.cases] == pytest.approx([0.03 * c.truth.alpha_0 for c in louder.cases])
 
 
 def test_a_direction_without_a_peak_is_skipped_and_said(tmp_path: Path) -> None:
     """Where no Stribeck term is identified, or the points have no noise, there is nothing to try, and the reason is given."""
     joint = identify(write(tmp_path, np.linspace(1.0, 2.0, 12))).joints[0]
-    found = own_cases(joint)
+    found = joint_cases(joint)
     assert found.cases == ()
     assert set(found.skipped) == set(joint.static)
-    assert "nothing to try" in "".join(found.skipped.values())
+    assert {reason.kind for reason in found.skipped.values()} == {Kind.NO_STRIBECK_TERM}
     (tmp_path / "exact").mkdir()
     path = write(tmp_path / "exact", speeds(both=False))
     (tmp_path / "exact" / "wrist.csv").write_text(table(speeds(both=False), noise=1e-30))
     exact = identify(path).joints[0]
-    assert "without noise" in own_cases(exact).skipped["+"]
-    assert len(own_cases(exact, 0.01).cases) == 1
+    assert joint_cases(exact).skipped["+"].kind is Kind.POINTS_WITHOUT_NOISE
+    assert len(joint_cases(exact, 0.01).cases) == 1
 
 
 def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
@@ -403,7 +431,7 @@ def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
     path = write(tmp_path, v)
     (tmp_path / "wrist.csv").write_text(table(v, noise=1e-3))
     joint = identify(path).joints[0]
-    case = own_cases(joint).cases[0]
+    case = joint_cases(joint).cases[0]
     assert case.velocity.size == MOST_POINTS
     assert (case.velocity.min(), case.velocity.max()) == (v.min(), v.max())
     jacobian = methods.jacobians(case, case.theta[:, None])[0]
@@ -411,11 +439,11 @@ def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
     assert thinned == pytest.approx(joint.static["+"].parameters["v_s"].standard_error, rel=0.15)
 
 
-def test_figures_say_what_they_show(tried: Trial) -> None:
+def test_figures_say_what_they_show(validation: Validation) -> None:
     """Every figure names its joint, says SIMULATED, carries units (m/s for a prismatic joint) and names each solver."""
-    one = tried.cases[0]
-    cost, starts = (draw(one, "prismatic") for draw in (figures.landscape_figure, figures.starts_figure))
-    resolution, by_method = figures.resolution_figure(tried), figures.methods_figure(one)
+    one = validation.cases[0]
+    cost, starts = (draw(one, "prismatic") for draw in (figures.cost_figure, figures.starts_figure))
+    resolution, by_method = figures.resolution_figure(validation), figures.methods_figure(one)
     assert resolution is not None
     for figure in (cost, starts, resolution, by_method):
         assert "SIMULATED" in figure.axes[0].get_title(loc="left")
@@ -430,29 +458,29 @@ def test_figures_say_what_they_show(tried: Trial) -> None:
     assert len([x for x in resolution.axes[0].lines if len(x.get_xdata()) == len(RESOLUTIONS)]) == 2  # type: ignore[arg-type]  # stubs allow scalars
 
 
-def test_no_resolution_is_drawn_where_nothing_can_be_known(tried: Trial) -> None:
+def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validation) -> None:
     """Without a case in which v_s can be known there is no such figure."""
-    assert figures.resolution_figure(replace(tried, cases=tried.cases[2:])) is None
+    assert figures.resolution_figure(replace(validation, cases=validation.cases[2:])) is None
 
 
-def test_the_page_holds_verdict_tables_and_figures(tried: Trial, tmp_path: Path) -> None:
+def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:
     """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
-    page = write_trial(tried, tmp_path / "out").read_text(encoding="utf-8")
+    page = write_trial(validation, tmp_path / "out").read_text(encoding="utf-8")
     assert "&lt;b&gt;three" in page
     assert "<b>three" not in page
     assert "SIMULATED data." in page
     assert "nan" not in page.lower().replace("resonan", "")
     frames = {p.stem: pd.read_csv(p) for p in (tmp_path / "out" / "tables").iterdir()}
     assert set(frames) == {"cases", "methods", "coverage", "resolution"}
-    assert len(frames["methods"]) == sum(len(one.methods) for one in tried.cases) * len(NAMES)
+    assert len(frames["methods"]) == sum(len(one.methods) for one in validation.cases) * len(NAMES)
     assert len(frames["cases"]) == 3
     assert len(frames["resolution"]) == 3 * len(RESOLUTIONS)
-    assert frames["cases"]["ipopt_lead"].max() <= SAME
+    assert frames["cases"]["ipopt_lead"].max() <= SAME_COST
     assert sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir()) == [".png"] * 10 + [".svg"] * 10
-    assert table_of_cases(tried)["declined_percent"].tolist() == [100 * one.declined for one in tried.cases]
+    assert validation.to_frame()["declined_percent"].tolist() == [100 * one.declined for one in validation.cases]
 
 
-def test_the_command_tries_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`bristle validate` prints the cross-check, the verdict of each direction and the summary, and writes the page where it was told."""
     quick(monkeypatch)
     path = write(tmp_path, speeds())
@@ -496,12 +524,12 @@ def test_a_joint_without_points_or_moving_runs_is_refused() -> None:
     """Slow loading alone leaves nothing to check; one fitted direction is enough, the other being said to have nothing to try."""
     few = static_fit("-", None)
     with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
-        own_cases(joint_of({}))
+        joint_cases(joint_of({}))
     with pytest.raises(ValueError, match=r"friction over velocity \(Too few points"):
-        own_cases(joint_of({"-": few}))
-    subject = own_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
-    assert not subject.cases
-    assert set(subject.skipped) == {"+", "-"}
+        joint_cases(joint_of({"-": few}))
+    case_set = joint_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
+    assert not case_set.cases
+    assert set(case_set.skipped) == {"+", "-"}
 
 
 def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
@@ -522,13 +550,13 @@ def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
     )
 
 
-def test_final_velocities_that_agree_have_plain_labels(tried: Trial) -> None:
+def test_final_velocities_that_agree_have_plain_labels(validation: Validation) -> None:
     """Where all starts end in one v_s the axis reaches a tenth to both sides, its labels differ, and its name lies within the figure."""
-    one = tried.cases[0]
-    same = {name: np.repeat(one.starts.best[:, None], len(one.starts.begun), axis=1) for name in one.starts.ended}
+    one = validation.cases[0]
+    same = {name: np.repeat(one.starts.best[:, None], len(one.starts.initial_v_s), axis=1) for name in one.starts.final}
     for shift in (0.0, 1e-7):
         ended = {name: theta * (1 + shift * np.arange(theta.shape[1])) for name, theta in same.items()}
-        figure = figures.starts_figure(replace(one, starts=replace(one.starts, ended=ended)), "revolute")
+        figure = figures.starts_figure(replace(one, starts=replace(one.starts, final=ended)), "revolute")
         figure.draw_without_rendering()
         ax, best = figure.axes[0], one.starts.best[3]
         low, high = ax.get_ylim()
@@ -543,7 +571,7 @@ def test_final_velocities_that_agree_have_plain_labels(tried: Trial) -> None:
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (("--repetitions", "3"), "repetitions: got 3; a trial needs at least 20"),
+        (("--repetitions", "3"), "repetitions: got 3; a validation needs at least 20"),
         (("--starts", "0"), "starts: got 0"),
         (("--noise", "0"), "noise: got 0; expected a positive share of alpha_0"),
         (("--noise", "nan"), "noise: got nan"),
@@ -567,13 +595,13 @@ def test_bad_input_gets_one_sentence(
 
 
 def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C within the trial: 130, and nothing half-written."""
+    """Ctrl-C within the validation: 130, and nothing half-written."""
 
-    def interrupted(*_: object) -> Tried:
+    def interrupted(*_: object) -> CaseResult:
         raise KeyboardInterrupt
 
     path = write(tmp_path, speeds(both=False))
-    monkeypatch.setattr(running, "try_case", interrupted)
+    monkeypatch.setattr(running, "validate_case", interrupted)
     monkeypatch.chdir(tmp_path)
     before = tree(tmp_path)
     assert run("validate", path).code == 130
@@ -587,13 +615,13 @@ def test_help_has_an_example() -> None:
     assert all(option in shown for option in ("--output", "--repetitions", "--starts", "--noise", "--strict"))
 
 
-def test_without_lmfit_the_trial_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_lmfit_the_validation_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lmfit is no dependency: where it is absent the others are tried."""
     monkeypatch.setattr(methods, "LMFIT", False)
     assert set(methods.local_methods(case_of(WIDE))) == {"IPOPT", "SciPy TRF"}
 
 
-def test_the_api_tries_an_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`bristle.trial` identifies first, or takes what is identified: both try the same cases; the checks come before any work."""
     quick(monkeypatch)
     path = write(tmp_path, speeds(both=False))

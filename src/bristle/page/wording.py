@@ -33,6 +33,11 @@ def symbol(name: str | ParameterName) -> str:
     return _SYMBOLS.get(bare, bare) + (f" {_DIRECTIONS[d]}" if d in ("+", "-") else "")
 
 
+def in_symbols(sentence: str) -> str:
+    """A sentence with each LuGre parameter as the paper writes it, direction included."""
+    return re.sub(r"\b(alpha_[012]|sigma_[01]|v_s)\b([+-](?=\W|$))?", lambda name: symbol(name[0]), sentence)
+
+
 def direction(name: str) -> str:
     """A direction as a heading says it: + -> (+)."""
     return _DIRECTIONS.get(name, name)

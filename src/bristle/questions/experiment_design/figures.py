@@ -15,15 +15,16 @@ from bristle.model import functions
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, number, symbol
-from bristle.questions.experiment_design.excitation import PEAKS, RISES
-from bristle.questions.experiment_design.plan import Direction, Plan
-from bristle.questions.experiment_design.tables import SPACINGS
-from bristle.questions.experiment_design.velocities import by_v_s
+from bristle.questions.experiment_design.loading import PEAKS
+from bristle.questions.experiment_design.plan import Plan
+from bristle.questions.experiment_design.tables import SPACINGS, references
+from bristle.questions.experiment_design.velocities import errors_by_v_s
 
 _COLOURS = {"planned": "#0072B2", "log": "#E69F00", "even": "#999999"}
 _MARKERS = {"planned": "o", "log": "s", "even": "^"}
 _LINES = {"planned": "-", "log": "--", "even": ":"}
 _MOTIONS = ("#0072B2", "#E69F00", "#999999")
+_RISES = (("#999999", ":"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", (0, (5, 1))), ("#0072B2", "-"))
 _CEILING = 200.0
 """Percent: an error beyond is drawn as this; nothing is seen of the parameter."""
 _DECADES = 200.0
@@ -36,15 +37,18 @@ _MOST = 1500
 
 def _panels(plan: Plan, height: float = 2.6) -> tuple[Figure, Sequence[Axes]]:
     """One panel for each direction."""
-    count = len(plan.directions)
+    count = len(plan.velocities)
     figure = new_figure(0.6 + height * count)
     axes: Sequence[Axes] = list(figure.subplots(count, squeeze=False)[:, 0])
-    title(axes[0], plan.name, plan.simulated)
+    title(axes[0], plan.joint.name, plan.joint.simulated)
     return figure, axes
 
 
 def _logarithmic(axis: Axis) -> None:
-    """A logarithmic axis with plain decimal labels: at 1, 2 and 5 where it spans little, at powers of ten where it spans much."""
+    """A logarithmic axis with plain decimal labels.
+
+    At 1, 2 and 5 where it spans little, at powers of ten where it spans much.
+    """
     low, high = axis.get_view_interval()
     wide = high > _DECADES * low
     axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
@@ -52,33 +56,29 @@ def _logarithmic(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _where(own: Direction) -> str:
-    return direction(own.tag or "both")
-
-
 @styled
 def velocities_figure(plan: Plan) -> Figure:
     """The curve at the estimate, what was measured, what v_s may be, and the velocities to run with how often."""
     figure, axes = _panels(plan)
-    for ax, own in zip(axes, plan.directions, strict=True):
-        p, task, look = own.task.p, own.task, DIRECTION[own.tag or "both"]
-        sign = -1 if own.tag == "-" else 1
-        v = np.geomspace(task.low, task.high, 200)
+    for ax, velocities in zip(axes, plan.velocities, strict=True):
+        p, problem, look = velocities.problem.p, velocities.problem, DIRECTION[velocities.direction]
+        sign = -1 if velocities.tag == "-" else 1
+        v = np.geomspace(problem.low, problem.high, 200)
         torque = sign * evaluate(functions.steady_torque(), v, *p[:4])[0]
-        ax.axvspan(task.nodes.min(), task.nodes.max(), color="#dddddd", label="what vₛ may be")
+        ax.axvspan(problem.nodes.min(), problem.nodes.max(), color="#dddddd", label="what vₛ may be")
         ax.plot(v, torque, color=look.colour, linestyle=look.line, label="at the estimate")
-        fit = plan.joint.static.get(own.tag or "both")
+        fit = plan.joint.static.get(velocities.direction)
         if fit is not None and 0 < fit.velocity.size <= 60:
             ax.plot(
                 np.abs(fit.velocity), sign * np.abs(fit.torque), "x", color="#555555", markersize=5, label="measured"
             )
-        speeds, counts = np.unique(own.chosen.speeds, return_counts=True)
+        speeds, counts = (np.array(x) for x in zip(*velocities.chosen.runs, strict=True))
         there = sign * evaluate(functions.steady_torque(), speeds, *p[:4])[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
         decimal_log(ax)
-        _counted(ax, speeds, counts.tolist())
-        ax.set_ylabel(axis("torque", plan.kind))
-        ax.annotate(_where(own), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
+        _write_counts(ax, speeds, counts.tolist())
+        ax.set_ylabel(axis("torque", plan.joint.kind))
+        ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.subplots_adjust(bottom=0.9 / figure.get_figheight())
     figure.legend(
@@ -91,11 +91,11 @@ def velocities_figure(plan: Plan) -> Figure:
         columnspacing=1.2,
         handlelength=1.5,
     )
-    axes[-1].set_xlabel(axis("velocity", plan.kind))
+    axes[-1].set_xlabel(axis("velocity", plan.joint.kind))
     return figure
 
 
-def _counted(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
+def _write_counts(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
     """How often each speed, ascending, is run, above all that is drawn: in rows, so that neighbours do not meet."""
     low, high = np.log(ax.get_xlim())
     across = (np.log(speeds) - low) / (high - low)
@@ -111,20 +111,22 @@ def _counted(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
 
 @styled
 def comparison_figure(plan: Plan) -> Figure:
-    """As many runs by themselves: relative standard errors, predicted (bars) and of fits of simulated runs (markers)."""
+    """As many runs by themselves.
+
+    Relative standard errors, predicted (bars) and of fits of simulated runs (markers).
+    """
     figure, axes = _panels(plan)
-    for ax, own in zip(axes, plan.directions, strict=True):
+    for ax, velocities in zip(axes, plan.velocities, strict=True):
         for j, (kind, label) in enumerate(SPACINGS.items()):
             x = np.arange(len(STATIC)) + 0.27 * (j - 1)
-            values = 100 / np.abs(own.task.p[:4])
-            bars = np.minimum(own.alone[kind].errors * values, _CEILING)
+            values = 100 / np.abs(velocities.problem.p[:4])
+            bars = np.minimum(velocities.alone[kind].errors * values, _CEILING)
             ax.bar(x, bars, 0.25, color=_COLOURS[kind], hatch=("", "//", "..")[j], edgecolor="white", label=label)
-            seen = np.minimum(own.simulated[kind] * values, _CEILING)
+            seen = np.minimum(velocities.simulated[kind] * values, _CEILING)
             for at, height, top in zip(x.tolist(), bars.tolist(), np.maximum(bars, seen).tolist(), strict=True):
-                said = (
-                    f">{_CEILING:g}" if height >= _CEILING else f"{height:.0f}" if height >= 10 else number(height, 2)
-                )
-                ax.annotate(said, (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+                value = f"{height:.0f}" if height >= 10 else number(height, 2)
+                value = f">{_CEILING:g}" if height >= _CEILING else value
+                ax.annotate(value, (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=8)
             ax.plot(x, seen, "D", color="black", markersize=3.5, label="SIMULATED fits" if j == 2 else None)
         ax.set_yscale("log")
         low, high = ax.get_ylim()
@@ -132,33 +134,36 @@ def comparison_figure(plan: Plan) -> Figure:
         _logarithmic(ax.yaxis)
         ax.set_xticks(np.arange(len(STATIC)), [symbol(name) for name in STATIC])
         ax.set_ylabel("Standard error (%)")
-        ax.annotate(_where(own), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
+        ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     axes[0].legend(loc="upper center", ncols=4, fontsize=8.5, handlelength=1.4, columnspacing=1.0)
     return figure
 
 
 @styled
 def robustness_figure(plan: Plan) -> Figure:
-    """The standard error of v_s to expect were v_s another one than the estimate: planned, log-spaced and evenly spaced."""
+    """The standard error of v_s to expect were v_s another one, for planned and for spaced velocities."""
     figure, axes = _panels(plan, 2.3)
-    for ax, own in zip(axes, plan.directions, strict=True):
-        p = own.task.p
-        low, high = min(0.5 * p.v_s, own.task.nodes.min()), max(2 * p.v_s, own.task.nodes.max())
+    for ax, velocities in zip(axes, plan.velocities, strict=True):
+        p = velocities.problem.p
+        low, high = min(0.5 * p.v_s, velocities.problem.nodes.min()), max(2 * p.v_s, velocities.problem.nodes.max())
         v_s = np.geomspace(low, high, 60)
-        for kind, speeds in {"planned": own.chosen.speeds, **{k: d.speeds for k, d in own.spaced.items()}}.items():
-            errors = 100 * by_v_s(own.task, speeds, v_s)[:, 3] / v_s
+        for kind, speeds in {
+            "planned": velocities.chosen.speeds,
+            **{k: d.speeds for k, d in velocities.spaced.items()},
+        }.items():
+            errors = 100 * errors_by_v_s(velocities.problem, speeds, v_s)[:, 3] / v_s
             ax.plot(
                 v_s, np.minimum(errors, _CEILING), linestyle=_LINES[kind], color=_COLOURS[kind], label=SPACINGS[kind]
             )
-        ax.axvspan(own.task.nodes.min(), own.task.nodes.max(), color="#dddddd", zorder=0)
+        ax.axvspan(velocities.problem.nodes.min(), velocities.problem.nodes.max(), color="#dddddd", zorder=0)
         ax.axvline(p.v_s, color="#555555", linewidth=0.8)
         decimal_log(ax)
         ax.set_yscale("log")
         _logarithmic(ax.yaxis)
         ax.set_ylabel("Error of vₛ (%)")
-        ax.annotate(_where(own), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
+        ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     axes[0].legend(loc="best")
-    axes[-1].set_xlabel(axis("velocity", plan.kind, "Stribeck"))
+    axes[-1].set_xlabel(axis("velocity", plan.joint.kind, "Stribeck"))
     return figure
 
 
@@ -168,10 +173,12 @@ def intervals_figure(plan: Plan) -> Figure:
     names = [plan.start.names[k] for k in plan.free]
     figure = new_figure(1.4 + 0.3 * len(names))
     ax = figure.subplots()
-    title(ax, plan.name, plan.simulated)
+    title(ax, plan.joint.name, plan.joint.simulated)
     y = np.arange(len(names))[::-1]
     looks = (("#D55E00", "s"), ("#E69F00", "v"), ("#009E73", "^"), ("#0072B2", "o"))
-    relative = {stage: (100 * errors / np.abs(plan.start.estimate))[plan.free] for stage, errors in plan.stages.items()}
+    relative = {
+        stage: (100 * errors / np.abs(plan.start.estimate))[plan.free] for stage, errors in plan.standard_errors.items()
+    }
     first, last = relative["now"], relative["with motion"]
     ax.hlines(y, np.minimum(last, _CEILING), np.minimum(first, _CEILING), color="#bbbbbb", linewidth=1.5)
     for (stage, errors), (colour, marker) in zip(relative.items(), looks, strict=True):
@@ -191,44 +198,27 @@ def intervals_figure(plan: Plan) -> Figure:
 
 @styled
 def loading_figure(plan: Plan) -> Figure:
-    """The standard error of sigma_0 to expect over where the loading turns, for several rises; the chosen one is marked."""
-    figure = new_figure(0.6 + 2.4 * len(plan.loads))
-    axes: Sequence[Axes] = list(figure.subplots(len(plan.loads), squeeze=False, sharex=True)[:, 0])
-    title(axes[0], plan.name, plan.simulated)
-    for ax, own in zip(axes, plan.loads, strict=True):
-        sigma_0 = plan.start.p(own.tag).sigma_0
-        share = own.rise / RISES[_nearest(own.by_peak, own.error)]
-        for row, (rise, colour, line) in enumerate(
-            zip(
-                RISES,
-                ("#999999", "#E69F00", "#009E73", "#CC79A7", "#0072B2"),
-                (":", "--", "-.", (0, (5, 1)), "-"),
-                strict=True,
-            )
-        ):
-            errors = 100 * own.by_peak[row] / sigma_0
-            ax.plot(
-                PEAKS,
-                np.where(np.isfinite(errors), errors, np.nan),
-                color=colour,
-                linestyle=line,
-                label=f"{share * rise:.3g} s",
-            )
-        if np.isfinite(own.error):
-            ax.plot(own.share, 100 * own.error / sigma_0, "o", color="black", label="chosen")
+    """The standard error of sigma_0 to expect over where the loading turns, for several rises.
+
+    The chosen one is marked.
+    """
+    figure = new_figure(0.6 + 2.4 * len(plan.loadings))
+    axes: Sequence[Axes] = list(figure.subplots(len(plan.loadings), squeeze=False, sharex=True)[:, 0])
+    title(axes[0], plan.joint.name, plan.joint.simulated)
+    for ax, loading in zip(axes, plan.loadings, strict=True):
+        percent = 100 / plan.start.p(loading.tag).sigma_0
+        errors = np.where(np.isfinite(loading.errors), percent * loading.errors, np.nan)
+        for rise, by_peak, (colour, line) in zip(loading.rises, errors, _RISES, strict=True):
+            ax.plot(PEAKS, by_peak, color=colour, linestyle=line, label=f"{rise:.3g} s")
+        if np.isfinite(loading.error):
+            ax.plot(loading.share, percent * loading.error, "o", color="black", label="chosen")
         ax.set_yscale("log")
         _logarithmic(ax.yaxis)
         ax.set_ylabel("Error of σ₀ (%)")
-        ax.annotate(direction(own.tag), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
+        ax.annotate(direction(loading.tag), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     axes[0].legend(loc="upper right", ncols=3, title="rise", title_fontsize=9)
     axes[-1].set_xlabel("Peak torque over breakaway (1)")
     return figure
-
-
-def _nearest(table: Array, error: float) -> int:
-    """The row that holds an error; the last where none does."""
-    rows = np.flatnonzero((table == error).any(axis=1))
-    return int(rows[0]) if rows.size else table.shape[0] - 1
 
 
 @styled
@@ -238,25 +228,28 @@ def motion_figure(plan: Plan) -> Figure:
     time = np.arange(run.position.size) / limits.rate
     figure = new_figure(5.0)
     above, below = figure.subplots(2, sharex=True)
-    title(above, plan.name, plan.simulated)
+    title(above, plan.joint.name, plan.joint.simulated)
     k = thinned(time.size, _MOST)
     above.plot(time[k], run.position[k], color="#0072B2", linewidth=1.2)
     below.plot(time[k], run.velocity[k], color="#0072B2", linewidth=1.0)
     for edge in (-limits.velocity, limits.velocity):
         below.axhline(edge, color="#D55E00", linestyle="--", linewidth=1.0)
-    above.set_ylabel(axis("position", plan.kind))
-    below.set_ylabel(axis("velocity", plan.kind))
-    below.set_xlabel(axis("time", plan.kind))
+    above.set_ylabel(axis("position", plan.joint.kind))
+    below.set_ylabel(axis("velocity", plan.joint.kind))
+    below.set_xlabel(axis("time", plan.joint.kind))
     return figure
 
 
 @styled
 def motions_figure(plan: Plan) -> Figure:
-    """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far, each after the rest of the plan."""
+    """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far.
+
+    Each comes after the rest of the plan.
+    """
     names = [plan.start.names[k] for k in plan.free]
     figure = new_figure(1.4 + 0.3 * len(names))
     ax = figure.subplots()
-    title(ax, plan.name, plan.simulated)
+    title(ax, plan.joint.name, plan.joint.simulated)
     y = np.arange(len(names))[::-1]
     for x, colour, marker in zip(plan.motions, _MOTIONS, ("o", "s", "^"), strict=False):
         errors = np.minimum(100 * x.errors / np.abs(plan.start.estimate), _CEILING)[plan.free]
@@ -273,28 +266,26 @@ def motions_figure(plan: Plan) -> Figure:
 @styled
 def whole_figure(plan: Plan) -> Figure:
     """All references over time: position, velocity and torque, by experiment."""
-    from bristle.questions.experiment_design.tables import references
-
     frame = references(plan)
     figure = new_figure(6.2)
     axes = figure.subplots(3, sharex=True)
-    title(axes[0], plan.name, plan.simulated)
+    title(axes[0], plan.joint.name, plan.joint.simulated)
     time = frame.iloc[:, 0].to_numpy()
     looks = {"ramp": "#0072B2", "move": "#999999", "presliding": "#009E73", "tracking": "#D55E00"}
     for kind, colour in looks.items():
-        own = (frame["experiment"] == kind).to_numpy()
+        played = (frame["experiment"] == kind).to_numpy()
         for ax, column in zip(axes, frame.columns[3:], strict=True):
-            values = np.where(own, frame[column].to_numpy(), np.nan)
+            values = np.where(played, frame[column].to_numpy(), np.nan)
             if np.isfinite(values).any():
                 ax.plot(time, values, color=colour, linewidth=0.9)
     for edge in plan.limits.position:
         axes[0].axhline(edge, color="#555555", linestyle="--", linewidth=0.8)
     for ax, what in zip(axes, ("position", "velocity", "torque"), strict=True):
-        ax.set_ylabel(axis(what, plan.kind))
+        ax.set_ylabel(axis(what, plan.joint.kind))
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.3 * (high - low))
     axes[0].legend(
         handles=[Line2D([], [], color=c, label=kind) for kind, c in looks.items()], loc="upper center", ncols=4
     )
-    axes[-1].set_xlabel(axis("time", plan.kind))
+    axes[-1].set_xlabel(axis("time", plan.joint.kind))
     return figure

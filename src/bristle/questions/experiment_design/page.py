@@ -1,6 +1,7 @@
-"""What the page and the terminal show of a plan: results -> the values that a template names, and lines of text."""
+"""The page and the text of a plan: results -> figures by name, what the template names, and lines."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,168 +9,139 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.model.parameters import unit
+from bristle.identification.fisher import STATIC
+from bristle.model.parameters import Kind, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
-from bristle.page.wording import direction, number, pretty, symbol
+from bristle.page.wording import in_symbols, number, pretty, symbol
 from bristle.questions.experiment_design import figures, tables
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
 
-_UNSEEN = 50.0
-"""Percent: a parameter whose expected standard error is wider is not seen."""
+_PLAYED = {"velocities", "lines"}
+"""Tables of what is played, which are not rounded further."""
 
 
 def write_plan(plan: Plan, folder: Path) -> Path:
-    """Write the page of a plan: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_part` does."""
-    return write_part(
-        folder, "bristle.questions.experiment_design", "plan.html", section(plan), draw(plan), tables.all_tables(plan)
-    )
+    """Write the page of a plan: index.html, figures/ and tables/.
+
+    Returns the path of index.html. Raises as `write_part` does.
+    """
+    frames = tables.all_tables(plan)
+    context = section(plan, frames)
+    return write_part(folder, "bristle.questions.experiment_design", "plan.html", context, draw(plan), frames)
 
 
 def draw(plan: Plan) -> Mapping[str, tuple[Callable[[], Figure | None], str]]:
     """What draws each figure, and how it is called for a reader who does not see it."""
-    name = plan.name
-    return {
-        "plan-velocities": (lambda: figures.velocities_figure(plan), f"velocities to run on {name}"),
-        "plan-comparison": (lambda: figures.comparison_figure(plan), f"planned and spaced velocities of {name}"),
-        "plan-robustness": (lambda: figures.robustness_figure(plan), f"error of the Stribeck velocity of {name}"),
-        "plan-intervals": (lambda: figures.intervals_figure(plan), f"errors of {name} before and after"),
-        "plan-loading": (
-            lambda: figures.loading_figure(plan),
-            f"error of the stiffness of {name} over the peak torque",
-        ),
-        "plan-motion": (lambda: figures.motion_figure(plan), f"tracking motion of {name}"),
-        "plan-motions": (lambda: figures.motions_figure(plan), f"errors of {name} after three motions"),
-        "plan-whole": (lambda: figures.whole_figure(plan), f"all references of {name}"),
+    name = plan.joint.name
+    drawn: dict[str, tuple[Callable[[Plan], Figure], str]] = {
+        "velocities": (figures.velocities_figure, f"velocities to run on {name}"),
+        "comparison": (figures.comparison_figure, f"planned and spaced velocities of {name}"),
+        "robustness": (figures.robustness_figure, f"error of the Stribeck velocity of {name}"),
+        "intervals": (figures.intervals_figure, f"errors of {name} before and after"),
+        "loading": (figures.loading_figure, f"error of the stiffness of {name} over the peak torque"),
+        "motion": (figures.motion_figure, f"tracking motion of {name}"),
+        "motions": (figures.motions_figure, f"errors of {name} after three motions"),
+        "whole": (figures.whole_figure, f"all references of {name}"),
     }
+    return {f"plan-{file}": (partial(figure, plan), label) for file, (figure, label) in drawn.items()}
 
 
-def section(plan: Plan) -> dict[str, Any]:
+def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
     """Everything that the template names, but for the figures."""
-    q, v, T = (pretty(unit(name, plan.kind)) for name in ("position", "velocity", "torque"))
-    stiff = pretty(unit("sigma_0", plan.kind))
-    designs = tables.designs(plan)
-    columns = {f"{name} (%)": name for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")}
-    headed = {name: f"{symbol(name)} (%)" for name in columns.values()}
-    motions = tables.motions(plan).drop(columns="rms").set_index("motion").T.reset_index(names="parameter")
+    motions = frames["motions"].set_index("motion")
+    frames = {**frames, "motions": motions.drop(columns="rms").T.reset_index(names="parameter")}
+    headings = _headings(plan.joint.kind)
     return {
-        "title": plan.name,
+        "title": plan.joint.name,
         "seed": 0,
-        "simulated": plan.simulated,
+        "simulated": plan.joint.simulated,
         "aim": "all parameters" if plan.aim == "all" else symbol(plan.aim),
-        "static_aim": plan.directions[0].chosen.aim,
+        "static_aim": plan.velocities[0].chosen.aim,
         "limits": _limits(plan),
-        "intervals": _shown(tables.intervals(plan).rename(columns={"in percent": "with motion (%)"})),
-        "velocities": shown(tables.velocities(plan).rename(columns={"velocity": f"velocity ({v})"})),
-        "designs": _shown(designs.rename(columns={**headed, "velocities": f"velocities ({v})"})),
-        "comparison": _shown(tables.comparison(plan).rename(columns=headed)),
-        "loading": _shown(
-            tables.loading(plan).rename(
-                columns={
-                    "peak": f"peak ({T})",
-                    "share_of_breakaway": "over breakaway",
-                    "rise": "rise (s)",
-                    "viscous_share": "viscous share",
-                    "by_noise": f"error by noise ({stiff})",
-                    "standard_error": f"with the viscous share ({stiff})",
-                }
-            )
-        ),
-        "lines": shown(
-            tables.lines(plan).rename(
-                columns={"amplitude": f"amplitude ({q})", "frequency": "frequency (Hz)", "phase": "phase (rad)"}
-            )
-        ),
-        "motions": _shown(motions),
-        "rms": [(m, number(x, 3)) for m, x in tables.motions(plan)[["motion", "rms"]].itertuples(index=False)],
+        **{name: (shown if name in _PLAYED else _rounded)(x.rename(columns=headings)) for name, x in frames.items()},
+        "rms": [(motion, number(x, 3)) for motion, x in motions["rms"].items()],
         "runs": max(r.run for r in plan.references),
         "duration": number(plan.duration, 3),
         "hold": number(plan.limits.hold, 3),
         "settle": SETTLE,
         "deflections": DEFLECTIONS,
         "rate": number(plan.limits.rate),
-        "lacking": lacking(plan),
-        "assumptions": [pretty(sentence) for sentence in plan.assumptions],
+        "warnings": [pretty(in_symbols(str(warning))) for warning in plan.warnings],
+        "assumptions": [pretty(str(assumption)) for assumption in plan.assumptions],
     }
 
 
-def lacking(plan: Plan) -> list[str]:
-    """What even this plan would not show, and what would."""
-    relative = 100 * plan.stages["with motion"] / np.abs(plan.start.estimate)
-    names = [plan.start.names[k] for k in plan.free if not relative[k] <= _UNSEEN]
-    said = (
-        [f"Even after this plan {', '.join(map(symbol, names))} would not be seen within these limits."]
-        if names
-        else []
-    )
-    v = pretty(unit("velocity", plan.kind))
-    for own in plan.directions:
-        if own.task.low > 0.5 * own.task.p.v_s:
-            where = f" {direction(own.tag)}" if own.tag else ""
-            said.append(
-                f"The slowest constant speed, {own.task.low:.3g} {v}, is {own.task.low / own.task.p.v_s:.2g} times vₛ{where}: slower runs would "
-                "show the Stribeck region far better; a stiffer controller may hold them, then lower plan.minimum_velocity."
-            )
-        if not np.isfinite(own.chosen.alone).all():
-            said.append(
-                f"The planned velocities{f' {direction(own.tag)}' if own.tag else ''} are too few different ones for a fit of their own: they add to "
-                "what was measured; identify them together with the runs so far."
-            )
-    return said
+def _headings(kind: Kind) -> dict[str, str]:
+    """The page's heading of each column of a table that has another one there: with its unit, or in symbols."""
+    units = {
+        "velocity": ("velocity", "velocity"),
+        "velocities": ("velocities", "velocity"),
+        "peak": ("peak", "torque"),
+        "by_noise": ("error by noise", "sigma_0"),
+        "standard_error": ("with the viscous share", "sigma_0"),
+        "amplitude": ("amplitude", "position"),
+    }
+    return {
+        **{name: f"{symbol(name)} (%)" for name in STATIC},
+        **{column: f"{heading} ({pretty(unit(quantity, kind))})" for column, (heading, quantity) in units.items()},
+        "in percent": "with motion (%)",
+        "share_of_breakaway": "over breakaway",
+        "rise": "rise (s)",
+        "viscous_share": "viscous share",
+        "frequency": "frequency (Hz)",
+        "phase": "phase (rad)",
+    }
 
 
 def text(plan: Plan) -> str:
     """The plan as plain text."""
-    v, T, q = (unit(name, plan.kind) for name in ("velocity", "torque", "position"))
+    kind = plan.joint.kind
+    velocity, torque, position, stiffness = (unit(x, kind) for x in ("velocity", "torque", "position", "sigma_0"))
     aim = "all parameters" if plan.aim == "all" else plan.aim
-    out = [
-        f"{plan.name}: what to measure next, for {aim}{' (identified from SIMULATED data)' if plan.simulated else ''}"
-    ]
-    for own in plan.directions:
-        speeds = ", ".join(
-            f"{x:.4g}" + (f" x{n}" if n > 1 else "")
-            for x, n in zip(*np.unique(own.chosen.speeds, return_counts=True), strict=True)
-        )
-        where = f"direction {own.tag}" if own.tag else "each direction"
-        out.append(f"  constant velocities, {where}, {v}: {speeds}; {plan.limits.hold:.3g} s averaged at each")
-    for x in plan.loads:
+    simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
+    lines = [f"{plan.joint.name}: what to measure next, for {aim}{simulated}"]
+    for x in plan.velocities:
+        where = f"direction {x.tag}" if x.tag else "each direction"
+        speeds = tables.listed(x.chosen, "{:.4g}")
+        lines.append(f"  constant velocities, {where}, {velocity}: {speeds}; {plan.limits.hold:.3g} s averaged at each")
+    for load in plan.loadings:
         seen = (
-            "not seen: too few encoder counts"
-            if not np.isfinite(x.error)
-            else f"+/- {x.error:.2g} {unit('sigma_0', plan.kind)}: {x.scatter:.2g} by noise, and the viscous share that its "
-            f"estimate neglects, {100 * x.lag:.2g} %, beside it"
+            f"+/- {load.error:.2g} {stiffness}: {load.noise_error:.2g} by noise, and the viscous share that its "
+            f"estimate neglects, {100 * load.viscous_share:.2g} %, beside it"
+            if np.isfinite(load.error)
+            else "not seen: too few encoder counts"
         )
-        out.append(
-            f"  slow loading, direction {x.tag}: to {x.peak:.3g} {T} ({x.share:.2g} of breakaway) in {x.rise:.3g} s, twice; sigma_0 {seen}"
+        lines.append(
+            f"  slow loading, direction {load.tag}: to {load.peak:.3g} {torque} ({load.share:.2g} of breakaway) in {load.rise:.3g} s, twice; "
+            f"sigma_0 {seen}"
         )
-    out.append(f"  tracking, {plan.motions[0].duration:.3g} s: {_sines(plan)} (amplitude {q}, frequency Hz)")
-    out.append("  half of each 95 % interval, in percent of the value:")
-    stages = list(plan.stages)
-    out.append(f"    {'':<12}{'estimate':>12}" + "".join(f"{stage:>18}" for stage in stages))
+    sines = ", ".join(f"{x.amplitude:.2g} at {x.frequency:.2g}" for x in tables.lines(plan).itertuples(index=False))
+    return "\n".join(
+        [
+            *lines,
+            f"  tracking, {plan.motions[0].duration:.3g} s: {sines} (amplitude {position}, frequency Hz)",
+            *_interval_lines(plan),
+            *(f"  {warning}" for warning in plan.warnings),
+            *(f"  assumed: {assumption}" for assumption in plan.assumptions),
+        ]
+    )
+
+
+def _interval_lines(plan: Plan) -> Iterator[str]:
+    """Half of each 95 % interval by stage, as rows."""
+    yield "  half of each 95 % interval, in percent of the value:"
+    yield f"    {'':<12}{'estimate':>12}" + "".join(f"{stage:>18}" for stage in plan.standard_errors)
     for k in plan.free:
-        name = plan.start.names[k]
-        value = float(plan.start.estimate[k])
-        cells = "".join(f"{_cell(100 * tables.NORMAL * plan.stages[s][k] / abs(value)):>18}" for s in stages)
-        out.append(
-            f"    {name:<12}{value:>12.4g}{cells}{'  (the estimate is a guess)' if name in plan.start.guessed else ''}"
-        )
-    out += [f"  {sentence}" for sentence in lacking(plan)]
-    out += [f"  assumed: {sentence}" for sentence in plan.assumptions]
-    return "\n".join(out)
-
-
-def _sines(plan: Plan) -> str:
-    rows = tables.lines(plan).itertuples(index=False)
-    return ", ".join(f"{row.amplitude:.2g} at {row.frequency:.2g}" for row in rows)
-
-
-def _cell(percent: float) -> str:
-    return f"{percent:.3g}" if percent < 100 * tables.NORMAL else "not seen"
+        name, value = plan.start.names[k], float(plan.start.estimate[k])
+        relative = [errors[k] / abs(value) for errors in plan.standard_errors.values()]
+        cells = "".join(f"{f'{100 * tables.NORMAL * x:.3g}' if x < 1 else 'not seen':>18}" for x in relative)
+        yield f"    {name:<12}{value:>12.4g}{cells}{'  (the estimate is a guess)' if name in plan.start.guessed else ''}"
 
 
 def _limits(plan: Plan) -> list[tuple[str, str]]:
-    x, kind = plan.limits, plan.kind
+    x, kind = plan.limits, plan.joint.kind
     q, v, a, T = (pretty(unit(name, kind)) for name in ("position", "velocity", "acceleration", "torque"))
     return [
         ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
@@ -183,10 +155,7 @@ def _limits(plan: Plan) -> list[tuple[str, str]]:
     ]
 
 
-def _shown(frame: pd.DataFrame) -> Table:
+def _rounded(frame: pd.DataFrame) -> Table:
     """A table with numbers to four digits, and None, not nan, where there is none."""
-    return shown(frame.astype(object).map(_rounded).where(frame.notna(), None))
-
-
-def _rounded(x: object) -> object:
-    return float(f"{x:.4g}") if isinstance(x, float) else x
+    rounded = frame.astype(object).map(lambda x: float(f"{x:.4g}") if isinstance(x, float) else x)
+    return shown(rounded.where(frame.notna(), None))

@@ -1,30 +1,34 @@
-"""What to measure next, all of it: constant velocities, slow loading and a tracking motion within limits, and the intervals to expect."""
+"""What to measure next, all of it.
+
+Constant velocities, slow loading and a tracking motion within limits, and the intervals to expect.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.differentiation import stretches
 from bristle.data.record import freeze
-from bristle.data.slow_loading import Loading
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fisher import STATIC, covariance, static_information
 from bristle.identification.identify import Measured
-from bristle.identification.limits import SAMPLES, Limits, followed, limits_of, shortened
+from bristle.identification.limits import Limits, followed, limits_of, shortened
 from bristle.identification.results import Joint
-from bristle.model import functions
-from bristle.model.parameters import Kind, Lugre, Pair, unit
-from bristle.model.vectorize import evaluate
-from bristle.questions.experiment_design import excitation as moving
-from bristle.questions.experiment_design import references as reference
-from bristle.questions.experiment_design import velocities as static
-from bristle.questions.experiment_design.excitation import Drive, LoadingDesign, MotionDesign
-from bristle.questions.experiment_design.references import PlannedRun
-from bristle.questions.experiment_design.start import Start, embedded, inverse, start_of
-from bristle.questions.experiment_design.velocities import Design, Task
-from bristle.simulation.references import Hold, Multisine
+from bristle.model.parameters import Lugre, unit
+from bristle.questions.experiment_design import excitation
+from bristle.questions.experiment_design.excitation import MotionDesign
+from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
+from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun
+from bristle.questions.experiment_design.schedule import duration, schedule
+from bristle.questions.experiment_design.start import Start, embedded, start_of
+from bristle.questions.experiment_design.velocities import VelocityPlan, plan_velocities
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Progress = Callable[[str, int, int], None]
 VELOCITIES = 12
@@ -33,57 +37,34 @@ DURATION = 15.0
 """Longest tracking motion, s."""
 AIMS = (*Lugre._fields, "inertia")
 """What a plan may be for."""
-_WIDE = 0.2
-"""Relative standard error beyond which the tracking motion is averaged over other joints as well."""
-_OTHERS = 2
-"""How many."""
-_TENTH = 0.1
-"""What torque noise of slow loading is referred to, s."""
-_UNSURE = 1.0
-"""Standard deviation of the logarithm of a guess."""
 _SHORTEST_SHARE = 0.02
 """Of its time, that a plan may be cut to."""
 _MOST = 1000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Direction:
-    """The constant velocities of one direction."""
-
-    tag: str
-    task: Task
-    chosen: Design
-    designs: Mapping[str, Design]
-    """D-optimal (`all`), and c-optimal for each of `STATIC`."""
-    spaced: Mapping[str, Design]
-    """As many runs over the same range, `log` and `even`."""
-    alone: Mapping[str, Design]
-    """The same beside `planned`, which is what would be run for the same aim were nothing known yet; judged without what is known."""
-    simulated: Mapping[str, Array]
-    """Scatter of fits of the runs in `alone`, SIMULATED, (4,) each."""
+_UNSEEN = 0.5
+"""A parameter whose expected relative standard error is wider is not seen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """What to measure next on one joint."""
 
-    name: str
-    kind: Kind
-    simulated: bool
-    """Whether what was measured so far is simulated."""
+    joint: Joint
     aim: str
     """A parameter, or `all`."""
     limits: Limits
     start: Start
-    directions: tuple[Direction, ...]
-    loads: tuple[LoadingDesign, ...]
+    velocities: tuple[VelocityPlan, ...]
+    """One for each direction, or one for both."""
+    loadings: tuple[LoadingDesign, ...]
     motions: tuple[MotionDesign, ...]
-    """The planned one, a plain multisine, and the measured one where there is any; by themselves beside what was known and the rest of the plan."""
-    stages: Mapping[str, Array]
-    """Standard errors of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not seen."""
+    """The planned one, a plain multisine, and the measured one where there is any; by themselves beside what was known
+    and the rest of the plan."""
+    standard_errors: Mapping[str, Array]
+    """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not
+    seen."""
     references: tuple[PlannedRun, ...]
-    assumptions: tuple[str, ...]
-    joint: Joint
+    assumptions: tuple[Diagnostic | str, ...]
+    """What the expected intervals rest on; of limits that nobody declared, and of the start, as sentences."""
 
     def __post_init__(self) -> None:
         """Freeze what mappings hold."""
@@ -98,6 +79,55 @@ class Plan:
     def duration(self) -> float:
         """Of all references, s."""
         return sum(r.position.size for r in self.references) / self.limits.rate
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """What even this plan would not show, and what would."""
+        relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
+        unseen = tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN)
+        warnings = [Kind.STILL_UNSEEN(names=unseen)] if unseen else []
+        for plan in self.velocities:
+            slowest, ratio = plan.problem.low, plan.problem.low / plan.problem.p.v_s
+            if ratio > 0.5:
+                warnings.append(
+                    Kind.SLOWEST_TOO_FAST(
+                        slowest=slowest,
+                        unit=unit("velocity", self.joint.kind),
+                        ratio=ratio,
+                        direction=plan.direction,
+                    )
+                )
+            if not np.isfinite(plan.chosen.alone).all():
+                warnings.append(Kind.FEW_VELOCITIES(direction=plan.direction))
+        return tuple(warnings)
+
+    def text(self) -> str:
+        """The plan as plain text."""
+        from bristle.questions.experiment_design.page import text
+
+        return text(self)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row per parameter: half of its 95 % interval now, and as expected after each part of the plan."""
+        from bristle.questions.experiment_design.tables import intervals
+
+        return intervals(self)
+
+    def reference_csv(self) -> str:
+        """The references that a controller plays, as CSV; what is not commanded is empty."""
+        from bristle.questions.experiment_design.tables import to_csv
+
+        return to_csv(self)
+
+    def write(self, folder: Path | str) -> Path:
+        """Write a page with figures and tables into a folder; returns the path of index.html.
+
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
+        """
+        from bristle.questions.experiment_design.page import write_plan
+
+        return write_plan(self, Path(folder))
 
 
 def plan(
@@ -116,52 +146,56 @@ def plan(
         aim: the parameter whose interval is to shrink, one of `AIMS`, or `all`.
         progress: called with what is being done, how many steps are done, and how many there are.
 
-    Raises InputError where the aim is no parameter, nothing is known of friction over velocity, or the limits leave nothing to plan.
+    Raises InputError where the aim is no parameter, nothing is known of friction over velocity, or the limits leave
+    nothing to plan.
     """
     check_plan(velocities, aim)
-    tell = progress or (lambda *_: None)
-    tell("velocities", 0, 1)
-    limits, said = limits_of(measured)
+    report = progress or (lambda *_: None)
+    report("velocities", 0, 1)
+    limits, of_limits = limits_of(measured)
     start = start_of(measured, joint, limits)
-    _check_aim(start, aim)
-    seen = joint.moving is not None and joint.moving.quantity == "torque"
-    limits, capped = followed(limits, measured, start.equation_step if seen else None)
-    directions, loads, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
-    known = start.known
-    stages = {"now": covariance(known)[0]}
-    for own in directions:
-        at = [name + own.tag for name in STATIC]
-        matrix = static_information(own.chosen.speeds, own.task.p, own.task.noise)
-        known = known + embedded(start.names, at, matrix)
-    stages["with velocities"] = covariance(known)[0]
-    for load in loads:
-        if np.isfinite(load.error):
-            known = known + embedded(start.names, [start.key("sigma_0", load.tag)], np.array([[load.error**-2]]))
-    stages["with loading"] = covariance(known)[0]
-    drive = _drive(start, limits, known, aim, share)
-    motion = moving.best_motion(drive, lambda done, total: tell("tracking motion", done, total))
-    stages["with motion"] = motion.errors
-    plain = moving.within_torque(moving.plain_lines(drive.limits), drive)
-    motions = (motion, moving.judged("plain multisine", plain, drive), *_measured(measured, drive))
+    if aim in start.given:
+        raise InputError(
+            f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
+        )
+    torque_fitted = joint.moving is not None and joint.moving.quantity == "torque"
+    limits, of_frequency = followed(limits, measured, start.equation_step if torque_fitted else None)
+    runs, loadings, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
+    information = _information(start, runs, loadings)
+    problem = excitation.motion_problem(start, limits, information["with loading"], aim, share * DURATION)
+    motion = excitation.best_motion(problem, lambda done, total: report("tracking motion", done, total))
+    plain = excitation.within_torque(excitation.plain_lines(problem.limits), problem)
+    so_far = excitation.measured_motion(measured, problem)
     return Plan(
-        name=joint.name,
-        kind=joint.kind,
-        simulated=joint.simulated,
+        joint=joint,
         aim=aim,
         limits=limits,
         start=start,
-        directions=directions,
-        loads=loads,
-        motions=motions,
-        stages=stages,
-        references=_references(start, limits, directions, loads, motion),
-        assumptions=(*said, *capped, *start.assumptions, *_assumed(joint, start, drive)),
-        joint=joint,
+        velocities=runs,
+        loadings=loadings,
+        motions=(
+            motion,
+            excitation.evaluate_motion("plain multisine", plain, problem),
+            *([so_far] if so_far else []),
+        ),
+        standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
+        references=schedule(start, limits, runs, loadings, motion),
+        assumptions=(
+            *of_limits,
+            *of_frequency,
+            *start.assumptions,
+            Kind.PLAN_LOCAL(others=len(problem.sets) - 1),
+            Kind.REFERENCES_FOLLOWED(),
+            Kind.RUN_IN(settle=SETTLE, deflections=DEFLECTIONS),
+            Kind.ENCODER_COUNT(count=start.resolution, unit=unit("position", joint.kind))
+            if start.resolution
+            else Kind.ENCODER_FINE(),
+        ),
     )
 
 
 def check_plan(velocities: int, aim: str) -> None:
-    """Whether so many velocities (4 to 1000, for there are four parameters) can be planned for an aim, which is one of `AIMS` or `all`.
+    """Whether so many velocities (4 to 1000, for four parameters) can be planned for an aim (`all`, or one of `AIMS`).
 
     Raises InputError where they cannot.
     """
@@ -173,30 +207,21 @@ def check_plan(velocities: int, aim: str) -> None:
         raise InputError(f"got {aim!r} as what to plan for; expected one of {', '.join(AIMS)}, or all")
 
 
-def _check_aim(start: Start, aim: str) -> None:
-    if aim in start.given:
-        raise InputError(
-            f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
-        )
-
-
-def deflection(p: Lugre[float]) -> float:
-    """The largest steady deflection of the bristle, rad."""
-    return (p.alpha_0 + p.alpha_1) / p.sigma_0
-
-
 def _within_time(
     measured: Measured, joint: Joint, start: Start, limits: Limits, velocities: int, aim: str
-) -> tuple[tuple[Direction, ...], tuple[LoadingDesign, ...], Limits, float]:
-    """Velocities and loads, with every time shortened by one share where all of it would take longer than the limit."""
+) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Limits, float]:
+    """Velocities and loadings within the limit of time.
+
+    Every time is shortened by one share where all of it would take longer than the limit.
+    """
     share = 1.0
     while share > _SHORTEST_SHARE:
         short = shortened(limits, share)
-        directions = tuple(_direction(start, tag, short, velocities, aim, share) for tag in start.tags)
-        loads = tuple(_loads(measured, joint, start, d, short, share) for d in "+-")
-        needed = _time(start, short, directions, loads, share * DURATION)
+        runs = tuple(plan_velocities(start, tag, short, velocities, aim, share) for tag in start.tags)
+        loadings = tuple(plan_loading(measured, joint, start, direction, short, share) for direction in "+-")
+        needed = duration(start, short, runs, loadings, share * DURATION)
         if limits.time is None or needed <= limits.time:
-            return directions, loads, short, share
+            return runs, loadings, short, share
         share *= min(0.9, limits.time / needed)
     raise InputError(
         f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading and a "
@@ -204,208 +229,26 @@ def _within_time(
     )
 
 
-def _direction(start: Start, tag: str, limits: Limits, velocities: int, aim: str, share: float) -> Direction:
-    """All designs of one direction; where both share a set, each speed is run forth and back."""
-    p = start.p(tag)
-    both = 1.0 if tag else 0.5
-    high = _allowed(p, reference.fastest(max(map(deflection, start.sets)), limits), limits)
-    known, wide = _static_known(start, tag)
-    guessed = f"v_s{tag}" in start.guessed
-    task = Task(
-        p=p,
-        nodes=np.geomspace(limits.slowest, high / 2, static.NODES) if guessed else static.nodes_of(p.v_s, wide),
-        known=known,
-        noise=start.noise[tag] * float(np.sqrt(both / share)),
-        low=limits.slowest,
-        high=high,
-    )
-    aim = aim if aim in STATIC else "all"
-    designs = {a: static.design(task, velocities, a) for a in ("all", *STATIC)}
-    spaced = {kind: static.judged(task, static.spaced(task, velocities, kind)) for kind in ("log", "even")}
-    fresh = replace(task, known=np.zeros_like(known))
-    alone = {"planned": static.design(fresh, velocities, aim)}
-    alone |= {kind: static.judged(fresh, d.speeds) for kind, d in spaced.items()}
-    return Direction(
-        tag=tag,
-        task=task,
-        chosen=designs[aim],
-        designs=designs,
-        spaced=spaced,
-        alone=alone,
-        simulated={kind: static.simulated_errors(task, d.speeds) for kind, d in alone.items()},
-    )
-
-
-def _allowed(p: Lugre[float], high: float, limits: Limits) -> float:
-    """The fastest speed up to `high` at which steady sliding takes no more torque than the drive may give, rad/s."""
-    speeds = np.geomspace(limits.slowest, high, static.CANDIDATES)
-    fits = speeds[np.abs(evaluate(functions.steady_torque(), speeds, *p[:4])[0]) <= limits.torque]
-    if fits.size < 2:
-        raise InputError(
-            f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
+def _information(
+    start: Start, velocities: Sequence[VelocityPlan], loadings: Sequence[LoadingDesign]
+) -> dict[str, Array]:
+    """Information about all parameters, (p, p), now and after each part of the plan before the motion."""
+    of_velocities = [
+        embedded(
+            start.names,
+            [name + plan.tag for name in STATIC],
+            static_information(plan.chosen.speeds, plan.problem.p, plan.problem.noise),
         )
-    return float(fits[-1])
-
-
-def _static_known(start: Start, tag: str) -> tuple[Array, float]:
-    """Information about the four static parameters of a tag whatever the others are, (4, 4), and the relative standard error of v_s.
-
-    Nothing counts as known where one of them is a guess: what is known of the others then rests on there being no peak.
-    """
-    at = start.indices(tag, STATIC)
-    seen = np.flatnonzero(np.diag(start.known) > 0).tolist()
-    if any(name + tag in start.guessed for name in STATIC) or not set(at) <= set(seen):
-        return np.zeros((len(STATIC), len(STATIC))), np.inf
-    own = inverse(start.known[np.ix_(seen, seen)])
-    among = [seen.index(k) for k in at]
-    own = own[np.ix_(among, among)]
-    return inverse(own), float(np.sqrt(own[3, 3]) / start.estimate[at[3]])
-
-
-def _loads(measured: Measured, joint: Joint, start: Start, d: str, limits: Limits, share: float) -> LoadingDesign:
-    """Slow loading in direction d."""
-    p, own_noise = start.p(d), start.noise[start.key("", d)]
-    at = [start.names.index(start.key(name, d)) for name in ("alpha_0", "alpha_1")]
-    seen = [k for k in at if start.known[k, k] > 0]
-    every = np.flatnonzero(np.diag(start.known) > 0).tolist()
-    among = [every.index(k) for k in seen]
-    spread = inverse(start.known[np.ix_(every, every)])[np.ix_(among, among)]
-    error = float(np.sqrt(spread.sum())) if seen else own_noise
-    slow = joint.presliding.fits.get(d) if joint.presliding else None
-    noise = _loading_noise(slow.loadings, p, measured.experiment.fit.presliding_cutoff) if slow else 0.0
-    noise = noise or own_noise * float(np.sqrt(limits.hold / share / _TENTH))
-    return moving.loads(d, p, error, noise, start.resolution, share)
-
-
-def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) -> float:
-    """What a tenth of a second's mean torque scatters by at the count edges of measured loadings, N*m; 0 where there are too few edges."""
-    g0, rest = p.alpha_0 + p.alpha_1, []
-    for x in loadings:
-        keep = x.edge_torque < moving.PEAKS[-1] * g0
-        if keep.sum() > 2:
-            y, y_T = evaluate(functions.loading_slope(), x.edge_torque[keep], g0, p.sigma_0)[:2]
-            left = y - x.edge_displacement[keep]
-            rest.append((left - left.mean()) / y_T)
-    return float(np.std(np.concatenate(rest)) / np.sqrt(2 * cutoff * _TENTH)) if rest else 0.0
-
-
-def _drive(start: Start, limits: Limits, known: Array, aim: str, share: float) -> Drive:
-    """What the tracking motion is judged by."""
-    free = [k for k, n in enumerate(start.names) if n not in start.given]
-    every = free if aim == "all" else [k for k in free if start.names[k].rstrip("+-") == aim]
-    relative = covariance(start.known)[0] / np.abs(start.estimate)
-    guessed = np.array([n in start.guessed for n in start.names])
-    wide = np.where(guessed, _UNSURE, np.where(np.isfinite(relative), np.minimum(relative, _UNSURE), 0.0))
-    rng = np.random.default_rng(moving.SEED)
-    drawn = [start.estimate]
-    if wide.max() > _WIDE:
-        drawn += [start.estimate * np.exp(wide * rng.standard_normal(wide.size)) for _ in range(_OTHERS)]
-    sets = [Lugre(*x[:6]) if start.tags == ("",) else (Lugre(*x[:6]), Lugre(*x[6:12])) for x in drawn]
-    step = min(
-        start.equation_step, 1 / (SAMPLES * limits.frequency)
-    )  # finer than the equations where it must be, of as much noise
-    return Drive(
-        sets=tuple(s if isinstance(s, Lugre) else Pair(*s) for s in sets),
-        inertias=tuple(float(x[-1]) for x in drawn),
-        known=known,
-        noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
-        step=step,
-        limits=limits,
-        duration=share * DURATION,
-        aims=tuple(every),
-    )
-
-
-def _measured(measured: Measured, drive: Drive) -> tuple[MotionDesign, ...]:
-    """The longest motion measured so far, as if it had taken as long as the planned one; none where there is none."""
-    parts = [(r, s) for r in measured.moving(hold_out=False) for s in stretches(r)]
-    if not parts:
-        return ()
-    record, part = max(parts, key=lambda x: x[1].stop - x[1].start)
-    if record.velocity is None or record.acceleration is None:
-        return ()
-    every = max(1, round(drive.step / record.step))
-    v, a = record.velocity[part][::every], record.acceleration[part][::every]
-    step = every * record.step
-    matrix, torque = moving.information(v, a, replace(drive, step=step))
-    own = matrix * (drive.duration / (v.size * step))
-    empty = Multisine(np.zeros(0), np.zeros(0), np.zeros(0))
-    return (
-        MotionDesign(
-            name="measured so far",
-            lines=empty,
-            duration=drive.duration,
-            torque=torque,
-            information=own,
-            errors=covariance(drive.known + own)[0],
-        ),
-    )
-
-
-def _holds(start: Start, limits: Limits, directions: Sequence[Direction]) -> list[Hold]:
-    """Every pass of every run, numbered from 1."""
-    bend = max(map(deflection, start.sets))
-    runs = [
-        (sign * v)
-        for own in directions
-        for v in own.chosen.speeds.tolist()
-        for sign in {"+": (1,), "-": (-1,), "": (1, -1)}[own.tag]
+        for plan in velocities
     ]
-    return [hold for k, v in enumerate(runs, 1) for hold in reference.passes(v, k, bend, limits)]
-
-
-def _time(
-    start: Start, limits: Limits, directions: Sequence[Direction], loads: Sequence[LoadingDesign], duration: float
-) -> float:
-    """What everything takes, s."""
-    made = [*_ramps(start, limits, directions), *_slow(loads, 0, limits), *_to_middle(limits, limits.position[0])]
-    return sum(r.position.size for r in made) / limits.rate + duration + 1 / limits.rate
-
-
-def _ramps(start: Start, limits: Limits, directions: Sequence[Direction]) -> list[PlannedRun]:
-    """The runs at constant velocity in the order to play, with the moves between them."""
-    step, found = 1 / limits.rate, list[PlannedRun]()
-    at = (limits.position[0] + limits.position[1]) / 2
-    for where, hold in reference.ordered(_holds(start, limits, directions), limits):
-        if abs(where - at) > 1e-9 * limits.travel:
-            found.append(reference.move_reference(at, where, limits, step))
-        found.append(reference.hold_reference(hold, where, step))
-        at = where + hold.travel
-    return found
-
-
-def _slow(loads: Sequence[LoadingDesign], runs: int, limits: Limits) -> list[PlannedRun]:
-    return [reference.load_reference(load, runs + k, moving.CYCLES, 1 / limits.rate) for k, load in enumerate(loads, 1)]
-
-
-def _to_middle(limits: Limits, at: float) -> list[PlannedRun]:
-    return [reference.move_reference(at, (limits.position[0] + limits.position[1]) / 2, limits, 1 / limits.rate)]
-
-
-def _references(
-    start: Start, limits: Limits, directions: Sequence[Direction], loads: Sequence[LoadingDesign], motion: MotionDesign
-) -> tuple[PlannedRun, ...]:
-    """Everything in the order to play: constant velocities, loading where they end, and the motion about the middle."""
-    ramps = _ramps(start, limits, directions)
-    runs = max(r.run for r in ramps)
-    slow = _slow(loads, runs, limits)
-    middle = _to_middle(limits, float(ramps[-1].position[-1]))
-    last = reference.motion_reference(motion.lines, runs + len(slow) + 1, limits, motion.duration, 1 / limits.rate)
-    return (*ramps, *slow, *middle, last)
-
-
-def _assumed(joint: Joint, start: Start, drive: Drive) -> list[str]:
-    """What the expected intervals rest on."""
-    q = unit("position", joint.kind)
-    said = [
-        "The design is local: errors are those of the estimates, to first order; velocities are averaged over what v_s may be, the motion over "
-        f"{len(drive.sets) - 1} other joints that may be.",
-        "Each reference is followed exactly; friction is LuGre, the same everywhere and at any time.",
-        f"A run-in of at least {reference.SETTLE:g} s, or {reference.DEFLECTIONS:g} bristle deflections of travel, precedes each hold: "
-        "the bristle forgets over one.",
+    of_loadings = [
+        embedded(start.names, [start.key("sigma_0", loading.tag)], np.array([[loading.error**-2]]))
+        for loading in loadings
+        if np.isfinite(loading.error)
     ]
-    if start.resolution:
-        said.append(f"Encoder: {start.resolution:.3g} {q} a count.")
-    else:
-        said.append("Encoder: no count is known; loading is planned as if it were fine.")
-    return said
+    with_velocities = sum(of_velocities, start.known)
+    return {
+        "now": start.known,
+        "with velocities": with_velocities,
+        "with loading": sum(of_loadings, with_velocities),
+    }

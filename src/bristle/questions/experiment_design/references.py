@@ -16,7 +16,8 @@ from bristle.control.compensator import Reference
 from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
-from bristle.questions.experiment_design.excitation import LoadingDesign, course
+from bristle.questions.experiment_design.excitation import course
+from bristle.questions.experiment_design.loading import LoadingDesign
 from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, SlowLoads
 
 SETTLE = 0.6

@@ -7,9 +7,10 @@ import pandas as pd
 
 from bristle.arrays import Array
 from bristle.identification.fisher import STATIC
-from bristle.model.parameters import unit
+from bristle.model.parameters import Lugre, unit
 from bristle.page import spreadsheet
 from bristle.questions.experiment_design.plan import AIMS, Plan
+from bristle.questions.experiment_design.velocities import Design
 
 NORMAL = 1.96
 """Half of a 95 % interval in standard errors."""
@@ -17,8 +18,11 @@ SPACINGS = {"planned": "planned", "log": "log-spaced", "even": "evenly spaced"}
 
 
 def references(plan: Plan) -> pd.DataFrame:
-    """Every sample to play, in order: time, experiment, run, and references of position and velocity, or of torque, with units in their names."""
-    q, v, T = (unit(name, plan.kind) for name in ("position", "velocity", "torque"))
+    """Every sample to play, in order.
+
+    Time, experiment, run, and references of position and velocity, or of torque, with units in their names.
+    """
+    q, v, T = (unit(name, plan.joint.kind) for name in ("position", "velocity", "torque"))
     sizes = [r.position.size for r in plan.references]
     return pd.DataFrame(
         {
@@ -39,67 +43,72 @@ def to_csv(plan: Plan) -> str:
 
 def velocities(plan: Plan) -> pd.DataFrame:
     """The constant velocities to run: direction, velocity, and how many runs at it."""
+    rows = [(x.direction, speed, count) for x in plan.velocities for speed, count in x.chosen.runs]
+    return pd.DataFrame(rows, columns=["direction", "velocity", "runs"])
+
+
+def designs(plan: Plan) -> pd.DataFrame:
+    """Each design beside the spaced ones.
+
+    Relative standard error to expect of each parameter, what is known already included, percent.
+    """
+    rows = []
+    for x in plan.velocities:
+        named = {"D-optimal" if aim == "all" else f"for {aim} alone": design for aim, design in x.designs.items()}
+        named |= {SPACINGS[kind]: design for kind, design in x.spaced.items()}
+        for name, design in named.items():
+            errors = _percent(design.errors, x.problem.p)
+            rows.append({"direction": x.direction, "design": name, **errors, "velocities": listed(design, "{:.3g}")})
+    return pd.DataFrame(rows)
+
+
+def listed(design: Design, number: str) -> str:
+    """The speeds of a design, each with how often it is run where that is more than once."""
+    return ", ".join(number.format(speed) + (f" x{count}" if count > 1 else "") for speed, count in design.runs)
+
+
+def comparison(plan: Plan) -> pd.DataFrame:
+    """As many runs by themselves, nothing known before.
+
+    Relative standard error as predicted, and as fits of SIMULATED runs scatter, percent.
+    """
     rows = [
-        {"direction": d.tag or "both", "velocity": float(v), "runs": int(n)}
-        for d in plan.directions
-        for v, n in zip(*np.unique(d.chosen.speeds, return_counts=True), strict=True)
+        {"direction": x.direction, "design": label, "way": how, **_percent(errors, x.problem.p)}
+        for x in plan.velocities
+        for kind, label in SPACINGS.items()
+        for how, errors in (("predicted", x.alone[kind].errors), ("simulated", x.simulated[kind]))
     ]
     return pd.DataFrame(rows)
 
 
-def designs(plan: Plan) -> pd.DataFrame:
-    """Each design beside the spaced ones: relative standard error to expect of each parameter, what is known already included, percent."""
-    rows = []
-    for d in plan.directions:
-        named = {"D-optimal" if a == "all" else f"for {a} alone": x for a, x in d.designs.items()}
-        named |= {SPACINGS[kind]: x for kind, x in d.spaced.items()}
-        for name, x in named.items():
-            speeds = ", ".join(
-                f"{v:.3g}" + (f" x{n}" if n > 1 else "")
-                for v, n in zip(*np.unique(x.speeds, return_counts=True), strict=True)
-            )
-            rows.append(
-                {"direction": d.tag or "both", "design": name, **_percent(x.errors, d.task.p[:4]), "velocities": speeds}
-            )
-    return pd.DataFrame(rows)
-
-
-def comparison(plan: Plan) -> pd.DataFrame:
-    """As many runs by themselves, nothing known before: relative standard error as predicted, and as fits of SIMULATED runs scatter, percent."""
-    rows = []
-    for d in plan.directions:
-        for kind, label in SPACINGS.items():
-            for how, errors in (("predicted", d.alone[kind].errors), ("simulated", d.simulated[kind])):
-                rows.append(
-                    {"direction": d.tag or "both", "design": label, "way": how, **_percent(errors, d.task.p[:4])}
-                )
-    return pd.DataFrame(rows)
-
-
 def intervals(plan: Plan) -> pd.DataFrame:
-    """Half of each parameter's 95 % interval now, and as expected after each part of the plan, in its unit; without what is given as exact."""
+    """Half of each parameter's 95 % interval now, and as expected after each part of the plan, in its unit.
+
+    What is given as exact is left out.
+    """
     rows = []
     for k in plan.free:
-        name = plan.start.names[k]
-        value = float(plan.start.estimate[k])
-        guess = name in plan.start.guessed or (name == "inertia" and not np.isfinite(plan.stages["now"][k]))
-        half = {stage: _finite(NORMAL * errors[k]) for stage, errors in plan.stages.items()}
+        name, value = plan.start.names[k], float(plan.start.estimate[k])
+        half = {stage: _finite(NORMAL * errors[k]) for stage, errors in plan.standard_errors.items()}
         last = half["with motion"]
         rows.append(
             {
                 "parameter": name,
                 "estimate": value,
-                "guess": guess,
-                "unit": unit(name.rstrip("+-"), plan.kind),
+                "guess": name in plan.start.guessed or (name == "inertia" and half["now"] is None),
+                "unit": unit(name.rstrip("+-"), plan.joint.kind),
                 **half,
                 "in percent": None if last is None else 100 * last / abs(value),
             }
         )
-    return pd.DataFrame(rows).astype(dict.fromkeys((*plan.stages, "in percent"), object))
+    return pd.DataFrame(rows).astype(dict.fromkeys((*plan.standard_errors, "in percent"), object))
 
 
 def loading(plan: Plan) -> pd.DataFrame:
-    """Slow loading per direction: peak, over breakaway, rise, counts, neglected share, and the error of sigma_0 by noise, and with that share."""
+    """Slow loading per direction.
+
+    Peak, over breakaway, rise, counts, neglected share, and the error of sigma_0 by noise, and with that share.
+    """
     rows = [
         {
             "direction": x.tag,
@@ -107,56 +116,50 @@ def loading(plan: Plan) -> pd.DataFrame:
             "share_of_breakaway": x.share,
             "rise": x.rise,
             "counts": _finite(x.counts),
-            "viscous_share": x.lag,
-            "by_noise": _finite(x.scatter),
+            "viscous_share": x.viscous_share,
+            "by_noise": _finite(x.noise_error),
             "standard_error": _finite(x.error),
         }
-        for x in plan.loads
+        for x in plan.loadings
     ]
     return pd.DataFrame(rows)
 
 
 def lines(plan: Plan) -> pd.DataFrame:
-    """The sines of the tracking motion as they are played, fading apart, slowest first: a sin(2 pi f t + phase) about the middle of the positions."""
-    found = plan.motions[0].lines
-    order = np.argsort(found.frequency)
-    return pd.DataFrame(
-        {name: getattr(found, name)[order] for name in ("amplitude", "frequency", "phase")},
-    )
+    """The sines of the tracking motion as they are played, fading apart, slowest first.
+
+    Each is a sin(2 pi f t + phase) about the middle of the positions.
+    """
+    sines = plan.motions[0].lines
+    order = np.argsort(sines.frequency)
+    return pd.DataFrame({name: getattr(sines, name)[order] for name in sines._fields})
 
 
 def motions(plan: Plan) -> pd.DataFrame:
-    """The planned motion beside others of its duration: relative standard error of each parameter after it, percent, and their mean square root."""
+    """The planned motion beside others of its duration.
+
+    Relative standard error of each parameter after it, percent, and their mean square root.
+    """
+    names = {k: plan.start.names[k] for k in plan.free}
+    aimed = [k for k, name in names.items() if plan.aim not in AIMS or name.rstrip("+-") == plan.aim]
     rows = []
-    for x in plan.motions:
-        relative = 100 * x.errors / np.abs(plan.start.estimate)
-        names = {k: plan.start.names[k] for k in plan.free}
-        aimed = [k for k, n in names.items() if plan.aim not in AIMS or n.rstrip("+-") == plan.aim]
-        rows.append(
-            {
-                "motion": x.name,
-                **{n: _finite(relative[k]) for k, n in names.items()},
-                "rms": _finite(np.sqrt(np.mean(relative[aimed] ** 2))),
-            }
-        )
+    for motion in plan.motions:
+        relative = 100 * motion.errors / np.abs(plan.start.estimate)
+        errors = {name: _finite(relative[k]) for k, name in names.items()}
+        rows.append({"motion": motion.name, **errors, "rms": _finite(np.sqrt(np.mean(relative[aimed] ** 2)))})
     return pd.DataFrame(rows)
 
 
 def all_tables(plan: Plan) -> Mapping[str, pd.DataFrame]:
     """Every table by the name of its file."""
     return {
-        "velocities": velocities(plan),
-        "designs": designs(plan),
-        "comparison": comparison(plan),
-        "intervals": intervals(plan),
-        "loading": loading(plan),
-        "lines": lines(plan),
-        "motions": motions(plan),
+        table.__name__: table(plan) for table in (velocities, designs, comparison, intervals, loading, lines, motions)
     }
 
 
-def _percent(errors: Array, values: tuple[float, ...]) -> dict[str, float | None]:
-    return {name: _finite(100 * e / abs(x)) for name, e, x in zip(STATIC, errors.tolist(), values, strict=True)}
+def _percent(errors: Array, p: Lugre[float]) -> dict[str, float | None]:
+    """Relative standard errors of the static parameters, percent."""
+    return {name: _finite(100 * e / abs(x)) for name, e, x in zip(STATIC, errors.tolist(), p[:4], strict=True)}
 
 
 def _finite(x: float) -> float | None:

@@ -3,12 +3,13 @@
     F = known + sum over runs of s(v) s(v)' / noise**2,    s = dT_ss / dp (9)
     D-optimal: least -log det F;    c-optimal for one parameter: least log (F**-1)_kk
 
-(9) is linear in all parameters but v_s, and alpha_1 only scales one column: a design depends on v_s alone. So each criterion is averaged over
-what v_s may be, and a poor estimate of it does not ruin the plan. One direction at a time; speeds are positive.
+(9) is linear in all parameters but v_s, and alpha_1 only scales one column: a design depends on v_s alone. So each
+criterion is averaged over what v_s may be, and a poor estimate of it does not ruin the plan. One direction at a time;
+speeds are positive.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +21,15 @@ from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.fisher import STATIC, covariance, static_information
+from bristle.identification.limits import Limits
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import default_range
 from bristle.model import functions
 from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate
+from bristle.questions.experiment_design.loading import seen_covariance
+from bristle.questions.experiment_design.references import fastest
+from bristle.questions.experiment_design.start import Start, inverse
 from bristle.simulation.bench import steady_points
 
 CANDIDATES = 200
@@ -37,24 +42,26 @@ SEED = 0
 _GAIN = 1e-9
 """An exchange that lowers the criterion by less is none."""
 _RIDGE = 1e-11
-"""Added to an information scaled to 1 on its diagonal, so that a design too poor to be inverted has a value, a bad one."""
+"""Added to an information scaled to 1 on its diagonal, so that a design too poor to be inverted has a value, a bad
+one."""
 _SPREAD = 1.2
 """Of log(v_s): the most that nodes are spread by, as a standard deviation."""
 _SAME = (1.005, 1.05, 1.1, 1.2)
-"""Speeds nearer than the first of these factors are one; than the others where that costs no more than `_COST`: few speeds are easier to run."""
+"""Speeds nearer than the first of these factors are one; than the others where that costs no more than `_COST`: few
+speeds are easier to run."""
 _COST = 0.01
 """In the logarithm of the variance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class DesignProblem:
     """What is known of one direction, and where it may be measured."""
 
     p: Lugre[float]
     """The estimate; sigma_0 and sigma_1 do not matter."""
     nodes: Array
     """What v_s may be, rad/s, (k,)."""
-    known: Array
+    prior_information: Array
     """Information gained already in the order of `STATIC`, (4, 4)."""
     noise: float
     """Standard error of one run's mean torque, N*m, > 0."""
@@ -85,19 +92,135 @@ class Design(NamedTuple):
     alone: Array
     """The same of these runs alone."""
 
+    @property
+    def runs(self) -> list[tuple[float, int]]:
+        """Each distinct speed, ascending, and how often it is run."""
+        speeds, counts = np.unique(self.speeds, return_counts=True)
+        return list(zip(speeds.tolist(), counts.tolist(), strict=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VelocityPlan:
+    """The constant velocities of one direction, and what else might be run."""
+
+    tag: str
+    problem: DesignProblem
+    chosen: Design
+    designs: Mapping[str, Design]
+    """D-optimal (`all`), and c-optimal for each of `STATIC`."""
+    spaced: Mapping[str, Design]
+    """As many runs over the same range, `log` and `even`."""
+    alone: Mapping[str, Design]
+    """The same beside `planned`, which is what would be run for the same aim were nothing known yet; judged without
+    what is known."""
+    simulated: Mapping[str, Array]
+    """Scatter of fits of the runs in `alone`, SIMULATED, (4,) each."""
+
+    def __post_init__(self) -> None:
+        """Freeze what mappings hold."""
+        freeze(self)
+
+    @property
+    def direction(self) -> str:
+        """`+`, `-` or `both`."""
+        return self.tag or "both"
+
+    @property
+    def velocities(self) -> list[float]:
+        """One per run, rad/s, with its sign; where both directions share a set each speed is run back and forth."""
+        signs = {"+": (1,), "-": (-1,), "": (1, -1)}[self.tag]
+        return [sign * speed for speed in self.chosen.speeds.tolist() for sign in signs]
+
+
+def plan_velocities(start: Start, tag: str, limits: Limits, count: int, aim: str, share: float) -> VelocityPlan:
+    """All designs of one direction; where both share a set, each speed is run back and forth.
+
+    Args:
+        start: what is known of the joint.
+        tag: of the direction.
+        limits: what to keep within.
+        count: of runs.
+        aim: a parameter, or `all`; one that constant velocities do not show counts as `all`.
+        share: of its time that the plan is cut to.
+
+    Raises InputError where the drive's torque or the travel leaves no speeds to choose from.
+    """
+    p, passes = start.p(tag), 1 if tag else 2
+    high = _fastest(p, fastest(largest_deflection(start), limits), limits)
+    prior_information, v_s_error = _prior(start, tag)
+    guessed = f"v_s{tag}" in start.guessed
+    problem = DesignProblem(
+        p=p,
+        nodes=np.geomspace(limits.slowest, high / 2, NODES) if guessed else nodes_of(p.v_s, v_s_error),
+        prior_information=prior_information,
+        noise=start.noise[tag] * float(np.sqrt(1 / passes / share)),
+        low=limits.slowest,
+        high=high,
+    )
+    aim = aim if aim in STATIC else "all"
+    designs = {name: design(problem, count, name) for name in ("all", *STATIC)}
+    spaced = {kind: evaluate_design(problem, spaced_speeds(problem, count, kind)) for kind in ("log", "even")}
+    fresh = replace(problem, prior_information=np.zeros_like(prior_information))
+    alone = {"planned": design(fresh, count, aim)}
+    alone |= {kind: evaluate_design(fresh, x.speeds) for kind, x in spaced.items()}
+    return VelocityPlan(
+        tag=tag,
+        problem=problem,
+        chosen=designs[aim],
+        designs=designs,
+        spaced=spaced,
+        alone=alone,
+        simulated={kind: simulated_errors(problem, x.speeds) for kind, x in alone.items()},
+    )
+
+
+def largest_deflection(start: Start) -> float:
+    """The largest steady deflection of the bristle, of both directions, rad."""
+    return max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in start.sets)
+
+
+def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
+    """The fastest speed up to `high` at which steady sliding takes no more torque than the drive may give, rad/s."""
+    speeds = np.geomspace(limits.slowest, high, CANDIDATES)
+    within = speeds[np.abs(evaluate(functions.steady_torque(), speeds, *p[:4])[0]) <= limits.torque]
+    if within.size < 2:
+        raise InputError(
+            f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
+        )
+    return float(within[-1])
+
+
+def _prior(start: Start, tag: str) -> tuple[Array, float]:
+    """Information about the four static parameters of a tag, (4, 4), and the relative standard error of v_s.
+
+    What the other parameters are is left open.
+
+    Nothing counts as known where one of them is a guess: what is known of the others then rests on there being no peak.
+    """
+    at = start.indices(tag, STATIC)
+    if any(name + tag in start.guessed for name in STATIC) or not (np.diag(start.known)[at] > 0).all():
+        return np.zeros((len(STATIC), len(STATIC))), np.inf
+    spread = seen_covariance(start.known, at)
+    return inverse(spread), float(np.sqrt(spread[3, 3]) / start.estimate[at[3]])
+
 
 def nodes_of(v_s: float, relative_error: float) -> Array:
-    """Values of v_s of equal probability about an estimate, log-normal with this relative standard error (at most 1.2): (k,), the estimate amid."""
+    """Values of v_s of equal probability about an estimate, (k,), the estimate in the middle.
+
+    They are log-normal with this relative standard error, at most 1.2.
+    """
     middle = (np.arange(NODES) + 0.5) / NODES
     nodes: Array = v_s * np.exp(min(relative_error, _SPREAD) * ndtri(middle))
     return nodes
 
 
-def design(task: Task, count: int, aim: str = "all") -> Design:
-    """The best `count` runs for one parameter, or for all: greedy exchange over a grid of speeds, then refined between its values.
+def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
+    """The best `count` runs for one parameter, or for all.
+
+    Greedy exchange over a grid of speeds, then refined between its values.
 
     Args:
-        task: what is known, and where to measure.
+        problem: what is known, and where to measure.
         count: of runs, at least 4 so that they show all four parameters by themselves.
         aim: one of `STATIC`, or `all`.
 
@@ -107,44 +230,49 @@ def design(task: Task, count: int, aim: str = "all") -> Design:
         raise InputError(f"got {count} velocities; expected at least {len(STATIC)}, as many as there are parameters")
     if aim != "all" and aim not in STATIC:
         raise InputError(f"got {aim!r}; constant velocities show {', '.join(STATIC)}: name one of them, or all")
-    grid = np.geomspace(task.low, task.high, CANDIDATES)
-    criterion = _Criterion(task, aim)
+    grid = np.geomspace(problem.low, problem.high, CANDIDATES)
+    criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)
     rng = np.random.default_rng(SEED)
-    starts = [np.searchsorted(grid, spaced(task, count, kind)).clip(0, grid.size - 1) for kind in ("log", "even")]
+    starts = [
+        np.searchsorted(grid, spaced_speeds(problem, count, kind)).clip(0, grid.size - 1) for kind in ("log", "even")
+    ]
     starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
-    found = [_refined(criterion, grid[_exchanged(criterion, rows, start)]) for start in starts]
-    return judged(task, min(found, key=criterion.value), aim)
+    refined = [_refine(criterion, grid[_exchange(criterion, rows, start)]) for start in starts]
+    return evaluate_design(problem, min(refined, key=criterion.value), aim)
 
 
-def judged(task: Task, speeds: Array, aim: str = "") -> Design:
+def evaluate_design(problem: DesignProblem, speeds: Array, aim: str = "") -> Design:
     """Any speeds (n,), rad/s, with the standard errors that they should give."""
     speeds = np.sort(speeds)
-    own = static_information(speeds, task.p, task.noise)
-    return Design(aim, speeds, covariance(task.known + own)[0], covariance(own)[0])
+    information = static_information(speeds, problem.p, problem.noise)
+    return Design(aim, speeds, covariance(problem.prior_information + information)[0], covariance(information)[0])
 
 
-def spaced(task: Task, count: int, kind: str) -> Array:
+def spaced_speeds(problem: DesignProblem, count: int, kind: str) -> Array:
     """As many speeds over the same range, spaced evenly (`even`) or evenly in log(v) (`log`), rad/s, (count,)."""
     space = np.linspace if kind == "even" else np.geomspace
-    speeds: Array = space(task.low, task.high, count)
+    speeds: Array = space(problem.low, problem.high, count)
     return speeds
 
 
-def by_v_s(task: Task, speeds: Array, v_s: Array) -> Array:
-    """Expected standard errors were v_s another one than the estimate, what is known already included: (k, 4) for v_s (k,)."""
-    found = [
-        covariance(task.known + static_information(speeds, task.p._replace(v_s=float(x)), task.noise))[0] for x in v_s
-    ]
-    return np.array(found)
+def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
+    """Expected standard errors were v_s another one than the estimate, what is known already included.
 
-
-def simulated_errors(task: Task, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
-    """How fits of these runs alone scatter when they are SIMULATED from the estimate with Gaussian noise, (4,), in the order of `STATIC`.
-
-    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is not ruled by a few that fail.
+    Its shape is (k, 4) for v_s (k,).
     """
-    torques = steady_points(task.p, speeds, task.noise, np.random.default_rng(seed), repetitions)
+    sets = [problem.p._replace(v_s=float(x)) for x in v_s]
+    information = [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
+    return np.array([covariance(matrix)[0] for matrix in information])
+
+
+def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
+    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as `STATIC`.
+
+    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
+    not ruled by a few that fail.
+    """
+    torques = steady_points(problem.p, speeds, problem.noise, np.random.default_rng(seed), repetitions)
     theta, _ = solve_batch(speeds, torques.T, default_range(speeds))
     alpha_0, alpha_2, alpha_1, v_s = theta
     low, high = np.percentile([alpha_0, alpha_1, alpha_2, v_s], [15.87, 84.13], axis=1)
@@ -152,20 +280,28 @@ def simulated_errors(task: Task, speeds: Array, repetitions: int = 2000, seed: i
 
 
 class _Criterion:
-    """What a design is judged by, averaged over the values of v_s; parameters in units that make the information 1 on its diagonal."""
+    """What a design is judged by, averaged over the values of v_s.
 
-    def __init__(self, task: Task, aim: str) -> None:
+    Parameters are in units that make the information 1 on its diagonal.
+    """
+
+    def __init__(self, problem: DesignProblem, aim: str) -> None:
         """Scale what is known."""
-        self.task, self.aim = task, None if aim == "all" else STATIC.index(aim)
-        whole = [task.known + static_information(spaced(task, 50, "log"), p, task.noise) for p in task.sets]
+        self.problem, self.aim = problem, None if aim == "all" else STATIC.index(aim)
+        whole = [
+            problem.prior_information + static_information(spaced_speeds(problem, 50, "log"), p, problem.noise)
+            for p in problem.sets
+        ]
         self.size = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
-        self.known = task.known / (self.size[:, :, None] * self.size[:, None, :]) + _RIDGE * np.eye(len(STATIC))
+        self.known = problem.prior_information / (self.size[:, :, None] * self.size[:, None, :]) + _RIDGE * np.eye(
+            len(STATIC)
+        )
 
     def rows(self, speeds: Array) -> Array:
         """s(v) / noise at each v_s, scaled, (k, m, 4)."""
-        p = self.task.p
-        by = evaluate(functions.steady_jacobian(), speeds, p.alpha_0, p.alpha_1, p.alpha_2, self.task.nodes[:, None])
-        return np.asarray(np.stack(by, axis=-1) / self.task.noise / self.size[:, None, :])
+        p = self.problem.p
+        by = evaluate(functions.steady_jacobian(), speeds, p.alpha_0, p.alpha_1, p.alpha_2, self.problem.nodes[:, None])
+        return np.asarray(np.stack(by, axis=-1) / self.problem.noise / self.size[:, None, :])
 
     def value(self, speeds: Array) -> float:
         """The criterion of some speeds (n,)."""
@@ -176,7 +312,7 @@ class _Criterion:
         return float(np.log(np.linalg.inv(whole)[:, self.aim, self.aim]).mean())
 
     def with_one(self, rest: Array, rows: Array) -> Array:
-        """The criterion with each row (k, m, 4) alone added to an information (k, 4, 4), by the formulas for a change of rank one, (m,)."""
+        """The criterion, (m,), with each row (k, m, 4) alone added to an information (k, 4, 4): changes of rank one."""
         inverse = np.linalg.inv(rest)
         along = rows @ inverse
         grown = np.einsum("kmp,kmp->km", along, rows)
@@ -186,17 +322,17 @@ class _Criterion:
         return np.asarray(np.log(np.maximum(variance, 1e-300)).mean(axis=0))
 
 
-def _exchanged(criterion: _Criterion, rows: Array, start: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Fedorov's exchange: of all swaps of one run for one candidate (k, m, 4) the best, until none helps; indices (n,)."""
+def _exchange(criterion: _Criterion, rows: Array, start: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Fedorov's exchange, indices (n,): the best swap of one run for one candidate (k, m, 4), until none helps."""
     chosen, value = np.array(start), np.inf
     while True:
-        own = rows[:, chosen]
-        whole = criterion.known + np.einsum("knp,knq->kpq", own, own)
-        tried = {int(j): _swap(criterion, rows, whole, int(j)) for j in np.unique(chosen)}
-        leaving = min(tried, key=lambda j: tried[j][0])
-        if not tried[leaving][0] < value - _GAIN:
+        run = rows[:, chosen]
+        whole = criterion.known + np.einsum("knp,knq->kpq", run, run)
+        swaps = {int(j): _swap(criterion, rows, whole, int(j)) for j in np.unique(chosen)}
+        leaving = min(swaps, key=lambda j: swaps[j][0])
+        if not swaps[leaving][0] < value - _GAIN:
             return chosen
-        value, chosen[np.flatnonzero(chosen == leaving)[0]] = tried[leaving]
+        value, chosen[np.flatnonzero(chosen == leaving)[0]] = swaps[leaving]
 
 
 def _swap(criterion: _Criterion, rows: Array, whole: Array, leaving: int) -> tuple[float, int]:
@@ -207,32 +343,33 @@ def _swap(criterion: _Criterion, rows: Array, whole: Array, leaving: int) -> tup
     return float(values[best]), best
 
 
-def _refined(criterion: _Criterion, speeds: Array) -> Array:
-    """Each distinct speed moved to where the criterion is least, how often each is run unchanged; near ones become one."""
-    speeds = _merged(speeds)
+def _refine(criterion: _Criterion, speeds: Array) -> Array:
+    """Each distinct speed moved to where the criterion is least, how often each is run unchanged.
+
+    Near ones become one.
+    """
+    speeds = _merge(speeds)
     distinct, counts = np.unique(speeds, return_counts=True)
-    ends = float(np.log(criterion.task.low)), float(np.log(criterion.task.high))
+    ends = float(np.log(criterion.problem.low)), float(np.log(criterion.problem.high))
 
     def value(u: Array) -> float:
         """The criterion at log(v) of the distinct speeds."""
         return criterion.value(np.repeat(np.exp(u), counts))
 
-    found = minimize(
-        value,
-        np.log(distinct),
-        method="L-BFGS-B",
-        bounds=[ends] * distinct.size,
-    )
-    moved = np.repeat(np.exp(found.x), counts)
-    tried = [speeds, *(_merged(moved, factor) for factor in _SAME)]
-    tried = [np.clip(x, criterion.task.low, criterion.task.high) for x in tried]
-    values = [criterion.value(x) for x in tried]
-    good = [x for x, value in zip(tried, values, strict=True) if value <= min(values) + _COST]
+    least = minimize(value, np.log(distinct), method="L-BFGS-B", bounds=[ends] * distinct.size)
+    moved = np.repeat(np.exp(least.x), counts)
+    designs = [speeds, *(_merge(moved, factor) for factor in _SAME)]
+    designs = [np.clip(x, criterion.problem.low, criterion.problem.high) for x in designs]
+    values = [criterion.value(x) for x in designs]
+    good = [x for x, value in zip(designs, values, strict=True) if value <= min(values) + _COST]
     return min(good, key=lambda x: np.unique(x).size)
 
 
-def _merged(speeds: Sequence[float] | Array, factor: float = _SAME[0]) -> Array:
-    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending; where one is an end of all, by that."""
+def _merge(speeds: Sequence[float] | Array, factor: float = _SAME[0]) -> Array:
+    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending.
+
+    A group at the end of all becomes that end.
+    """
     ordered = np.sort(speeds)
     groups = np.split(ordered, np.flatnonzero(np.diff(np.log(ordered)) > np.log(factor)) + 1)
     centres = [g.mean() for g in groups]

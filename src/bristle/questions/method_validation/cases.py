@@ -1,4 +1,7 @@
-"""What is put on trial: a joint's own directions as they were measured, or a declared sweep over Table 1."""
+"""What the grid search is validated on.
+
+A joint's own directions as they were measured, or a declared sweep over Table 1.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -6,11 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.results import Joint, StaticFit
 from bristle.identification.static.grid import default_range
-from bristle.model.parameters import Kind, Stribeck
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Stribeck
 from bristle.questions.method_validation.solvers import NAMES, Case
 from bristle.simulation import edro
 
@@ -20,22 +25,18 @@ FASTEST = 11.0
 """Of the sweep: the fastest speed over v_s."""
 MOST_POINTS = 400
 """Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
-ASSUMPTIONS = (
-    "SIMULATED: torques are those of the model at the velocities named, with white Gaussian noise; no run is simulated, and no velocity is in error.",
-    "Each direction stands alone: what directions share (inertia, gravity, offset) is taken as known.",
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
-    """What is put on trial."""
+class CaseSet:
+    """The cases of one validation."""
 
     title: str
-    kind: Kind
+    kind: JointKind
     cases: tuple[Case, ...]
-    skipped: Mapping[str, str] = field(default_factory=dict)
+    skipped: Mapping[str, Diagnostic] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
-    assumptions: tuple[str, ...] = ASSUMPTIONS
+    assumptions: tuple[Diagnostic, ...] = (Kind.POINTS_SIMULATED(), Kind.DIRECTIONS_ALONE())
 
 
 def sweep_designs(v_s: float) -> dict[str, Array]:
@@ -47,27 +48,26 @@ def sweep_designs(v_s: float) -> dict[str, Array]:
     }
 
 
-def sweep(noise: float | None = None) -> Subject:
+def sweep(noise: float | None = None) -> CaseSet:
     """Every set of Table 1, at two noise levels (or at `noise`, a share of alpha_0, > 0) and three designs."""
     levels = NOISES if noise is None else (noise,)
-    sets = [
-        (f"{name} ({sign})", sign, p) for name, pair in edro.TABLE_1.items() for sign, p in zip("+-", pair, strict=True)
-    ]
     cases = tuple(
-        _case(label, design, p.stribeck, speeds if sign == "+" else -speeds, level * p.alpha_0)
-        for label, sign, p in sets
+        _case(f"{name} ({sign})", design, p.stribeck, speeds if sign == "+" else -speeds, level * p.alpha_0)
+        for name, pair in edro.TABLE_1.items()
+        for sign, p in zip("+-", pair, strict=True)
         for design, speeds in sweep_designs(p.v_s).items()
         for level in levels
     )
-    return Subject(title="Table 1", kind="revolute", cases=cases)
+    return CaseSet(title="Table 1", kind="revolute", cases=cases)
 
 
-def own_cases(joint: Joint, noise: float | None = None) -> Subject:
+def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
     """A case per direction in which the joint's static fit has a Stribeck term, and why the others have none.
 
     Args:
         joint: identified.
-        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the four parameters.
+        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the
+            four parameters.
 
     Raises InputError where nothing at all was fitted.
     """
@@ -78,34 +78,39 @@ def own_cases(joint: Joint, noise: float | None = None) -> Subject:
             continue
         p = fit.values()
         if p is None or not p.alpha_1 or fit.profile is None:
-            skipped[direction] = f"nothing to try: {fit.outcome}"
+            skipped[direction] = Kind.NO_STRIBECK_TERM(outcome=fit.outcome)
             continue
-        chosen, level = _points(fit)
-        own = level if noise is None else noise * p.alpha_0
-        if own <= 1e-9 * p.alpha_0:
-            skipped[direction] = (
-                "nothing to try: the points lie on the model without noise; choose a noise level with --noise"
-            )
+        velocity, fitted_noise = _points(fit)
+        level = fitted_noise if noise is None else noise * p.alpha_0
+        if level <= 1e-9 * p.alpha_0:
+            skipped[direction] = Kind.POINTS_WITHOUT_NOISE()
             continue
         ends = (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
         label = joint.name if direction == "both" else f"{joint.name} ({direction})"
-        cases.append(_case(label, f"the {fit.n} points measured", p, chosen, own, ends))
+        cases.append(_case(label, f"the {fit.n} points measured", p, velocity, level, ends))
     if not cases and not skipped:
-        skipped["both directions"] = "nothing to try: no friction over velocity was fitted by the grid."
-    return Subject(title=joint.name, kind=joint.kind, cases=tuple(cases), skipped=skipped)
+        skipped["both directions"] = Kind.NO_GRID_FIT()
+    return CaseSet(title=joint.name, kind=joint.kind, cases=tuple(cases), skipped=skipped)
 
 
 def check_fitted(joint: Joint) -> None:
     """Raises InputError where a joint has neither a static nor a moving fit, so that there is nothing to check."""
     if joint.moving is not None or any(fit.values() for d, fit in joint.static.items() if d != "shared"):
         return
-    why = "; ".join(dict.fromkeys(fit.outcome.rstrip(".") for fit in joint.static.values()))
-    got = f"no fit of friction over velocity ({why})" if why else "no ramp, points or tracking run that is fitted"
+    outcomes = "; ".join(dict.fromkeys(fit.outcome.rstrip(".") for fit in joint.static.values()))
+    got = (
+        f"no fit of friction over velocity ({outcomes})"
+        if outcomes
+        else "no ramp, points or tracking run that is fitted"
+    )
     raise InputError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
 
 
 def _points(fit: StaticFit) -> tuple[Array, float]:
-    """Velocities to simulate, rad/s, and their noise, N*m; equations of moving data are thinned, their noise widened for its correlation."""
+    """Velocities to simulate, rad/s, and their noise, N*m.
+
+    Equations of moving data are thinned, their noise widened for its correlation.
+    """
     v = fit.velocity
     level = float(np.sqrt(np.sum(fit.residuals**2) / (v.size - len(NAMES))))
     if v.size <= MOST_POINTS:

@@ -1,4 +1,4 @@
-"""The grid method on trial as figures: cost over v_s, error over resolution, success over start, and each method's v_s."""
+"""A validation as figures: cost over v_s, error over resolution, success over start, and each method's v_s."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,8 +14,8 @@ from bristle.identification.static.grid import PLAIN_GRID
 from bristle.model.parameters import Kind
 from bristle.page.style import LINES, Look, decimal_log, new_figure, styled, title
 from bristle.page.wording import axis, shortened
-from bristle.questions.method_validation.results import ENOUGH, FREE, Starts, Trial, Tried
-from bristle.questions.method_validation.run import REFINED
+from bristle.questions.method_validation.results import FINE_ENOUGH, CaseResult, RandomStarts, Validation
+from bristle.questions.method_validation.run import PLAIN_GRIDS, REFINED
 
 SOLVERS = {
     "IPOPT": Look("#0072B2", "o", "-"),
@@ -38,29 +38,33 @@ _WIDE = 500.0
 
 
 @styled
-def landscape_figure(tried: Tried, kind: Kind) -> Figure:
-    """Cost over v_s, minimised over all else, over its least: where the refined grid and each solver's starts end; beneath, plain grids near it."""
+def cost_figure(result: CaseResult, kind: Kind) -> Figure:
+    """Cost over v_s, minimised over all else, over its least.
+
+    Where the refined grid and each solver's starts end; beneath, plain grids near it.
+    """
     figure = new_figure(6.4)
     figure.subplots_adjust(top=0.80, hspace=0.3)
     ax, near = figure.subplots(2, height_ratios=(3, 2))
-    scape, many = tried.landscape, tried.starts
-    _titled(ax, tried.case.label, rows=5)
-    lowest, limit = many.best_cost, scape.threshold / many.best_cost
+    curve, starts = result.cost_curve, result.starts
+    _titled(ax, result.case.label, rows=5)
+    lowest, limit = starts.best_cost, curve.threshold / starts.best_cost
     for part, label in ((ax, "cost (least over all else)"), (near, None)):
-        part.plot(scape.v_s, scape.cost / lowest, "-", color="#000000", label=label)
+        part.plot(curve.v_s, curve.cost / lowest, "-", color="#000000", label=label)
         part.axhline(limit, color="#666666", linestyle="--", linewidth=1, label="95 % region, below" if label else None)
-    for name, look in _solvers(tried):
-        x, y = many.ended[name][3], np.maximum(many.cost[name] / lowest, 1.0)
+    for name in starts.solvers:
+        look = SOLVERS[name]
+        x, y = starts.final[name][3], np.maximum(starts.cost[name] / lowest, 1.0)
         ax.plot(x, y, look.marker, color=look.colour, mfc="none", alpha=0.75, label=f"{name}, from random starts")
     for count, marker in zip(_PLAIN, ("v", "x", "+"), strict=True):
-        at = scape.plain[count]
-        height = np.interp(at, scape.v_s, scape.cost) / lowest
+        at = curve.plain[count]
+        height = np.interp(at, curve.v_s, curve.cost) / lowest
         for part, label in ((ax, f"plain grid of {count}"), (near, None)):
             part.plot(at, height, marker, color="#CC79A7", markersize=9, mew=2, mfc="none", label=label)
     for part, label in ((ax, "refined grid"), (near, None)):
-        part.plot(many.best[3], 1.0, "*", color="#E69F00", mec="#000000", markersize=12, label=label, zorder=1.5)
-    allowed = scape.v_s[scape.cost <= scape.threshold]
-    near.set_xlim(*_widened(allowed.min(initial=many.best[3]), allowed.max(initial=many.best[3])))
+        part.plot(starts.best[3], 1.0, "*", color="#E69F00", mec="#000000", markersize=12, label=label, zorder=1.5)
+    allowed = curve.v_s[curve.cost <= curve.threshold]
+    near.set_xlim(*_widened(allowed.min(initial=starts.best[3]), allowed.max(initial=starts.best[3])))
     near.set_ylim(1 - 0.12 * (limit - 1), 1 + 1.15 * (limit - 1))
     decimal_log(ax)
     _ratio_axis(ax)
@@ -78,33 +82,27 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 
 
 @styled
-def starts_figure(tried: Tried, kind: Kind) -> Figure:
+def starts_figure(result: CaseResult, kind: Kind) -> Figure:
     """Where each random start ends, over where it begins; beneath, the share that ends in the best minimum."""
     figure = new_figure(5.2)
     figure.subplots_adjust(left=0.19, hspace=0.12)
     ax, below = figure.subplots(2, height_ratios=(3, 2), sharex=True)
-    many = tried.starts
-    _titled(ax, tried.case.label, rows=1)
-    edges = np.geomspace(*tried.case.v_s_range, _BINS + 1)
-    for name, look in _solvers(tried):
-        away, end = many.elsewhere(name), many.ended[name][3]
-        for chosen, fill in ((~away, look.colour), (away, "none")):
-            ax.plot(
-                many.begun[chosen],
-                end[chosen],
-                look.marker,
-                color=look.colour,
-                markerfacecolor=fill,
-                markersize=5,
-                alpha=0.8,
-            )
+    starts = result.starts
+    _titled(ax, result.case.label, rows=1)
+    edges = np.geomspace(*result.case.v_s_range, _BINS + 1)
+    for name in starts.solvers:
+        look = SOLVERS[name]
+        other, final = starts.in_other_minimum(name), starts.final[name][3]
+        for chosen, fill in ((~other, look.colour), (other, "none")):
+            style: dict[str, Any] = {"color": look.colour, "markerfacecolor": fill, "markersize": 5, "alpha": 0.8}
+            ax.plot(starts.initial_v_s[chosen], final[chosen], look.marker, **style)
         ax.plot([], [], look.marker, color=look.colour, label=name)
-        share = _shares(many.begun, ~away, edges)
+        share = _shares(starts.initial_v_s, ~other, edges)
         below.plot(np.sqrt(edges[1:] * edges[:-1]), 100 * share, look.marker + look.line, color=look.colour, label=name)
-    ax.plot([], [], "o", color="#444444", markerfacecolor="none", label="hollow: elsewhere")
-    ax.axhline(many.best[3], color="#000000", linewidth=1, label="refined grid")
+    ax.plot([], [], "o", color="#444444", markerfacecolor="none", label="hollow: another minimum")
+    ax.axhline(starts.best[3], color="#000000", linewidth=1, label="refined grid")
     decimal_log(below)
-    _final(ax, many)
+    _final(ax, starts)
     below.set_ylim(-5, 105)
     ax.set_ylabel(axis("velocity", kind, "final Stribeck").replace("Stribeck ", "Stribeck\n"))
     below.set_xlabel(axis("velocity", kind, "Stribeck velocity of the start:").replace(": velocity", ""))
@@ -114,28 +112,31 @@ def starts_figure(tried: Tried, kind: Kind) -> Figure:
 
 
 @styled
-def resolution_figure(trial: Trial) -> Figure | None:
-    """Error of v_s by a plain grid, over the statistical one, over the number of its values; None where v_s can be known nowhere."""
-    known = [tried for tried in trial.cases if not tried.blind and tried.resolution.floor > 0]
-    if not known:
+def resolution_figure(validation: Validation) -> Figure | None:
+    """Error of v_s by a plain grid, over the statistical one, over the number of its values.
+
+    None where v_s can be known nowhere.
+    """
+    knowable = [x for x in validation.cases if not x.not_identifiable and x.resolution.floor > 0]
+    if not knowable:
         return None
-    many = len({tried.case.label for tried in known}) < len(known)
+    many = len({x.case.label for x in knowable}) < len(knowable)
     figure = new_figure(5.4 if many else 4.2)
     figure.subplots_adjust(top=0.66 if many else 0.78)
     ax = figure.subplots()
-    _titled(ax, trial.subject.title, rows=2 + len({tried.case.design for tried in known}) * 2 if many else 2)
-    groups = list(dict.fromkeys(_group(tried, many=many) for tried in known))
-    for tried in known:
-        r, label = tried.resolution, _group(tried, many=many)
+    _titled(ax, validation.case_set.title, rows=2 + len({x.case.design for x in knowable}) * 2 if many else 2)
+    groups = list(dict.fromkeys(_group(x, many=many) for x in knowable))
+    for result in knowable:
+        r, label = result.resolution, _group(result, many=many)
         k = groups.index(label)
         named = label if label not in ax.get_legend_handles_labels()[1] else None
         style: dict[str, Any] = {"color": _COLOURS[k % 6], "marker": _MARKERS[k % 6], "linestyle": LINES[k % 3]}
         ax.plot(r.counts, r.error / r.floor, markersize=4, linewidth=0.9 if many else 1.5, label=named, **style)
     ax.axhline(1.0, color="#000000", linewidth=1.4, label="statistical floor: the standard error of vₛ")
-    ax.axhline(ENOUGH, color="#666666", linewidth=1, linestyle="--", label="a tenth of it")
+    ax.axhline(FINE_ENOUGH, color="#666666", linewidth=1, linestyle="--", label="a tenth of it")
     decimal_log(ax)
     _decimal(ax)
-    ax.set_xticks(known[0].resolution.counts, [str(n) for n in known[0].resolution.counts])
+    ax.set_xticks(knowable[0].resolution.counts, [str(n) for n in knowable[0].resolution.counts])
     ax.set_xlabel("Values in the plain grid over vₛ")
     ax.set_ylabel("Grid error of vₛ\nover its standard error")
     _above(ax, columns=1 if many else 2)
@@ -143,23 +144,25 @@ def resolution_figure(trial: Trial) -> Figure | None:
 
 
 @styled
-def methods_figure(tried: Tried) -> Figure:
+def methods_figure(result: CaseResult) -> Figure:
     """Median error and spread of v_s by each method, relative to the truth."""
     figure = new_figure(5.0)
     figure.subplots_adjust(left=0.34)
     ax = figure.subplots()
-    title(ax, tried.case.label, simulated=True)
-    rows, v_s = list(tried.methods.values()), tried.case.truth.v_s
+    title(ax, result.case.label, simulated=True)
+    rows, v_s = list(result.methods.values()), result.case.truth.v_s
     reach = 100 * max(abs(m.bias[3]) + m.spread[3] for m in rows if m.failed <= _MOST_FAILED) / v_s
     edge: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 9}
     for k, m in enumerate(rows):
-        own = "#D55E00" if m.name == REFINED else "#666666" if m.name.startswith("plain") else "#0072B2"
+        colour = "#D55E00" if m.name == REFINED else "#666666" if m.name in PLAIN_GRIDS.values() else "#0072B2"
         centre, half = 100 * m.bias[3] / v_s, 100 * m.spread[3] / v_s
         if abs(centre) + half <= 1.1 * reach:
-            ax.errorbar(centre, k, xerr=half, fmt="s" if m.name == REFINED else "o", color=own, capsize=3, markersize=5)
+            ax.errorbar(
+                centre, k, xerr=half, fmt="s" if m.name == REFINED else "o", color=colour, capsize=3, markersize=5
+            )
         else:
             x, side = (0.87, "right") if centre > 0 else (0.02, "left")
-            ax.annotate(f"off by {centre:.3g} %", (x, k), ha=side, color=own, **edge)
+            ax.annotate(f"off by {centre:.3g} %", (x, k), ha=side, color=colour, **edge)
         ax.annotate(f"{100 * m.failed:.3g} %", (1.0, k), ha="right", **edge)
     ax.annotate("fails", (1.0, -0.9), ha="right", **edge)
     ax.axvline(0.0, color="#000000", linewidth=0.8)
@@ -170,32 +173,31 @@ def methods_figure(tried: Tried) -> Figure:
     return figure
 
 
-def _solvers(tried: Tried) -> list[tuple[str, Look]]:
-    return [(name, SOLVERS[name]) for name in tried.starts.ended if name != FREE]
-
-
-def _shares(begun: Array, reached: NDArray[np.bool_], edges: Array) -> Array:
+def _shares(v_s: Array, reached: NDArray[np.bool_], edges: Array) -> Array:
     """Share of the starts in each bin that reached, nan in an empty one."""
-    every = np.histogram(begun, edges)[0]
-    good = np.histogram(begun[reached], edges)[0]
+    every = np.histogram(v_s, edges)[0]
+    good = np.histogram(v_s[reached], edges)[0]
     share: Array = np.divide(good, every, out=np.full(every.size, np.nan), where=every > 0)
     return share
 
 
-def _group(tried: Tried, *, many: bool) -> str:
+def _group(result: CaseResult, *, many: bool) -> str:
     if not many:
-        return shortened(tried.case.label, 40)
-    return f"{tried.case.design}, noise {100 * tried.case.noise / tried.case.truth.alpha_0:.2g} %"
+        return shortened(result.case.label, 40)
+    return f"{result.case.design}, noise {100 * result.case.noise / result.case.truth.alpha_0:.2g} %"
 
 
-def _final(ax: Axes, many: Starts) -> None:
-    """The axis of final v_s: logarithmic where they differ by a factor, else plain, and never so narrow that it shows rounding."""
-    ends = np.concatenate([[many.best[3]], *(theta[3] for name, theta in many.ended.items() if name != FREE)])
+def _final(ax: Axes, starts: RandomStarts) -> None:
+    """The axis of final v_s.
+
+    Logarithmic where they differ by a factor, else plain, and never so narrow that it shows rounding.
+    """
+    ends = np.concatenate([[starts.best[3]], *(starts.final[name][3] for name in starts.solvers)])
     low, high = float(ends.min()), float(ends.max())
     if high > _LARGE * low:
         _decimal(ax)
         return
-    ax.set_ylim(min(low * 0.98, (1 - _NARROW) * many.best[3]), max(high * 1.02, (1 + _NARROW) * many.best[3]))
+    ax.set_ylim(min(low * 0.98, (1 - _NARROW) * starts.best[3]), max(high * 1.02, (1 + _NARROW) * starts.best[3]))
     ax.yaxis.set_major_locator(MaxNLocator(5))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:.3g}"))
 
@@ -239,10 +241,13 @@ def _above(ax: Axes, columns: int, *, small: bool = False) -> None:
     )
 
 
-def showcase(trial: Trial, most: int = 6) -> Sequence[Tried]:
-    """The cases that are drawn one by one: all of a joint's own, of a sweep the first set at its second noise level."""
-    if len(trial.cases) <= most:
-        return trial.cases
-    first = trial.cases[0].case
-    noises = [t.case.noise for t in trial.cases if t.case.label == first.label]
-    return [t for t in trial.cases if t.case.label == first.label and t.case.noise == max(noises)]
+def showcase(validation: Validation, most: int) -> Sequence[CaseResult]:
+    """The cases that are drawn one by one.
+
+    All where they are at most so many, else those of the first set at its highest noise level.
+    """
+    if len(validation.cases) <= most:
+        return validation.cases
+    first = [x for x in validation.cases if x.case.label == validation.cases[0].case.label]
+    noise = max(x.case.noise for x in first)
+    return [x for x in first if x.case.noise == noise]

@@ -1,4 +1,4 @@
-"""How often 95 % intervals cover the truth in a trial, and how often bristle gives none."""
+"""How often 95 % intervals cover the truth in simulated data, and how often bristle gives none."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance
 from bristle.identification.static.batch import Batch
-from bristle.identification.static.bootstrap import Resampled, resample
+from bristle.identification.static.bootstrap import resample
 from bristle.identification.static.doubts import is_closed
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import solve
@@ -16,12 +16,12 @@ from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.results import Coverage
 from bristle.questions.method_validation.solvers import NAMES, Case
 
-COVERED, BOOTSTRAPPED, DRAWS = 200, 100, 399
+INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
 """Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
 
 
-def covered(case: Case, theta: Array, cost: Array) -> NDArray[np.bool_]:
-    """Which 95 % intervals by the exact Jacobian's covariance cover the truth, (4, sets); theta (4, sets), cost (sets,)."""
+def covers_truth(case: Case, theta: Array, cost: Array) -> NDArray[np.bool_]:
+    """Which intervals by the exact Jacobian's covariance cover the truth, (4, sets); theta (4, sets), cost (sets,)."""
     n, p = case.velocity.size, len(NAMES)
     jacobian = methods.jacobians(case, theta)
     length = np.linalg.norm(jacobian, axis=1)
@@ -37,13 +37,14 @@ def covered(case: Case, theta: Array, cost: Array) -> NDArray[np.bool_]:
     return inside
 
 
-def coverage(case: Case, torques: Array, *, blind: bool) -> tuple[Coverage, ...]:
+def interval_coverage(case: Case, torques: Array, *, identifiable: bool) -> tuple[Coverage, ...]:
     """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
-    few = np.ascontiguousarray(torques[:, :COVERED])
-    found = Batch(case.problem(few[:, 0]), few, case.v_s_range)
-    ends = {"covariance": found.covariance_intervals(), "profile": found.profile_intervals()}
-    if not blind:
-        resampled = [_resampled(case, torque) for torque in few.T[:BOOTSTRAPPED]]
+    few = np.ascontiguousarray(torques[:, :INTERVAL_SETS])
+    fits = Batch(case.problem(few[:, 0]), few, case.v_s_range)
+    ends = {"covariance": fits.covariance_intervals(), "profile": fits.profile_intervals()}
+    if identifiable:
+        problems = [case.problem(torque) for torque in few.T[:BOOTSTRAP_SETS]]
+        resampled = [resample(p, solve(p, case.v_s_range), case.v_s_range, DRAWS) for p in problems]
         ends["bootstrap-t"] = (
             np.stack([x.low for x in resampled], axis=1),
             np.stack([x.high for x in resampled], axis=1),
@@ -58,15 +59,8 @@ def coverage(case: Case, torques: Array, *, blind: bool) -> tuple[Coverage, ...]
     )
 
 
-def _resampled(case: Case, torque: Array) -> Resampled:
-    problem = case.problem(torque)
-    return resample(problem, solve(problem, case.v_s_range), case.v_s_range, DRAWS)
-
-
-def declined(case: Case, torques: Array) -> float:
+def declined_share(case: Case, torques: Array) -> float:
     """Share of data sets of which bristle says that v_s is not identifiable, or has no finite interval."""
     options = FitOptions(v_s_range=case.v_s_range)
-    known = [
-        estimate_static(from_points(case.velocity, t, ("both",)), options, "revolute").get("v_s") for t in torques.T
-    ]
-    return float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in known]))
+    v_s = [estimate_static(from_points(case.velocity, t, ("both",)), options, "revolute").get("v_s") for t in torques.T]
+    return float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))

@@ -1,27 +1,33 @@
-"""What a trial found, as values: per method, per resolution of the grid, per random start, and per case."""
+"""What a validation finds, as values: per method, per resolution of the grid, per random start, and per case."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.record import freeze
-from bristle.questions.method_validation.cases import Subject
+from bristle.questions.method_validation.cases import CaseSet
 from bristle.questions.method_validation.solvers import Case
 
-SAME = 1e-6
+if TYPE_CHECKING:
+    import pandas as pd
+
+SAME_COST = 1e-6
 """Relative difference in cost below which two minima are the same."""
-ENOUGH = 0.1
-"""A grid is fine enough where its error of v_s is at most this share of the statistical one: together they are then 0.5 % larger."""
-BLIND = 0.5
-"""Where bristle declines to give v_s more often than this, nobody can know it."""
+FINE_ENOUGH = 0.1
+"""A grid is fine enough where its error of v_s is at most this share of the statistical one: together they are then 0.5
+% larger."""
+MOST_DECLINED = 0.5
+"""Share of data sets without a finite interval of v_s, beyond which no method can know it."""
 FREE = "IPOPT, v_s free"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Method:
+class MethodResult:
     """How one method did over the repetitions; arrays (4,) in the order of `NAMES`."""
 
     name: str
@@ -29,13 +35,16 @@ class Method:
     bias: Array
     """Median estimate minus truth."""
     spread: Array
-    """Half the width that holds the middle 68.3 % of the estimates: their standard deviation where they are Gaussian, and no outlier's."""
+    """Half the width that holds the middle 68.3 % of the estimates: their standard deviation where they are Gaussian,
+    and no outlier's."""
     coverage: Array
-    """Share of the repetitions in which the 95 % interval by covariance covers the truth; one that does not exist does not cover."""
+    """Share of the repetitions in which the 95 % interval by covariance covers the truth; one that does not exist does
+    not cover."""
     failed: float
     """Share that ended outside the 95 % region: at a cost at which even the right model is refused."""
-    elsewhere: float | None
-    """Share that ended more than 1e-6, relative, above the lowest cost that any method found; None for a plain grid, which always does."""
+    other_minimum: float | None
+    """Share that ended more than 1e-6, relative, above the lowest cost of any method; None for a plain grid, which
+    always does."""
     seconds: float
     """Mean time of one data set."""
 
@@ -45,16 +54,17 @@ class Method:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Resolution:
+class GridResolution:
     """What the resolution of the plain grid costs."""
 
     counts: tuple[int, ...]
     error: Array
     """RMS distance of the plain grid's v_s from the continuous minimum, rad/s, one per count."""
     floor: float
-    """`Method.spread` of v_s at the continuous minimum, rad/s: what noise alone does."""
+    """`MethodResult.spread` of v_s at the continuous minimum, rad/s: what noise alone does."""
     predicted: int
-    """Values with which the error of even rounding, a step over the square root of 12, is `ENOUGH` times the floor; 0 without a floor."""
+    """Values with which the error of even rounding, a step over the square root of 12, is `FINE_ENOUGH` times the
+    floor; 0 without a floor."""
 
     def __post_init__(self) -> None:
         """Copy and freeze every array."""
@@ -62,8 +72,11 @@ class Resolution:
 
     @property
     def enough(self) -> int | None:
-        """The fewest of `counts` from which on the error is at most `ENOUGH` times the floor; None where not even the last is."""
-        fine = self.error <= ENOUGH * self.floor
+        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor.
+
+        None where not even the last is.
+        """
+        fine = self.error <= FINE_ENOUGH * self.floor
         first = next((k for k in range(fine.size) if fine[k:].all()), None)
         return None if first is None else self.counts[first]
 
@@ -73,14 +86,14 @@ class Resolution:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Starts:
+class RandomStarts:
     """One data set, fitted from many random starts."""
 
     torque: Array
     """The data set, N*m, (n,)."""
-    begun: Array
+    initial_v_s: Array
     """v_s of each start, rad/s, (s,)."""
-    ended: Mapping[str, Array]
+    final: Mapping[str, Array]
     """Per local solver, theta where each start ended, (4, s)."""
     cost: Mapping[str, Array]
     """J_s (10) there, (s,)."""
@@ -92,21 +105,26 @@ class Starts:
         """Copy and freeze every array."""
         freeze(self)
 
-    def elsewhere(self, name: str) -> NDArray[np.bool_]:
+    @property
+    def solvers(self) -> list[str]:
+        """The local solvers that keep v_s within the grid's range, by name."""
+        return [name for name in self.final if name != FREE]
+
+    def in_other_minimum(self, name: str) -> NDArray[np.bool_]:
         """Which starts of a solver ended above the lowest cost found within the range, (s,)."""
-        lowest = min(self.best_cost, *(float(c.min()) for n, c in self.cost.items() if n != FREE))
-        away: NDArray[np.bool_] = self.cost[name] > lowest * (1 + SAME)
-        return away
+        lowest = min(self.best_cost, *(float(self.cost[solver].min()) for solver in self.solvers))
+        above: NDArray[np.bool_] = self.cost[name] > lowest * (1 + SAME_COST)
+        return above
 
     def without_peak(self, name: str) -> NDArray[np.bool_]:
         """Which of them ended without a Stribeck term: alpha_1 is nothing beside alpha_0, (s,)."""
-        theta = self.ended[name]
-        flat: NDArray[np.bool_] = self.elsewhere(name) & (theta[2] < 1e-4 * theta[0])
-        return flat
+        theta = self.final[name]
+        absent: NDArray[np.bool_] = self.in_other_minimum(name) & (theta[2] < 1e-4 * theta[0])
+        return absent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Landscape:
+class CostCurve:
     """The cost of the same data set over v_s, minimised over all else."""
 
     v_s: Array
@@ -136,22 +154,24 @@ class Coverage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tried:
-    """One case, tried."""
+class CaseResult:
+    """What one case shows."""
 
     case: Case
-    methods: Mapping[str, Method]
-    resolution: Resolution
-    starts: Starts
-    landscape: Landscape
+    methods: Mapping[str, MethodResult]
+    resolution: GridResolution
+    starts: RandomStarts
+    cost_curve: CostCurve
     coverage: tuple[Coverage, ...]
     declined: float
-    """Share of the repetitions in which bristle itself says that v_s is not identifiable, or has no finite interval."""
-    moved: float
-    """How far IPOPT goes from the grid's answer, at most, in spreads of any parameter; infinite where one does not spread."""
-    beaten: float
-    """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all starts and repetitions."""
-    beyond: NDArray[np.bool_]
+    """Share of the repetitions in which bristle says that v_s is not identifiable, or gives it no finite interval."""
+    polish_shift: float
+    """How far IPOPT goes from the grid's answer, at most, in spreads of any parameter; infinite where one does not
+    spread."""
+    cost_deficit: float
+    """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all starts
+    and repetitions."""
+    outside_range: NDArray[np.bool_]
     """Which starts end beyond the grid's range at a lower cost than any within, where v_s is free, (s,)."""
 
     def __post_init__(self) -> None:
@@ -159,18 +179,40 @@ class Tried:
         freeze(self)
 
     @property
-    def blind(self) -> bool:
+    def not_identifiable(self) -> bool:
         """Whether these data cannot tell v_s, whatever the method."""
-        return self.declined > BLIND
+        return self.declined > MOST_DECLINED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
-    """All cases, tried."""
+class Validation:
+    """What every case shows."""
 
-    subject: Subject
-    cases: tuple[Tried, ...]
-    """In the order of the subject's."""
+    case_set: CaseSet
+    cases: tuple[CaseResult, ...]
+    """In the order of the case set's."""
     repetitions: int
     starts: int
     seed: int
+
+    def text(self) -> str:
+        """The verdict over all cases, and on each where these are few, as plain text."""
+        from bristle.questions.method_validation.page import text
+
+        return text(self)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row per case: what was simulated, and how local solvers and the plain grid did."""
+        from bristle.questions.method_validation.tables import cases
+
+        return cases(self)
+
+    def write(self, folder: Path | str) -> Path:
+        """Write a page with figures and tables into a folder; returns the path of index.html.
+
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
+        """
+        from bristle.questions.method_validation.page import write_validation
+
+        return write_validation(self, Path(folder))

@@ -1,7 +1,10 @@
-"""The grid method on trial: against itself at other resolutions and against full nonlinear fits, on SIMULATED points, where the truth is known.
+"""The grid search validated where the truth is known.
 
-The points are those that a user measured, their torque simulated from the fitted model with the fit's own noise; or a declared sweep: every set of
-Table 1, at two noise levels and three designs. Every method gets the same data sets; local solvers begin anywhere within the grid's bounds.
+It is compared with itself at other resolutions and with full nonlinear fits, on SIMULATED points.
+
+The points are those that a user measured, their torque simulated from the fitted model with the fit's own noise; or a
+declared sweep: every set of Table 1, at two noise levels and three designs. Every method gets the same data sets; local
+solvers begin anywhere within the grid's bounds.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -17,28 +20,30 @@ from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import PLAIN_GRID, Projected, log_grid, plain_grid
 from bristle.progress import Progress
 from bristle.questions.method_validation import solvers as methods
-from bristle.questions.method_validation.cases import Subject
-from bristle.questions.method_validation.intervals import coverage, covered, declined
+from bristle.questions.method_validation.cases import CaseSet
+from bristle.questions.method_validation.intervals import covers_truth, declined_share, interval_coverage
 from bristle.questions.method_validation.results import (
-    BLIND,
-    ENOUGH,
+    FINE_ENOUGH,
     FREE,
-    SAME,
-    Landscape,
-    Method,
-    Resolution,
-    Starts,
-    Trial,
-    Tried,
+    MOST_DECLINED,
+    SAME_COST,
+    CaseResult,
+    CostCurve,
+    GridResolution,
+    MethodResult,
+    RandomStarts,
+    Validation,
 )
 from bristle.questions.method_validation.solvers import NAMES, Case, Local
 from bristle.simulation.bench import steady_points
 
 SEED, REPETITIONS, STARTS = 0, 1000, 100
-LOCAL = 50
+LOCAL_SETS = 50
 """Data sets at most that the local solvers see, which take up to a hundred times as long as a grid."""
 RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)
 """Values of the plain grids."""
+PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}
+"""Their names."""
 REFINED, POLISHED = "refined grid", "IPOPT from the grid"
 _TIMED = 20
 """Data sets on which the time of each plain grid is taken."""
@@ -46,75 +51,85 @@ _DRAWN = 300
 """Values of v_s over which the cost is drawn, and as many again where the data allow it."""
 _MIDDLE = (0.15865525393145707, 0.8413447460685429)
 """Quantiles a standard deviation off the middle of a Gaussian."""
-
-
 _LOUDEST = 100.0
 """Noise of a point over alpha_0, in which nothing is left to be seen."""
 
 
-def check(repetitions: int, starts: int, noise: float | None) -> None:
-    """Whether a trial can be run so: raises InputError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
+def check_request(repetitions: int, starts: int, noise: float | None) -> None:
+    """Raises InputError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
     for name, value, least, usual in (("repetitions", repetitions, 20, REPETITIONS), ("starts", starts, 1, STARTS)):
         if value < least:
-            raise InputError(f"{name}: got {value}; a trial needs at least {least}, usual are {usual}")
+            raise InputError(f"{name}: got {value}; a validation needs at least {least}, usual are {usual}")
     if noise is not None and not 0 < noise <= _LOUDEST:
         raise InputError(
             f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02, and at most {_LOUDEST:g}"
         )
 
 
-def run_trial(
-    subject: Subject,
+def validate(
+    case_set: CaseSet,
     *,
     repetitions: int = REPETITIONS,
     starts: int = STARTS,
     seed: int = SEED,
     progress: Progress | None = None,
-) -> Trial:
-    """Try every case: grids over `repetitions` data sets, local solvers over the first `LOCAL` of them, each from one random start.
+) -> Validation:
+    """Validate every case: grids over `repetitions` data sets, local solvers over the first `LOCAL_SETS` of them.
 
-    The first data set is fitted from `starts` random starts besides. Case k draws its noise and its starts from the seed (seed, k).
+    There each begins at one random start; the first data set is fitted from `starts` random starts besides. Case k
+    draws its noise and its starts from the seed (seed, k).
     """
-    tried = []
-    for k, case in enumerate(subject.cases):
+    results = []
+    for k, case in enumerate(case_set.cases):
         if progress:
-            progress(f"trying {case.label}", k, len(subject.cases))
-        rng = np.random.default_rng([seed, k])
-        tried.append(try_case(case, repetitions, starts, rng))
-    return Trial(subject=subject, cases=tuple(tried), repetitions=repetitions, starts=starts, seed=seed)
+            progress(f"validating {case.label}", k, len(case_set.cases))
+        results.append(validate_case(case, repetitions, starts, np.random.default_rng([seed, k])))
+    return Validation(case_set=case_set, cases=tuple(results), repetitions=repetitions, starts=starts, seed=seed)
 
 
-def try_case(case: Case, repetitions: int, starts: int, rng: np.random.Generator) -> Tried:
-    """One case, tried, with noise and starts from one generator; arguments as in `run_trial`."""
+def validate_case(case: Case, repetitions: int, starts: int, rng: np.random.Generator) -> CaseResult:
+    """One case, with noise and starts from one generator; arguments as in `validate`."""
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, repetitions).T)
-    local = min(LOCAL, repetitions)
-    begun = methods.random_starts(case, local + starts, rng)
+    few = torques[:, : min(LOCAL_SETS, repetitions)]
+    local = few.shape[1]
+    initial = methods.random_starts(case, local + starts, rng)
     solvers = methods.local_methods(case)
+    answers = _answers(case, torques, few, initial[:local], solvers)
+    grid = answers[REFINED][0]
+    lowest = _lowest(case, torques, [theta for theta, _ in answers.values()])
+    by_method = {name: _method_result(case, name, torques, *answer, lowest) for name, answer in answers.items()}
+    random_starts = _from_starts(case, torques[:, 0], grid[:, 0], initial[local:], solvers)
+    ipopt_cost = methods.costs(case, few, answers["IPOPT, random start"][0])
+    deficits = 1 - ipopt_cost / methods.costs(case, few, grid[:, :local])
+    declined = declined_share(case, few)
+    return CaseResult(
+        case=case,
+        methods=by_method,
+        resolution=_resolution(case, grid, {n: answers[name][0] for n, name in PLAIN_GRIDS.items()}),
+        starts=random_starts,
+        cost_curve=_cost_curve(case, torques[:, 0], random_starts),
+        coverage=interval_coverage(case, torques, identifiable=declined <= MOST_DECLINED),
+        declined=declined,
+        polish_shift=_largest_step(answers[POLISHED][0] - grid[:, :local], by_method[REFINED].spread),
+        cost_deficit=float(max(deficits.max(), 1 - random_starts.cost["IPOPT"].min() / random_starts.best_cost)),
+        outside_range=_outside_range(case, random_starts),
+    )
+
+
+def _answers(
+    case: Case, torques: Array, few: Array, initial: Array, solvers: Mapping[str, Local]
+) -> dict[str, tuple[Array, float]]:
+    """Theta (4, s) by each method and its seconds per data set.
+
+    Grids of all data sets, local solvers of a few, one start (s, 4) each.
+    """
+    repetitions = torques.shape[1]
     grid, seconds = _timed(lambda: methods.refined(case, torques), repetitions)
-    few = torques[:, :local]
     answers = {REFINED: (grid, seconds)}
     answers["refined grid, batch"] = _timed(lambda: solve_batch(case.velocity, torques, case.v_s_range)[0], repetitions)
-    answers |= {f"plain grid of {n}": _plain(case, torques, n) for n in RESOLUTIONS}
-    answers[POLISHED] = _each(solvers["IPOPT"], few, grid[:, :local].T)
-    answers |= {f"{name}, random start": _each(fit, few, begun[:local]) for name, fit in solvers.items()}
-    lowest = _lowest(case, torques, [theta for theta, _ in answers.values()])
-    found = {name: _judged(case, name, torques, *answer, lowest) for name, answer in answers.items()}
-    many = _from_starts(case, torques[:, 0], grid[:, 0], begun[local:], solvers)
-    of_grid = methods.costs(case, few, grid[:, :local])
-    lead = 1 - methods.costs(case, few, answers["IPOPT, random start"][0]) / of_grid
-    share = declined(case, few)
-    return Tried(
-        case=case,
-        methods=found,
-        resolution=_resolution(case, grid, {n: answers[f"plain grid of {n}"][0] for n in RESOLUTIONS}),
-        starts=many,
-        landscape=_landscape(case, torques[:, 0], many),
-        coverage=coverage(case, torques, blind=share > BLIND),
-        declined=share,
-        moved=_moved(answers[POLISHED][0] - grid[:, :local], found[REFINED].spread),
-        beaten=float(max(lead.max(), 1 - many.cost["IPOPT"].min() / many.best_cost)),
-        beyond=_beyond(case, many),
-    )
+    answers |= {name: _plain(case, torques, values) for values, name in PLAIN_GRIDS.items()}
+    answers[POLISHED] = _each(solvers["IPOPT"], few, grid[:, : few.shape[1]].T)
+    return answers | {f"{name}, random start": _each(fit, few, initial) for name, fit in solvers.items()}
 
 
 def spread(values: Array) -> Array:
@@ -124,10 +139,10 @@ def spread(values: Array) -> Array:
     return half
 
 
-def _moved(steps: Array, of_grid: Array) -> float:
+def _largest_step(steps: Array, spreads: Array) -> float:
     """The largest step, (4, s), in spreads (4,) of its parameter."""
     farthest = np.abs(steps).max(axis=1)
-    return float(max(f / s if s > 0 else np.inf for f, s in zip(farthest, of_grid, strict=True)))
+    return float(max(f / s if s > 0 else np.inf for f, s in zip(farthest, spreads, strict=True)))
 
 
 def _timed(call: Callable[[], Array], sets: int) -> tuple[Array, float]:
@@ -137,10 +152,10 @@ def _timed(call: Callable[[], Array], sets: int) -> tuple[Array, float]:
     return theta, (perf_counter() - began) / sets
 
 
-def _each(fit: Local, torques: Array, begun: Array) -> tuple[Array, float]:
+def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
     """A local solver over data sets (n, s), each from its own start, (s, 4)."""
     return _timed(
-        lambda: np.stack([fit(t, x) for t, x in zip(torques.T, begun, strict=True)], axis=1), torques.shape[1]
+        lambda: np.stack([fit(t, x) for t, x in zip(torques.T, initial, strict=True)], axis=1), torques.shape[1]
     )
 
 
@@ -162,66 +177,68 @@ def _lowest(case: Case, torques: Array, thetas: Iterable[Array]) -> Array:
     return lowest
 
 
-def _judged(case: Case, name: str, torques: Array, theta: Array, seconds: float, lowest: Array) -> Method:
+def _method_result(case: Case, name: str, torques: Array, theta: Array, seconds: float, lowest: Array) -> MethodResult:
     seen = theta.shape[1]
     cost = methods.costs(case, torques[:, :seen], theta)
     n, p = case.velocity.size, len(NAMES)
     outside = ~(cost <= lowest[:seen] * covariance.profile_threshold(1.0, n, p))
-    return Method(
+    return MethodResult(
         name=name,
         repetitions=seen,
         bias=np.median(theta, axis=1) - case.theta,
         spread=spread(theta),
-        coverage=covered(case, theta, cost).mean(axis=1),
+        coverage=covers_truth(case, theta, cost).mean(axis=1),
         failed=float(outside.mean()),
-        elsewhere=None if name.startswith("plain") else float((~(cost <= lowest[:seen] * (1 + SAME))).mean()),
+        other_minimum=None
+        if name in PLAIN_GRIDS.values()
+        else float((~(cost <= lowest[:seen] * (1 + SAME_COST))).mean()),
         seconds=seconds,
     )
 
 
-def _resolution(case: Case, grid: Array, plain: Mapping[int, Array]) -> Resolution:
+def _resolution(case: Case, grid: Array, plain: Mapping[int, Array]) -> GridResolution:
     floor = float(spread(grid[3]))
     low, high = case.v_s_range
-    return Resolution(
+    return GridResolution(
         counts=tuple(plain),
         error=np.array([np.sqrt(np.mean((theta[3] - grid[3]) ** 2)) for theta in plain.values()]),
         floor=floor,
-        predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * ENOUGH * floor))) if floor > 0 else 0,
+        predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * FINE_ENOUGH * floor))) if floor > 0 else 0,
     )
 
 
-def _from_starts(case: Case, torque: Array, best: Array, begun: Array, solvers: Mapping[str, Local]) -> Starts:
+def _from_starts(case: Case, torque: Array, best: Array, initial: Array, solvers: Mapping[str, Local]) -> RandomStarts:
     """One data set from every start (s, 4), by every local solver, and by IPOPT with v_s free."""
-    torques = np.repeat(torque[:, None], len(begun), axis=1)
-    ended = {
-        name: _each(fit, torques, begun)[0] for name, fit in {**solvers, FREE: methods.ipopt(case, free=True)}.items()
+    torques = np.repeat(torque[:, None], len(initial), axis=1)
+    final = {
+        name: _each(fit, torques, initial)[0] for name, fit in {**solvers, FREE: methods.ipopt(case, free=True)}.items()
     }
-    return Starts(
+    return RandomStarts(
         torque=torque,
-        begun=begun[:, 3],
-        ended=ended,
-        cost={name: methods.costs(case, torques, theta) for name, theta in ended.items()},
+        initial_v_s=initial[:, 3],
+        final=final,
+        cost={name: methods.costs(case, torques, theta) for name, theta in final.items()},
         best=best,
         best_cost=float(methods.costs(case, torque[:, None], best[:, None])[0]),
     )
 
 
-def _beyond(case: Case, many: Starts) -> NDArray[np.bool_]:
-    v_s, (low, high) = many.ended[FREE][3], case.v_s_range
-    lower: NDArray[np.bool_] = (many.cost[FREE] < many.best_cost * (1 - SAME)) & ((v_s < low) | (v_s > high))
+def _outside_range(case: Case, starts: RandomStarts) -> NDArray[np.bool_]:
+    v_s, (low, high) = starts.final[FREE][3], case.v_s_range
+    lower: NDArray[np.bool_] = (starts.cost[FREE] < starts.best_cost * (1 - SAME_COST)) & ((v_s < low) | (v_s > high))
     return lower
 
 
-def _landscape(case: Case, torque: Array, many: Starts) -> Landscape:
+def _cost_curve(case: Case, torque: Array, starts: RandomStarts) -> CostCurve:
     projected, coarse = Projected(case.problem(torque)), log_grid(case.v_s_range, _DRAWN)
-    threshold = covariance.profile_threshold(many.best_cost, torque.size, len(NAMES))
-    allowed = np.append(coarse[projected.costs(coarse) <= threshold], many.best[3])
+    threshold = covariance.profile_threshold(starts.best_cost, torque.size, len(NAMES))
+    allowed = np.append(coarse[projected.costs(coarse) <= threshold], starts.best[3])
     step = coarse[1] / coarse[0]
     near = np.geomspace(allowed.min() / step, min(allowed.max() * step, case.v_s_range[1]), _DRAWN)
     values = np.unique(np.concatenate([coarse, near[near > coarse[0]]]))
-    return Landscape(
+    return CostCurve(
         v_s=values,
         cost=projected.costs(values),
         threshold=threshold,
-        plain={n: float(methods.plain(case, torque[:, None], n)[3, 0]) for n in RESOLUTIONS},
+        plain={n: float(methods.plain(case, torque[:, None], n)[3, 0]) for n in PLAIN_GRIDS},
     )

@@ -1,0 +1,164 @@
+"""How to load the joint below breakaway next, so that it shows sigma_0 best.
+
+At count edge k the torque T_k is read with noise, y(T_k; g0, sigma_0) = k q - y0, with y of `law.loading_displacement`
+and y0, where inside a count the joint rested, not known.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.record import freeze
+from bristle.data.slow_loading import Loading
+from bristle.identification.fisher import covariance
+from bristle.identification.identify import Measured
+from bristle.identification.limits import Limits
+from bristle.identification.results import Joint
+from bristle.model import functions
+from bristle.model.parameters import Lugre
+from bristle.model.vectorize import evaluate
+from bristle.questions.experiment_design.start import Start, inverse
+
+PEAKS = np.linspace(0.1, 0.8, 36)
+"""Where loading may turn, as shares of g0 = alpha_0 + alpha_1: above, a little noise in the torque is much
+displacement."""
+RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])
+"""Times to the peak, s ..."""
+_WORTH = 1.1
+"""... of which the shortest is taken that is at most this factor worse than the longest."""
+CYCLES = 2
+"""Rises in a run."""
+_MOST = 400
+"""Count edges that are looked at; a finer encoder has them stand for the others."""
+_TENTH = 0.1
+"""What torque noise of slow loading is referred to, s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadingDesign:
+    """Slow loading of one direction."""
+
+    tag: str
+    peak: float
+    """Torque where it turns, N*m."""
+    share: float
+    """Of g0."""
+    rise: float
+    """Time from zero to the peak, s."""
+    counts: float
+    """Encoder counts that the joint should move; inf: a count is not known."""
+    viscous_share: float
+    """Torque of sigma_1 and alpha_2 at the end of the rise, which the estimate neglects, as a share of its torque."""
+    noise_error: float
+    """Expected standard error of sigma_0 by noise alone, N*m/rad, of `CYCLES` rises; inf: not seen."""
+    error: float
+    """The same with `viscous_share` times sigma_0 counted as an error beside it (root of the sum of squares),
+    N*m/rad."""
+    rises: Array
+    """Times to the peak that were looked at, s, (m,)."""
+    errors: Array
+    """`error` for each of `rises` and `PEAKS`, (m, k)."""
+    chosen: tuple[int, int]
+    """Row and column of `errors` of what was chosen."""
+
+    def __post_init__(self) -> None:
+        """Copy and freeze every array."""
+        freeze(self)
+
+
+def plan_loading(
+    measured: Measured, joint: Joint, start: Start, direction: str, limits: Limits, share: float
+) -> LoadingDesign:
+    """Slow loading in a direction, + or -, from what is known of the joint and the noise of its loadings so far."""
+    p, hold_noise = start.p(direction), start.noise[start.key("", direction)]
+    of_g0 = seen_covariance(
+        start.known, [start.names.index(start.key(name, direction)) for name in ("alpha_0", "alpha_1")]
+    )
+    g0_error = float(np.sqrt(of_g0.sum())) if of_g0.size else hold_noise
+    slow = joint.presliding.fits.get(direction) if joint.presliding else None
+    noise = _loading_noise(slow.loadings, p, measured.experiment.fit.presliding_cutoff) if slow else 0.0
+    noise = noise or hold_noise * float(np.sqrt(limits.hold / share / _TENTH))
+    return design_loading(direction, p, g0_error, noise, start.resolution, share)
+
+
+def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) -> float:
+    """What a tenth of a second's mean torque scatters by at the count edges of measured loadings, N*m.
+
+    It is 0 where there are too few edges.
+    """
+    g0, residuals = p.alpha_0 + p.alpha_1, []
+    for loading in loadings:
+        keep = loading.edge_torque < PEAKS[-1] * g0
+        if keep.sum() > 2:
+            y, y_T = evaluate(functions.loading_slope(), loading.edge_torque[keep], g0, p.sigma_0)[:2]
+            left = y - loading.edge_displacement[keep]
+            residuals.append((left - left.mean()) / y_T)
+    return float(np.std(np.concatenate(residuals)) / np.sqrt(2 * cutoff * _TENTH)) if residuals else 0.0
+
+
+def design_loading(
+    tag: str, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0
+) -> LoadingDesign:
+    """The peak and the rise of slow loading that show sigma_0 best.
+
+    What the quasi-static estimate neglects counts as an error.
+
+    Args:
+        tag: of the direction.
+        p: the estimate.
+        g0_error: standard error of alpha_0 + alpha_1, N*m.
+        noise: torque noise of a tenth of a second's mean, white, N*m.
+        count: one encoder count, rad; 0: not known, edges then do not limit.
+        share: of the time in `RISES` that there is.
+    """
+    g0, rises = p.alpha_0 + p.alpha_1, share * RISES
+    noise = noise / CYCLES**0.5
+    scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
+    y, y_T = evaluate(functions.loading_slope(), PEAKS * g0, g0, p.sigma_0)[:2]
+    viscous = (p.sigma_1 + p.alpha_2) * y_T / rises[:, None]
+    errors = np.hypot(scatter, viscous * p.sigma_0)
+    best = errors.min(axis=1)
+    row = int(np.argmax(best <= _WORTH * best[-1])) if np.isfinite(best[-1]) else RISES.size - 1
+    column = int(errors[row].argmin()) if np.isfinite(best[-1]) else PEAKS.size - 1
+    return LoadingDesign(
+        tag=tag,
+        peak=float(PEAKS[column] * g0),
+        share=float(PEAKS[column]),
+        rise=float(rises[row]),
+        counts=float(y[column] / count) if count else np.inf,
+        viscous_share=float(viscous[row, column]),
+        noise_error=float(scatter[row, column]),
+        error=float(errors[row, column]),
+        rises=rises,
+        errors=errors,
+        chosen=(row, column),
+    )
+
+
+def seen_covariance(information: Array, at: Sequence[int]) -> Array:
+    """Covariance of those at the indices `at`, ascending, that are seen at all, whatever the other parameters are."""
+    seen = np.flatnonzero(np.diag(information) > 0)
+    among = np.flatnonzero(np.isin(seen, at))
+    return inverse(information[np.ix_(seen, seen)])[np.ix_(among, among)]
+
+
+def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float, count: float, rise: float) -> float:
+    """Standard error of sigma_0 from one rise to a peak.
+
+    The rest position is unknown and g0 known with an error; inf below two edges.
+    """
+    g0 = p.alpha_0 + p.alpha_1
+    reach = float(evaluate(functions.loading_displacement(), peak, g0, p.sigma_0)[0])
+    edges = reach / count if count else np.inf
+    if edges < 2:
+        return np.inf
+    looked = int(min(edges, _MOST))
+    T = g0 * -np.expm1(-p.sigma_0 / g0 * reach * (np.arange(looked) + 0.5) / looked)  # where the edges are, no model
+    _, y_T, y_g0, y_sigma_0 = evaluate(functions.loading_slope(), T, g0, p.sigma_0)
+    averages = rise / _TENTH
+    alone = max(1.0, edges / averages) * looked / edges if np.isfinite(edges) else looked / averages
+    rows = np.column_stack([y_sigma_0, np.ones(looked), y_g0]) / (y_T * noise * np.sqrt(alone))[:, None]
+    matrix = rows.T @ rows + np.diag([0.0, 0.0, max(g0_error, 1e-9 * g0) ** -2])
+    return float(covariance(matrix)[0][0])

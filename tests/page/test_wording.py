@@ -1,0 +1,17 @@
+import pytest
+
+from bristle.page.wording import in_symbols
+
+
+@pytest.mark.parametrize(
+    ("sentence", "expected"),
+    [
+        ("alpha_0+, sigma_1- and v_s.", "α₀ (+), σ₁ (−) and vₛ."),
+        ("alpha_0 + alpha_1 - sigma_0", "α₀ + α₁ - σ₀"),
+        ("1.4 times v_s in direction -: plan.minimum_velocity", "1.4 times vₛ in direction -: plan.minimum_velocity"),
+        ("alpha_01, av_s, alpha_0+1", "alpha_01, av_s, α₀+1"),
+    ],
+)
+def test_parameters_of_a_sentence_become_symbols(sentence: str, expected: str) -> None:
+    """Each LuGre parameter, with the sign of its direction where one ends it, and nothing else, is written as the paper does."""
+    assert in_symbols(sentence) == expected
