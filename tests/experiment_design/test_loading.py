@@ -4,6 +4,7 @@ from scipy.integrate import solve_ivp
 
 from bristle.arrays import Array
 from bristle.model import functions
+from bristle.model.parameters import Direction
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design import loading
 from bristle.questions.experiment_design.loading import design_loading
@@ -31,22 +32,22 @@ def test_the_error_of_sigma_0_is_what_simulated_loadings_scatter_by() -> None:
 def test_loading_is_planned_as_its_error_asks() -> None:
     """Half the noise is half the error where g0 is known; longer rises and finer encoders are no worse; an unsure g0 lowers the peak."""
     fine = P.alpha_0 / P.sigma_0 / 500
-    known = design_loading("+", P, 0.0, 1e-4, fine)
-    half = design_loading("+", P, 0.0, 5e-5, fine)
+    known = design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine)
+    half = design_loading(Direction.POSITIVE, P, 0.0, 5e-5, fine)
     assert known.errors[known.chosen] == known.error
     assert known.rises[known.chosen[0]] == known.rise
     assert loading.PEAKS[known.chosen[1]] == known.share
     viscous = known.viscous_share * P.sigma_0
     assert np.sqrt(half.errors[known.chosen] ** 2 - viscous**2) == pytest.approx(known.noise_error / 2, rel=1e-3)
     assert (np.diff(known.errors, axis=0) <= 1e-9).all()
-    assert known.error <= design_loading("+", P, 0.0, 1e-4, 20 * fine).error
+    assert known.error <= design_loading(Direction.POSITIVE, P, 0.0, 1e-4, 20 * fine).error
     assert known.peak == pytest.approx(known.share * (P.alpha_0 + P.alpha_1))
-    unsure = design_loading("+", P, 0.005 * P.alpha_0, 1e-4, fine)
+    unsure = design_loading(Direction.POSITIVE, P, 0.005 * P.alpha_0, 1e-4, fine)
     assert unsure.share < known.share
     assert unsure.error > known.error
     reach = float(evaluate(functions.loading_displacement(), known.peak, P.alpha_0 + P.alpha_1, P.sigma_0)[0])
     assert known.counts == pytest.approx(reach / fine)
-    assert design_loading("+", P, 0.0, 1e-4, fine, share=0.5).rise == known.rise / 2
+    assert design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine, share=0.5).rise == known.rise / 2
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6, 0.8])
@@ -67,18 +68,18 @@ def test_what_loading_neglects_is_within_the_error_that_is_promised(rise: float,
     U = evaluate(functions.loading_displacement(), T, g0, 1.0)[0]
     slope = np.polynomial.polynomial.polyfit(x, U, 1, w=1 - T / g0)[1]
     row, column = loading.RISES.tolist().index(rise), int(np.abs(loading.PEAKS - share).argmin())
-    promised = design_loading("+", P, 0.0, 1e-12, 0.0).errors[row, column]
+    promised = design_loading(Direction.POSITIVE, P, 0.0, 1e-12, 0.0).errors[row, column]
     assert 0.4 * promised < abs(slope - P.sigma_0) < promised
 
 
 def test_a_slower_rise_wins_where_much_is_neglected() -> None:
     """With hardly any noise the slowest rise is planned, its error is the viscous share; ten times the damping never makes the error smaller."""
-    quiet = design_loading("+", P, 0.0, 1e-9, 0.0)
+    quiet = design_loading(Direction.POSITIVE, P, 0.0, 1e-9, 0.0)
     assert quiet.rise == loading.RISES[-1]
     assert quiet.error == pytest.approx(quiet.viscous_share * P.sigma_0, rel=1e-3)
-    usual = design_loading("+", P, 0.001 * P.alpha_0, 1e-4, 0.0)
+    usual = design_loading(Direction.POSITIVE, P, 0.001 * P.alpha_0, 1e-4, 0.0)
     assert usual.error == pytest.approx(np.hypot(usual.noise_error, usual.viscous_share * P.sigma_0))
-    damped = design_loading("+", P._replace(sigma_1=10 * P.sigma_1), 0.001 * P.alpha_0, 1e-4, 0.0)
+    damped = design_loading(Direction.POSITIVE, P._replace(sigma_1=10 * P.sigma_1), 0.001 * P.alpha_0, 1e-4, 0.0)
     assert damped.error > usual.error
     assert damped.share <= usual.share
     assert (damped.errors >= usual.errors).all()
@@ -86,7 +87,7 @@ def test_a_slower_rise_wins_where_much_is_neglected() -> None:
 
 def test_a_coarse_encoder_sees_no_stiffness() -> None:
     """Where the joint moves less than two counts below breakaway the error is infinite, and the peak the highest."""
-    coarse = design_loading("-", P, 0.0, 1e-4, 1.1 * P.alpha_0 / P.sigma_0)
+    coarse = design_loading(Direction.NEGATIVE, P, 0.0, 1e-4, 1.1 * P.alpha_0 / P.sigma_0)
     assert coarse.error == np.inf
     assert coarse.counts < 2
     assert coarse.share == loading.PEAKS[-1]

@@ -9,11 +9,10 @@ import pytest
 
 import bristle
 from bristle.diagnostics import Kind
-from bristle.identification.fisher import STATIC
 from bristle.identification.identify import Measured, measure
 from bristle.identification.limits import followed, limits_of
 from bristle.identification.results import Outcome, StaticFit
-from bristle.model.parameters import ParameterName
+from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.figures import (
     intervals_figure,
@@ -80,7 +79,7 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     """Standard errors before the plan are those of the joint fit, and each part of the plan makes none larger; all of it makes each smaller."""
     fit = gripper.joint.moving
     assert fit is not None
-    said = [fit.parameters[ParameterName.parse(name)].standard_error for name in gripper.start.names]
+    said = [fit.parameters[name].standard_error for name in gripper.start.names]
     assert gripper.standard_errors["now"] == pytest.approx(said, rel=1e-3)
     assert tuple(gripper.standard_errors) == PARTS
     for before, after in pairwise(PARTS):
@@ -90,7 +89,7 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
 
 def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
     """Velocities shrink the four static parameters, loading sigma_0, and the motion sigma_1 and the inertia, by a tenth at least."""
-    at = dict(zip(gripper.start.names, range(13), strict=True))
+    at = {str(name): k for k, name in enumerate(gripper.start.names)}
     shrunk = {
         after: gripper.standard_errors[after] / gripper.standard_errors[before] for before, after in pairwise(PARTS)
     }
@@ -111,7 +110,7 @@ def test_planned_beats_plain_and_measured(gripper: Plan) -> None:
 def test_designs_beat_spaced_velocities(gripper: Plan) -> None:
     """For its own parameter each design is the best of the table, what is known included; simulated fits confirm it of v_s without."""
     for own in gripper.velocities:
-        for k, aim in enumerate(STATIC):
+        for k, aim in enumerate(Stribeck._fields):
             others = [own.designs["all"], *own.spaced.values()]
             assert all(own.designs[aim].errors[k] <= 1.01 * x.errors[k] for x in others)
         assert own.simulated["planned"][3] < min(own.simulated["log"][3], own.simulated["even"][3])
@@ -144,7 +143,7 @@ def test_planned_speeds_are_played(gripper: Plan) -> None:
         speed = own[V].abs().max()
         assert (own[V].abs() == speed).sum() / gripper.limits.rate >= gripper.limits.hold
         held.append(speed if own[V].max() == speed else -speed)
-    wanted = [(-1 if d.tag == "-" else 1) * v for d in gripper.velocities for v in d.chosen.speeds]
+    wanted = [(-1 if d.direction == "-" else 1) * v for d in gripper.velocities for v in d.chosen.speeds]
     assert sorted(held) == pytest.approx(sorted(wanted))
 
 
@@ -247,9 +246,9 @@ def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
     ]
     (tmp_path / "wrist.csv").write_text("v,tau\n" + "\n".join(rows) + "\n")
     found = bristle.plan(path, velocities=4)
-    assert found.start.noise["+"] < 1.2e-4  # root mean square: 3.3e-4
-    assert found.start.noise["-"] == pytest.approx(2e-4, rel=0.35)
-    assert [d.problem.noise for d in found.velocities] == [found.start.noise[d.tag] for d in found.velocities]
+    assert found.start.noise[Direction.POSITIVE] < 1.2e-4  # root mean square: 3.3e-4
+    assert found.start.noise[Direction.NEGATIVE] == pytest.approx(2e-4, rel=0.35)
+    assert [d.problem.noise for d in found.velocities] == [found.start.noise[d.direction] for d in found.velocities]
     said = {tag: next(s for s in map(str, found.assumptions) if s.startswith(f"Noise ({tag})")) for tag in "+-"}
     assert "a few points lie far off" in said["+"]
     assert "a few points lie far off" not in said["-"]
@@ -265,7 +264,7 @@ def test_robust_scatter_is_that_of_normal_noise() -> None:
         relative_error=None,
         n=residuals.size,
         outcome=Outcome.CONVERGED,
-        names=STATIC,
+        names=Stribeck._fields,
         residuals=residuals,
     )
     assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
@@ -278,10 +277,10 @@ def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
     columns = ("by_noise", "viscous_share", "standard_error")
     for row, own in zip(loading(gripper)[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True):
         by_noise, viscous, whole = row
-        sigma_0 = gripper.start.p(own.tag).sigma_0
+        sigma_0 = gripper.start.p(own.direction).sigma_0
         assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
         assert f"{100 * viscous:.2g} %" in gripper.text()
-        k = gripper.start.names.index("sigma_0" + own.tag)
+        k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
         before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
 
@@ -290,7 +289,7 @@ def test_rises_are_drawn_as_they_are_played(gripper: Plan) -> None:
     """The legend names each rise in the time that is left for it, where loading shows nothing too, and marks a choice where it does show."""
     p = gripper.start.p("+")
     for count, marked in ((0.0, True), (1.1 * p.alpha_0 / p.sigma_0, False)):
-        design = design_loading("+", p, 0.0, 1e-4, count, share=0.5)
+        design = design_loading(Direction.POSITIVE, p, 0.0, 1e-4, count, share=0.5)
         (ax,) = loading_figure(replace(gripper, loadings=(design,))).axes
         legend = ax.get_legend()
         assert legend is not None
@@ -375,7 +374,7 @@ def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     path = write(tmp_path, speeds(both=False))
     found = bristle.plan(path, velocities=4)
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
-    assert guessed <= set(found.start.guessed)
+    assert guessed <= set(map(str, found.start.guessed))
     said = " ".join(map(str, found.assumptions))
     assert "Nothing is known of direction -" in said
     assert "Inertia: a guess" in said

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.identification.limits import Limits
+from bristle.model.parameters import Direction
 from bristle.questions.experiment_design import references as reference
 from bristle.questions.experiment_design.loading import CYCLES, design_loading
 from bristle.questions.experiment_design.references import PlannedRun
@@ -105,7 +106,7 @@ def test_too_little_travel_is_refused() -> None:
 @pytest.mark.parametrize(("tag", "sign"), [("+", 1.0), ("-", -1.0)])
 def test_loading_rises_to_its_peak_and_falls(tag: str, sign: float) -> None:
     """Torque begins and ends at zero, reaches the peak of its sign once a cycle, never beyond, and rises as slowly as planned."""
-    plan = design_loading(tag, P, 0.0, 1e-4, 0.0)
+    plan = design_loading(Direction(tag), P, 0.0, 1e-4, 0.0)
     torque = sign * reference.load_reference(plan, 7, CYCLES, STEP).torque
     assert torque[0] == torque[-1] == 0
     assert torque.min() >= 0

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from bristle.estimation.covariance import covariance as fitted_covariance
 from bristle.identification.fisher import (
-    STATIC,
     Information,
     covariance,
     directions,
@@ -20,7 +19,7 @@ from bristle.identification.fisher import (
 )
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import default_range
-from bristle.model.parameters import Lugre, Pair, ParameterName
+from bristle.model.parameters import Lugre, Pair, ParameterName, Stribeck
 from bristle.model.rollout import rollout
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import TABLE_1
@@ -90,7 +89,7 @@ def test_noise_of_each_point_weighs_it() -> None:
 def test_directions_of_a_pair_do_not_mix() -> None:
     """Of a pair the positive velocities see the positive set alone, and the other way round."""
     matrix = static_information(np.concatenate([V, -V]), PAIR, NOISE)
-    assert names_of(PAIR, STATIC)[:5] == tuple(
+    assert names_of(PAIR, Stribeck._fields)[:5] == tuple(
         map(ParameterName.parse, ("alpha_0+", "alpha_1+", "alpha_2+", "v_s+", "alpha_0-"))
     )
     assert not matrix[:4, 4:].any()
@@ -122,7 +121,7 @@ def test_motion_jacobian_is_the_derivative_of_the_torque() -> None:
 def test_slow_velocities_see_only_a_sum() -> None:
     """Where all speeds are far below v_s, alpha_0 and alpha_1 are seen as a sum only, and that is said."""
     v = np.linspace(1e-3, 2e-3, 10) * P.v_s
-    said = directions(static_information(v, P._replace(v_s=P.v_s), NOISE), STATIC)
+    said = directions(static_information(v, P._replace(v_s=P.v_s), NOISE), Stribeck._fields)
     assert any("alpha_0" in s and "alpha_1" in s and "only as a sum" in s for s in said)
 
 

@@ -15,11 +15,10 @@ from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
+from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck
 from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 
-STATIC: tuple[str, ...] = Stribeck._fields
 _SINGULAR = 1e-13
 """An eigenvalue of the information of parameters in units of their own errors, below this share of the largest, is none."""
 _MEMBER = 1e-5
@@ -59,7 +58,7 @@ class Information:
 
 def names_of(p: Lugre[float] | Pair[float], names: Sequence[str] = Lugre._fields) -> tuple[ParameterName, ...]:
     """The parameters of one set, which are of both directions, or of a pair: those of the positive set, then those of the negative one."""
-    directions = (Direction.BOTH,) if isinstance(p, Lugre) else (Direction.POSITIVE, Direction.NEGATIVE)
+    directions = (Direction.BOTH,) if isinstance(p, Lugre) else SIGNED
     return tuple(ParameterName(name, d) for d in directions for name in names)
 
 

@@ -16,7 +16,7 @@ from bristle.errors import InputError
 from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck, in_direction
+from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, in_direction
 from bristle.model.vectorize import evaluate
 
 DRAWS = 60
@@ -29,7 +29,6 @@ INERTIAL = 0.1
 _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
 """Drawn by their logarithms: they are positive."""
 _INERTIA = ParameterName("inertia", Direction.SHARED)
-_BOTH_WAYS = (Direction.POSITIVE, Direction.NEGATIVE)
 
 
 class Source(StrEnum):
@@ -93,7 +92,7 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     moving = {name for name, row in found.items() if row.estimate.value is not None}
     for row in stage_estimates(joint):
         known = {d for name, d in moving if name == row.parameter.name}
-        if not (known & {row.parameter.direction, Direction.BOTH, Direction.SHARED} or known >= set(_BOTH_WAYS)):
+        if not (known & {row.parameter.direction, Direction.BOTH, Direction.SHARED} or known >= set(SIGNED)):
             keep(row)
     return tuple(sorted(found.values(), key=_place))
 
@@ -120,7 +119,7 @@ class KnownJoint:
     def directions(self) -> tuple[Direction, ...]:
         """`both` where one law is of both directions, else those of + and - of which a law is known; none where none is."""
         law = {d for name, d in (*self.estimates, *self.given) if name in Stribeck._fields}
-        ways = (Direction.BOTH,) if law == {Direction.BOTH} else _BOTH_WAYS
+        ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
         return tuple(d for d in ways if self.values(d).keys() >= set(Stribeck._fields))
 
     def estimate(self, name: str, direction: Direction) -> Estimate | None:
@@ -157,7 +156,7 @@ class KnownJoint:
 
     def pair(self, way: float, J: float) -> Pair[float]:
         """Both directions, each as in `filled`."""
-        return Pair(*(self.filled(d, way, J) for d in _BOTH_WAYS))
+        return Pair(*(self.filled(d, way, J) for d in SIGNED))
 
 
 def known_joint(joint: Joint) -> KnownJoint:
@@ -180,7 +179,7 @@ def whole(joint: Joint) -> KnownJoint:
     Raises InputError where nothing is known of the friction over velocity in a direction, or of the bristle without a moving run.
     """
     known = known_joint(joint)
-    for d in _BOTH_WAYS:
+    for d in SIGNED:
         lacking = "" if known.values(d).keys() >= set(Stribeck._fields) else "friction over velocity"
         if joint.moving is None and "sigma_0" in known.missing(d):
             lacking = lacking or "bristle stiffness (sigma_0)"
@@ -194,7 +193,7 @@ def whole(joint: Joint) -> KnownJoint:
 
 def truth_of(joint: Joint) -> Pair[float] | None:
     """The true sets of simulated data, where all of them are known."""
-    sets = [joint.truth.get(d) or joint.truth.get(Direction.BOTH) for d in _BOTH_WAYS]
+    sets = [joint.truth.get(d) or joint.truth.get(Direction.BOTH) for d in SIGNED]
     known = [p for p in sets if p is not None and np.isfinite(p).all()]
     return Pair(*known) if len(known) == len(sets) else None
 

@@ -65,6 +65,10 @@ def pair_of(numbers: Sequence[T]) -> Pair[T]:
     return Pair(Lugre(*numbers[:6]), Lugre(*numbers[6:12]))
 
 
+SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)
+"""The two directions of motion."""
+
+
 class ParameterName(NamedTuple):
     """Which parameter: alpha_0 of the positive direction prints as alpha_0+; alpha_0 of both, or an inertia, as it is."""
 
@@ -83,7 +87,7 @@ class ParameterName(NamedTuple):
         return self.name if self.direction == direction else str(self)
 
     def __str__(self) -> str:
-        return self.name + (self.direction if self.direction in ("+", "-") else "")
+        return self.name + (self.direction if self.direction in SIGNED else "")
 
 
 def in_direction(values: Mapping[ParameterName, T], name: str, direction: str) -> T | None:

@@ -19,7 +19,7 @@ from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of,
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Direction, Kind, Lugre, Motor, Pair, unit
+from bristle.model.parameters import SIGNED, Kind, Lugre, Motor, Pair, unit
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
@@ -163,7 +163,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
             f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; give adapt.amplitude and adapt.frequency."
         )
     model = known.pair(amplitude, J)
-    for d, p in zip((Direction.POSITIVE, Direction.NEGATIVE), model, strict=True):
+    for d, p in zip(SIGNED, model, strict=True):
         assumed += [_filled(p, name, d, joint.kind) for name in ("sigma_0", "sigma_1") if name in known.missing(d)]
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:

@@ -15,7 +15,7 @@ from bristle.data.record import freeze
 from bristle.identification.fisher import covariance, gram
 from bristle.identification.identify import Measured
 from bristle.identification.limits import SAMPLES, Limits
-from bristle.model.parameters import Lugre, Pair, pair_of
+from bristle.model.parameters import Direction, Lugre, Pair, pair_of
 from bristle.model.rollout import rollout_into
 from bristle.questions.experiment_design.start import Start
 from bristle.simulation.references import Multisine
@@ -105,14 +105,16 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
     # finer than the equations where it must be, of as much noise
     step = min(start.equation_step, 1 / (SAMPLES * limits.frequency))
     return MotionProblem(
-        sets=tuple(Lugre(*x.tolist()[:6]) if start.tags == ("",) else pair_of(x.tolist()) for x in drawn),
+        sets=tuple(
+            Lugre(*x.tolist()[:6]) if start.directions == (Direction.BOTH,) else pair_of(x.tolist()) for x in drawn
+        ),
         inertias=tuple(float(x[-1]) for x in drawn),
         prior_information=prior_information,
         noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
         step=step,
         limits=limits,
         duration=duration,
-        aims=tuple(k for k in free if aim in ("all", start.names[k].rstrip("+-"))),
+        aims=tuple(k for k in free if aim in ("all", start.names[k].name)),
     )
 
 

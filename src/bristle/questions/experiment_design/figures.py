@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from bristle.arrays import Array
-from bristle.identification.fisher import STATIC
 from bristle.model import functions
+from bristle.model.parameters import Direction, Stribeck
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, number, symbol
@@ -62,9 +62,9 @@ def velocities_figure(plan: Plan) -> Figure:
     figure, axes = _panels(plan)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p, problem, look = velocities.problem.p, velocities.problem, DIRECTION[velocities.direction]
-        sign = -1 if velocities.tag == "-" else 1
+        sign = -1 if velocities.direction is Direction.NEGATIVE else 1
         v = np.geomspace(problem.low, problem.high, 200)
-        torque = sign * evaluate(functions.steady_torque(), v, *p[:4])[0]
+        torque = sign * evaluate(functions.steady_torque(), v, *p.stribeck)[0]
         ax.axvspan(problem.nodes.min(), problem.nodes.max(), color="#dddddd", label="what vₛ may be")
         ax.plot(v, torque, color=look.colour, linestyle=look.line, label="at the estimate")
         fit = plan.joint.static.get(velocities.direction)
@@ -73,7 +73,7 @@ def velocities_figure(plan: Plan) -> Figure:
                 np.abs(fit.velocity), sign * np.abs(fit.torque), "x", color="#555555", markersize=5, label="measured"
             )
         speeds, counts = (np.array(x) for x in zip(*velocities.chosen.runs, strict=True))
-        there = sign * evaluate(functions.steady_torque(), speeds, *p[:4])[0]
+        there = sign * evaluate(functions.steady_torque(), speeds, *p.stribeck)[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
         decimal_log(ax)
         _write_counts(ax, speeds, counts.tolist())
@@ -118,8 +118,8 @@ def comparison_figure(plan: Plan) -> Figure:
     figure, axes = _panels(plan)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         for j, (kind, label) in enumerate(SPACINGS.items()):
-            x = np.arange(len(STATIC)) + 0.27 * (j - 1)
-            values = 100 / np.abs(velocities.problem.p[:4])
+            x = np.arange(len(Stribeck._fields)) + 0.27 * (j - 1)
+            values = 100 / np.abs(velocities.problem.p.stribeck)
             bars = np.minimum(velocities.alone[kind].errors * values, _CEILING)
             ax.bar(x, bars, 0.25, color=_COLOURS[kind], hatch=("", "//", "..")[j], edgecolor="white", label=label)
             seen = np.minimum(velocities.simulated[kind] * values, _CEILING)
@@ -132,7 +132,7 @@ def comparison_figure(plan: Plan) -> Figure:
         low, high = ax.get_ylim()
         ax.set_ylim(low, high * (high / low) ** 0.45)  # room for the legend
         _logarithmic(ax.yaxis)
-        ax.set_xticks(np.arange(len(STATIC)), [symbol(name) for name in STATIC])
+        ax.set_xticks(np.arange(len(Stribeck._fields)), [symbol(name) for name in Stribeck._fields])
         ax.set_ylabel("Standard error (%)")
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     axes[0].legend(loc="upper center", ncols=4, fontsize=8.5, handlelength=1.4, columnspacing=1.0)
@@ -206,7 +206,7 @@ def loading_figure(plan: Plan) -> Figure:
     axes: Sequence[Axes] = list(figure.subplots(len(plan.loadings), squeeze=False, sharex=True)[:, 0])
     title(axes[0], plan.joint.name, plan.joint.simulated)
     for ax, loading in zip(axes, plan.loadings, strict=True):
-        percent = 100 / plan.start.p(loading.tag).sigma_0
+        percent = 100 / plan.start.p(loading.direction).sigma_0
         errors = np.where(np.isfinite(loading.errors), percent * loading.errors, np.nan)
         for rise, by_peak, (colour, line) in zip(loading.rises, errors, _RISES, strict=True):
             ax.plot(PEAKS, by_peak, color=colour, linestyle=line, label=f"{rise:.3g} s")
@@ -215,7 +215,7 @@ def loading_figure(plan: Plan) -> Figure:
         ax.set_yscale("log")
         _logarithmic(ax.yaxis)
         ax.set_ylabel("Error of σ₀ (%)")
-        ax.annotate(direction(loading.tag), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
+        ax.annotate(direction(loading.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     axes[0].legend(loc="upper right", ncols=3, title="rise", title_fontsize=9)
     axes[-1].set_xlabel("Peak torque over breakaway (1)")
     return figure

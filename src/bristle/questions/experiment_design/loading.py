@@ -17,7 +17,7 @@ from bristle.identification.identify import Measured
 from bristle.identification.limits import Limits
 from bristle.identification.results import Joint
 from bristle.model import functions
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Direction, Lugre
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import Start, inverse
 
@@ -40,7 +40,7 @@ _TENTH = 0.1
 class LoadingDesign:
     """Slow loading of one direction."""
 
-    tag: str
+    direction: Direction
     peak: float
     """Torque where it turns, N*m."""
     share: float
@@ -69,13 +69,11 @@ class LoadingDesign:
 
 
 def plan_loading(
-    measured: Measured, joint: Joint, start: Start, direction: str, limits: Limits, share: float
+    measured: Measured, joint: Joint, start: Start, direction: Direction, limits: Limits, share: float
 ) -> LoadingDesign:
     """Slow loading in a direction, + or -, from what is known of the joint and the noise of its loadings so far."""
-    p, hold_noise = start.p(direction), start.noise[start.key("", direction)]
-    of_g0 = seen_covariance(
-        start.known, [start.names.index(start.key(name, direction)) for name in ("alpha_0", "alpha_1")]
-    )
+    p, hold_noise = start.p(direction), start.noise[start.own(direction)]
+    of_g0 = seen_covariance(start.known, start.indices(direction, ("alpha_0", "alpha_1")))
     g0_error = float(np.sqrt(of_g0.sum())) if of_g0.size else hold_noise
     slow = joint.presliding.fits.get(direction) if joint.presliding else None
     noise = _loading_noise(slow.loadings, p, measured.experiment.fit.presliding_cutoff) if slow else 0.0
@@ -99,14 +97,14 @@ def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) 
 
 
 def design_loading(
-    tag: str, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0
+    direction: Direction, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0
 ) -> LoadingDesign:
     """The peak and the rise of slow loading that show sigma_0 best.
 
     What the quasi-static estimate neglects counts as an error.
 
     Args:
-        tag: of the direction.
+        direction: + or -.
         p: the estimate.
         g0_error: standard error of alpha_0 + alpha_1, N*m.
         noise: torque noise of a tenth of a second's mean, white, N*m.
@@ -123,7 +121,7 @@ def design_loading(
     row = int(np.argmax(best <= _WORTH * best[-1])) if np.isfinite(best[-1]) else RISES.size - 1
     column = int(errors[row].argmin()) if np.isfinite(best[-1]) else PEAKS.size - 1
     return LoadingDesign(
-        tag=tag,
+        direction=direction,
         peak=float(PEAKS[column] * g0),
         share=float(PEAKS[column]),
         rise=float(rises[row]),

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.identification.fisher import STATIC
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Direction, Kind, Stribeck, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
 from bristle.page.wording import in_symbols, number, pretty, symbol
@@ -84,7 +83,7 @@ def _headings(kind: Kind) -> dict[str, str]:
         "amplitude": ("amplitude", "position"),
     }
     return {
-        **{name: f"{symbol(name)} (%)" for name in STATIC},
+        **{name: f"{symbol(name)} (%)" for name in Stribeck._fields},
         **{column: f"{heading} ({pretty(unit(quantity, kind))})" for column, (heading, quantity) in units.items()},
         "in percent": "with motion (%)",
         "share_of_breakaway": "over breakaway",
@@ -103,7 +102,7 @@ def text(plan: Plan) -> str:
     simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
     lines = [f"{plan.joint.name}: what to measure next, for {aim}{simulated}"]
     for x in plan.velocities:
-        where = f"direction {x.tag}" if x.tag else "each direction"
+        where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
         speeds = tables.listed(x.chosen, "{:.4g}")
         lines.append(f"  constant velocities, {where}, {velocity}: {speeds}; {plan.limits.hold:.3g} s averaged at each")
     for load in plan.loadings:
@@ -114,7 +113,7 @@ def text(plan: Plan) -> str:
             else "not seen: too few encoder counts"
         )
         lines.append(
-            f"  slow loading, direction {load.tag}: to {load.peak:.3g} {torque} ({load.share:.2g} of breakaway) in {load.rise:.3g} s, twice; "
+            f"  slow loading, direction {load.direction}: to {load.peak:.3g} {torque} ({load.share:.2g} of breakaway) in {load.rise:.3g} s, twice; "
             f"sigma_0 {seen}"
         )
     sines = ", ".join(f"{x.amplitude:.2g} at {x.frequency:.2g}" for x in tables.lines(plan).itertuples(index=False))
@@ -137,7 +136,7 @@ def _interval_lines(plan: Plan) -> Iterator[str]:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
         relative = [errors[k] / abs(value) for errors in plan.standard_errors.values()]
         cells = "".join(f"{f'{100 * tables.NORMAL * x:.3g}' if x < 1 else 'not seen':>18}" for x in relative)
-        yield f"    {name:<12}{value:>12.4g}{cells}{'  (the estimate is a guess)' if name in plan.start.guessed else ''}"
+        yield f"    {name!s:<12}{value:>12.4g}{cells}{'  (the estimate is a guess)' if name in plan.start.guessed else ''}"
 
 
 def _limits(plan: Plan) -> list[tuple[str, str]]:

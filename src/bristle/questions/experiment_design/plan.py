@@ -14,11 +14,11 @@ from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.fisher import STATIC, covariance, static_information
+from bristle.identification.fisher import covariance, static_information
 from bristle.identification.identify import Measured
 from bristle.identification.limits import Limits, followed, limits_of, shortened
 from bristle.identification.results import Joint
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import SIGNED, Lugre, ParameterName, Stribeck, unit
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
@@ -154,7 +154,7 @@ def plan(
     report("velocities", 0, 1)
     limits, of_limits = limits_of(measured)
     start = start_of(measured, joint, limits)
-    if aim in start.given:
+    if any(aim == name.name for name in start.given):
         raise InputError(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
@@ -199,9 +199,9 @@ def check_plan(velocities: int, aim: str) -> None:
 
     Raises InputError where they cannot.
     """
-    if not len(STATIC) <= velocities <= _MOST:
+    if not len(Stribeck._fields) <= velocities <= _MOST:
         raise InputError(
-            f"got {velocities} velocities; expected {len(STATIC)} to {_MOST}: four parameters take at least as many runs"
+            f"got {velocities} velocities; expected {len(Stribeck._fields)} to {_MOST}: four parameters take at least as many runs"
         )
     if aim not in (*AIMS, "all"):
         raise InputError(f"got {aim!r} as what to plan for; expected one of {', '.join(AIMS)}, or all")
@@ -217,8 +217,8 @@ def _within_time(
     share = 1.0
     while share > _SHORTEST_SHARE:
         short = shortened(limits, share)
-        runs = tuple(plan_velocities(start, tag, short, velocities, aim, share) for tag in start.tags)
-        loadings = tuple(plan_loading(measured, joint, start, direction, short, share) for direction in "+-")
+        runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
+        loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
         needed = duration(start, short, runs, loadings, share * DURATION)
         if limits.time is None or needed <= limits.time:
             return runs, loadings, short, share
@@ -236,13 +236,13 @@ def _information(
     of_velocities = [
         embedded(
             start.names,
-            [name + plan.tag for name in STATIC],
+            [ParameterName(name, plan.direction) for name in Stribeck._fields],
             static_information(plan.chosen.speeds, plan.problem.p, plan.problem.noise),
         )
         for plan in velocities
     ]
     of_loadings = [
-        embedded(start.names, [start.key("sigma_0", loading.tag)], np.array([[loading.error**-2]]))
+        embedded(start.names, [ParameterName("sigma_0", start.own(loading.direction))], np.array([[loading.error**-2]]))
         for loading in loadings
         if np.isfinite(loading.error)
     ]

@@ -16,6 +16,7 @@ from bristle.control.compensator import Reference
 from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
+from bristle.model.parameters import Direction
 from bristle.questions.experiment_design.excitation import course
 from bristle.questions.experiment_design.loading import LoadingDesign
 from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, SlowLoads
@@ -143,7 +144,7 @@ def move_reference(start: float, stop: float, limits: Limits, step: float) -> Pl
 
 def load_reference(plan: LoadingDesign, run: int, cycles: int, step: float) -> PlannedRun:
     """Torque from zero to the peak and back, so many times, open loop, the joint at rest."""
-    peak = -plan.peak if plan.tag == "-" else plan.peak
+    peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
     loads = SlowLoads((peak,) * cycles, plan.rise, FALL * plan.rise, rest=_REST, pause=_REST)
     torque = loads.at(_instants(loads.duration, step)).torque
     lost = np.full(torque.size, np.nan)

@@ -16,7 +16,7 @@ from bristle.identification.limits import Limits
 from bristle.identification.results import Estimate, Joint, StaticFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck, unit
+from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
 
 _PEAK = 0.1
@@ -32,29 +32,30 @@ _FAR = 1.5
 """A root mean square so many times the robust scatter is said."""
 _EXACT = 1e-6
 """Relative standard error of what is given as exact."""
+_INERTIA = ParameterName("inertia", Direction.SHARED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
     """A joint as it is known before the next measurement."""
 
-    tags: tuple[str, ...]
-    """`+` and `-`, or one empty word where both directions share one set."""
+    directions: tuple[Direction, ...]
+    """`+` and `-`, or `both` where they share one set."""
     sets: Pair[float]
     """Estimates, with a guess where nothing was seen."""
     inertia: float
-    guessed: tuple[str, ...]
-    """Parameters that are guesses, by name with their tag."""
-    names: tuple[str, ...]
-    """Every parameter: six of each tag, then inertia."""
+    guessed: tuple[ParameterName, ...]
+    """Parameters that are guesses."""
+    names: tuple[ParameterName, ...]
+    """Every parameter: six of each direction, then inertia."""
     estimate: Array
     """Their values, (p,)."""
     known: Array
     """Information gained so far, (p, p)."""
-    given: tuple[str, ...]
+    given: tuple[ParameterName, ...]
     """Parameters that are given as exact and not estimated: an inertia without a standard error."""
-    noise: Mapping[str, float]
-    """Standard error of the mean torque of a hold by tag, N*m."""
+    noise: Mapping[Direction, float]
+    """Standard error of the mean torque of a hold by direction, N*m."""
     equation_noise: float
     """What one equation of a moving run scatters by, correlation of its residuals included, N*m."""
     equation_step: float
@@ -67,17 +68,17 @@ class Start:
         """Copy and freeze every array."""
         freeze(self)
 
-    def p(self, tag: str) -> Lugre[float]:
-        """The set of a tag."""
-        return self.sets.negative if tag == "-" else self.sets.positive
+    def p(self, direction: str) -> Lugre[float]:
+        """The set of a direction."""
+        return self.sets.negative if direction == Direction.NEGATIVE else self.sets.positive
 
-    def key(self, bare: str, direction: str) -> str:
-        """How a parameter of a direction, + or -, is named."""
-        return bare + direction if direction in self.tags else bare
+    def own(self, direction: Direction) -> Direction:
+        """The direction itself, or `both` where the two share one set."""
+        return direction if direction in self.directions else Direction.BOTH
 
-    def indices(self, tag: str, bare: Sequence[str]) -> list[int]:
-        """Where some of a tag's parameters stand among the names."""
-        return [self.names.index(name + tag) for name in bare]
+    def indices(self, direction: Direction, names: Sequence[str]) -> list[int]:
+        """Where some of a direction's parameters stand among all."""
+        return [self.names.index(ParameterName(name, self.own(direction))) for name in names]
 
 
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
@@ -85,17 +86,18 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
 
     Raises InputError where nothing is known of its friction over velocity.
     """
-    tags = ("",) if known_joint(joint).directions == (Direction.BOTH,) else ("+", "-")
+    one_law = known_joint(joint).directions == (Direction.BOTH,)
+    directions = (Direction.BOTH,) if one_law else SIGNED
     said: list[str] = []
-    estimates = {tag: _estimates(joint, tag) for tag in tags}
+    estimates = {d: _estimates(joint, d) for d in directions}
     if not any("alpha_0" in own for own in estimates.values()):
         raise InputError(
             f"{joint.name}: nothing is known of its friction over velocity, from which a plan starts; add ramp, points or tracking runs"
         )
-    for tag, other in (("+", "-"), ("-", "+")):
-        if tag in tags and "alpha_0" not in estimates[tag]:
-            estimates[tag] = {name: Estimate(value=e.value, unit=e.unit) for name, e in estimates[other].items()}
-            said.append(f"Nothing is known of direction {tag}: it is taken to be as direction {other}.")
+    for d, other in zip(directions, reversed(directions), strict=True):
+        if "alpha_0" not in estimates[d]:
+            estimates[d] = {name: Estimate(value=e.value, unit=e.unit) for name, e in estimates[other].items()}
+            said.append(f"Nothing is known of direction {d}: it is taken to be as direction {other}.")
     J = inertia_of(measured.experiment, joint)
     if J is None:
         J = guessed_inertia(max(own["alpha_0"].value or 0.0 for own in estimates.values()), limits.acceleration)
@@ -103,12 +105,12 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
             f"Inertia: a guess, {J:.2g} {unit('inertia', joint.kind)}: {INERTIAL:g} of alpha_0 at the largest acceleration; give inertia."
         )
     sets, guessed = {}, []
-    for tag, own in estimates.items():
-        sets[tag], missing = _filled(own, limits, J)
-        guessed += [name + tag for name in missing]
-        said += [_guess(name, tag, getattr(sets[tag], name), joint) for name in missing]
-    names = (*(name + tag for tag in tags for name in Lugre._fields), "inertia")
-    values = np.array([x for tag in tags for x in sets[tag]] + [J])
+    for d, own in estimates.items():
+        sets[d], missing = _filled(own, limits, J)
+        guessed += [ParameterName(name, d) for name in missing]
+        said += [_guess(ParameterName(name, d), getattr(sets[d], name), joint) for name in missing]
+    names = (*(ParameterName(name, d) for d in directions for name in Lugre._fields), _INERTIA)
+    values = np.array([x for d in directions for x in sets[d]] + [J])
     given, exact = _declared(measured, joint, names)
     if exact:
         said.append(
@@ -116,8 +118,8 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         )
     noise, equation_noise, step = _noises(measured, joint, sets, limits, said)
     return Start(
-        tags=tags,
-        sets=Pair(sets[tags[0]], sets[tags[-1]]),
+        directions=directions,
+        sets=Pair(sets[directions[0]], sets[directions[-1]]),
         inertia=J,
         guessed=tuple(guessed),
         names=names,
@@ -132,7 +134,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     )
 
 
-def embedded(names: Sequence[str], own: Sequence[str], matrix: Array) -> Array:
+def embedded(names: Sequence[ParameterName], own: Sequence[ParameterName], matrix: Array) -> Array:
     """Information of some parameters, (m, m), among all of them, (p, p)."""
     whole = np.zeros((len(names), len(names)))
     at = [names.index(name) for name in own]
@@ -146,22 +148,24 @@ def inverse(matrix: Array) -> Array:
     return np.asarray(np.linalg.inv(matrix / size[:, None] / size) / size[:, None] / size, dtype=np.float64)
 
 
-def _estimates(joint: Joint, tag: str) -> dict[str, Estimate]:
+def _estimates(joint: Joint, direction: Direction) -> dict[str, Estimate]:
     """What is known of one direction; without what has no value, or is zero. A sigma_0 seen in one direction alone is that of both."""
-    known, direction = known_joint(joint), Direction(tag or "both")
+    known = known_joint(joint)
     found = {name: e for name in Lugre._fields if (e := known.estimate(name, direction)) is not None}
     if direction is Direction.BOTH and "sigma_0" not in found and (e := known.estimate("sigma_0", Direction.POSITIVE)):
         found["sigma_0"] = e
     return {name: e for name, e in found.items() if e.value}
 
 
-def _declared(measured: Measured, joint: Joint, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+def _declared(
+    measured: Measured, joint: Joint, names: Sequence[ParameterName]
+) -> tuple[Array, tuple[ParameterName, ...]]:
     """What the experiment file says of an inertia that no run was fitted for, as information, (p, p), and its name where it is exact."""
     given = measured.experiment.inertia
-    if given is None or (joint.moving is not None and ParameterName.parse("inertia") in joint.moving.names):
+    if given is None or (joint.moving is not None and _INERTIA in joint.moving.names):
         return np.zeros((len(names), len(names))), ()
-    matrix = embedded(names, ["inertia"], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
-    return matrix, () if given.standard_error else ("inertia",)
+    matrix = embedded(names, [_INERTIA], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
+    return matrix, () if given.standard_error else (_INERTIA,)
 
 
 def _filled(own: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugre[float], list[str]]:
@@ -183,7 +187,8 @@ def _filled(own: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugr
     return guess._replace(**seen), missing
 
 
-def _guess(name: str, tag: str, value: float, joint: Joint) -> str:
+def _guess(parameter: ParameterName, value: float, joint: Joint) -> str:
+    name, direction = parameter
     why = {
         "alpha_1": f"{_PEAK:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
         "v_s": "amid the speeds, and anywhere among them in the design",
@@ -191,16 +196,15 @@ def _guess(name: str, tag: str, value: float, joint: Joint) -> str:
         "sigma_1": f"(15), a damping ratio of {DAMPING_RATIO:g}",
         "alpha_2": "0.1 of alpha_0 at the fastest speed",
     }[name]
-    where = f" ({tag})" if tag else ""
-    return f"{name}{where}: a guess, {value:.3g} {unit(name, joint.kind)}, {why}."
+    return f"{name}{_where(direction)}: a guess, {value:.3g} {unit(name, joint.kind)}, {why}."
 
 
 def _noises(
-    measured: Measured, joint: Joint, sets: Mapping[str, Lugre[float]], limits: Limits, said: list[str]
-) -> tuple[dict[str, float], float, float]:
-    """Standard error of a hold's mean torque by tag, what an equation of a moving run scatters by, N*m, and the time between these, s."""
+    measured: Measured, joint: Joint, sets: Mapping[Direction, Lugre[float]], limits: Limits, said: list[str]
+) -> tuple[dict[Direction, float], float, float]:
+    """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
-    noise: dict[str, float] = {}
+    noise: dict[Direction, float] = {}
     if measured.points(hold_out=False):
         noise = _scatters(joint, tuple(sets), said)
     if moving is not None and moving.quantity == "torque":
@@ -218,7 +222,7 @@ def _noises(
             )
         return noise, equation, step
     if not noise:
-        noise = {tag: _TORQUE * p.alpha_0 for tag, p in sets.items()}
+        noise = {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
         said.append(
             f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, {_TORQUE:g} of alpha_0: a guess."
         )
@@ -229,22 +233,25 @@ def _noises(
     return noise, worst * float(np.sqrt(limits.hold / _EQUATION)), _EQUATION
 
 
-def _scatters(joint: Joint, tags: Sequence[str], said: list[str]) -> dict[str, float]:
-    """What points scatter by about their fit by tag, N*m, with a sentence each; of the other direction where one has no fit. Empty where none has."""
-    T, found = unit("torque", joint.kind), dict[str, float]()
-    fits = {tag: joint.static.get(tag or "both") for tag in tags}
+def _scatters(joint: Joint, directions: Sequence[Direction], said: list[str]) -> dict[Direction, float]:
+    """What points scatter by about their fit, N*m, with a sentence each; empty where no direction has a fit.
+
+    A direction without one scatters as the other does.
+    """
+    T, found = unit("torque", joint.kind), dict[Direction, float]()
+    fits = {d: joint.static.get(d) for d in directions}
     usable = [fit for fit in joint.static.values() if fit.names and fit.rms]
-    for tag, own in fits.items():
+    for d, own in fits.items():
         fit = own if own in usable else max(usable, key=lambda x: x.rms or 0.0, default=None)
         if fit is None:
             return {}
-        found[tag], rms = scatter(fit)
+        found[d], rms = scatter(fit)
         said.append(
-            f"Noise{f' ({tag})' if tag else ''}: a hold's mean torque scatters by {found[tag]:.2g} {T}, as the points did about their fit"
+            f"Noise{_where(d)}: a hold's mean torque scatters by {found[d]:.2g} {T}, as the points did about their fit"
             + ("." if fit is own else f" of {fit.direction}.")
             + (
-                f" Their root mean square is {rms / found[tag]:.2g} times that: a few points lie far off, and do not count here."
-                if rms > _FAR * found[tag]
+                f" Their root mean square is {rms / found[d]:.2g} times that: a few points lie far off, and do not count here."
+                if rms > _FAR * found[d]
                 else ""
             )
         )
@@ -263,21 +270,26 @@ def scatter(fit: StaticFit) -> tuple[float, float]:
     return (robust if robust > 0 and free >= _FEW else rms), rms
 
 
-def _known(joint: Joint, names: Sequence[str], estimates: Mapping[str, Mapping[str, Estimate]]) -> Array:
+def _where(direction: Direction) -> str:
+    return "" if direction is Direction.BOTH else f" ({direction})"
+
+
+def _known(
+    joint: Joint, names: Sequence[ParameterName], estimates: Mapping[Direction, Mapping[str, Estimate]]
+) -> Array:
     """Information gained so far, (p, p): of the moving runs and what they were told, or else of each stage by itself."""
     fit = joint.moving
     if fit is not None:
-        at = [k for k, n in enumerate(fit.names) if str(n) in names and fit.parameters[n].standard_error]
-        own = [str(fit.names[k]) for k in at]
-        return embedded(names, own, inverse(fit.covariance[np.ix_(at, at)]))
+        at = [k for k, n in enumerate(fit.names) if n in names and fit.parameters[n].standard_error]
+        return embedded(names, [fit.names[k] for k in at], inverse(fit.covariance[np.ix_(at, at)]))
     whole = np.zeros((len(names), len(names)))
-    for tag, found in estimates.items():
-        static = joint.static.get(tag or "both")
+    for d, found in estimates.items():
+        static = joint.static.get(d)
         if static is not None and static.names:
             at = [k for k, n in enumerate(static.names) if n in Stribeck._fields]
-            own = [static.names[k] + tag for k in at]
+            own = [ParameterName(static.names[k], d) for k in at]
             whole += embedded(names, own, inverse(static.covariance[np.ix_(at, at)]))
         stiffness = found.get("sigma_0")
         if stiffness is not None and stiffness.standard_error:
-            whole += embedded(names, [f"sigma_0{tag}"], np.array([[stiffness.standard_error**-2]]))
+            whole += embedded(names, [ParameterName("sigma_0", d)], np.array([[stiffness.standard_error**-2]]))
     return whole

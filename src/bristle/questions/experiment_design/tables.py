@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from bristle.arrays import Array
-from bristle.identification.fisher import STATIC
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import Lugre, Stribeck, unit
 from bristle.page import spreadsheet
 from bristle.questions.experiment_design.plan import AIMS, Plan
 from bristle.questions.experiment_design.velocities import Design
@@ -93,10 +92,10 @@ def intervals(plan: Plan) -> pd.DataFrame:
         last = half["with motion"]
         rows.append(
             {
-                "parameter": name,
+                "parameter": str(name),
                 "estimate": value,
-                "guess": name in plan.start.guessed or (name == "inertia" and half["now"] is None),
-                "unit": unit(name.rstrip("+-"), plan.joint.kind),
+                "guess": name in plan.start.guessed or (name.name == "inertia" and half["now"] is None),
+                "unit": unit(name.name, plan.joint.kind),
                 **half,
                 "in percent": None if last is None else 100 * last / abs(value),
             }
@@ -111,7 +110,7 @@ def loading(plan: Plan) -> pd.DataFrame:
     """
     rows = [
         {
-            "direction": x.tag,
+            "direction": x.direction,
             "peak": x.peak,
             "share_of_breakaway": x.share,
             "rise": x.rise,
@@ -141,11 +140,11 @@ def motions(plan: Plan) -> pd.DataFrame:
     Relative standard error of each parameter after it, percent, and their mean square root.
     """
     names = {k: plan.start.names[k] for k in plan.free}
-    aimed = [k for k, name in names.items() if plan.aim not in AIMS or name.rstrip("+-") == plan.aim]
+    aimed = [k for k, name in names.items() if plan.aim not in AIMS or name.name == plan.aim]
     rows = []
     for motion in plan.motions:
         relative = 100 * motion.errors / np.abs(plan.start.estimate)
-        errors = {name: _finite(relative[k]) for k, name in names.items()}
+        errors = {str(name): _finite(relative[k]) for k, name in names.items()}
         rows.append({"motion": motion.name, **errors, "rms": _finite(np.sqrt(np.mean(relative[aimed] ** 2)))})
     return pd.DataFrame(rows)
 
@@ -159,7 +158,10 @@ def all_tables(plan: Plan) -> Mapping[str, pd.DataFrame]:
 
 def _percent(errors: Array, p: Lugre[float]) -> dict[str, float | None]:
     """Relative standard errors of the static parameters, percent."""
-    return {name: _finite(100 * e / abs(x)) for name, e, x in zip(STATIC, errors.tolist(), p[:4], strict=True)}
+    return {
+        name: _finite(100 * e / abs(x))
+        for name, e, x in zip(Stribeck._fields, errors.tolist(), p.stribeck, strict=True)
+    }
 
 
 def _finite(x: float) -> float | None:

@@ -20,12 +20,12 @@ from scipy.special import ndtri
 from bristle.arrays import Array
 from bristle.data.record import freeze
 from bristle.errors import InputError
-from bristle.identification.fisher import STATIC, covariance, static_information
+from bristle.identification.fisher import covariance, static_information
 from bristle.identification.limits import Limits
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import default_range
 from bristle.model import functions
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
@@ -62,7 +62,7 @@ class DesignProblem:
     nodes: Array
     """What v_s may be, rad/s, (k,)."""
     prior_information: Array
-    """Information gained already in the order of `STATIC`, (4, 4)."""
+    """Information gained already in the order of `Stribeck`, (4, 4)."""
     noise: float
     """Standard error of one run's mean torque, N*m, > 0."""
     low: float
@@ -88,7 +88,7 @@ class Design(NamedTuple):
     speeds: Array
     """One per run, rad/s, ascending, repeated where a speed is to be run again, (n,)."""
     errors: Array
-    """Expected standard errors in the order of `STATIC`, what is known already included; inf where not seen, (4,)."""
+    """Expected standard errors in the order of `Stribeck`, what is known already included; inf where not seen, (4,)."""
     alone: Array
     """The same of these runs alone."""
 
@@ -103,11 +103,11 @@ class Design(NamedTuple):
 class VelocityPlan:
     """The constant velocities of one direction, and what else might be run."""
 
-    tag: str
+    direction: Direction
     problem: DesignProblem
     chosen: Design
     designs: Mapping[str, Design]
-    """D-optimal (`all`), and c-optimal for each of `STATIC`."""
+    """D-optimal (`all`), and c-optimal for each of `Stribeck`."""
     spaced: Mapping[str, Design]
     """As many runs over the same range, `log` and `even`."""
     alone: Mapping[str, Design]
@@ -121,23 +121,20 @@ class VelocityPlan:
         freeze(self)
 
     @property
-    def direction(self) -> str:
-        """`+`, `-` or `both`."""
-        return self.tag or "both"
-
-    @property
     def velocities(self) -> list[float]:
         """One per run, rad/s, with its sign; where both directions share a set each speed is run back and forth."""
-        signs = {"+": (1,), "-": (-1,), "": (1, -1)}[self.tag]
+        signs = {Direction.POSITIVE: (1,), Direction.NEGATIVE: (-1,)}.get(self.direction, (1, -1))
         return [sign * speed for speed in self.chosen.speeds.tolist() for sign in signs]
 
 
-def plan_velocities(start: Start, tag: str, limits: Limits, count: int, aim: str, share: float) -> VelocityPlan:
+def plan_velocities(
+    start: Start, direction: Direction, limits: Limits, count: int, aim: str, share: float
+) -> VelocityPlan:
     """All designs of one direction; where both share a set, each speed is run back and forth.
 
     Args:
         start: what is known of the joint.
-        tag: of the direction.
+        direction: `both` where they share a set.
         limits: what to keep within.
         count: of runs.
         aim: a parameter, or `all`; one that constant velocities do not show counts as `all`.
@@ -145,26 +142,26 @@ def plan_velocities(start: Start, tag: str, limits: Limits, count: int, aim: str
 
     Raises InputError where the drive's torque or the travel leaves no speeds to choose from.
     """
-    p, passes = start.p(tag), 1 if tag else 2
+    p, passes = start.p(direction), 2 if direction is Direction.BOTH else 1
     high = _fastest(p, fastest(largest_deflection(start), limits), limits)
-    prior_information, v_s_error = _prior(start, tag)
-    guessed = f"v_s{tag}" in start.guessed
+    prior_information, v_s_error = _prior(start, direction)
+    guessed = ParameterName("v_s", direction) in start.guessed
     problem = DesignProblem(
         p=p,
         nodes=np.geomspace(limits.slowest, high / 2, NODES) if guessed else nodes_of(p.v_s, v_s_error),
         prior_information=prior_information,
-        noise=start.noise[tag] * float(np.sqrt(1 / passes / share)),
+        noise=start.noise[direction] * float(np.sqrt(1 / passes / share)),
         low=limits.slowest,
         high=high,
     )
-    aim = aim if aim in STATIC else "all"
-    designs = {name: design(problem, count, name) for name in ("all", *STATIC)}
+    aim = aim if aim in Stribeck._fields else "all"
+    designs = {name: design(problem, count, name) for name in ("all", *Stribeck._fields)}
     spaced = {kind: evaluate_design(problem, spaced_speeds(problem, count, kind)) for kind in ("log", "even")}
     fresh = replace(problem, prior_information=np.zeros_like(prior_information))
     alone = {"planned": design(fresh, count, aim)}
     alone |= {kind: evaluate_design(fresh, x.speeds) for kind, x in spaced.items()}
     return VelocityPlan(
-        tag=tag,
+        direction=direction,
         problem=problem,
         chosen=designs[aim],
         designs=designs,
@@ -182,7 +179,7 @@ def largest_deflection(start: Start) -> float:
 def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
     """The fastest speed up to `high` at which steady sliding takes no more torque than the drive may give, rad/s."""
     speeds = np.geomspace(limits.slowest, high, CANDIDATES)
-    within = speeds[np.abs(evaluate(functions.steady_torque(), speeds, *p[:4])[0]) <= limits.torque]
+    within = speeds[np.abs(evaluate(functions.steady_torque(), speeds, *p.stribeck)[0]) <= limits.torque]
     if within.size < 2:
         raise InputError(
             f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
@@ -190,16 +187,17 @@ def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
     return float(within[-1])
 
 
-def _prior(start: Start, tag: str) -> tuple[Array, float]:
-    """Information about the four static parameters of a tag, (4, 4), and the relative standard error of v_s.
+def _prior(start: Start, direction: Direction) -> tuple[Array, float]:
+    """Information about the four static parameters of a direction, (4, 4), and the relative standard error of v_s.
 
     What the other parameters are is left open.
 
     Nothing counts as known where one of them is a guess: what is known of the others then rests on there being no peak.
     """
-    at = start.indices(tag, STATIC)
-    if any(name + tag in start.guessed for name in STATIC) or not (np.diag(start.known)[at] > 0).all():
-        return np.zeros((len(STATIC), len(STATIC))), np.inf
+    at = start.indices(direction, Stribeck._fields)
+    guessed = any(ParameterName(name, direction) in start.guessed for name in Stribeck._fields)
+    if guessed or not (np.diag(start.known)[at] > 0).all():
+        return np.zeros((len(Stribeck._fields), len(Stribeck._fields))), np.inf
     spread = seen_covariance(start.known, at)
     return inverse(spread), float(np.sqrt(spread[3, 3]) / start.estimate[at[3]])
 
@@ -222,14 +220,18 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
     Args:
         problem: what is known, and where to measure.
         count: of runs, at least 4 so that they show all four parameters by themselves.
-        aim: one of `STATIC`, or `all`.
+        aim: one of `Stribeck`, or `all`.
 
     Raises InputError for fewer runs, or another aim.
     """
-    if count < len(STATIC):
-        raise InputError(f"got {count} velocities; expected at least {len(STATIC)}, as many as there are parameters")
-    if aim != "all" and aim not in STATIC:
-        raise InputError(f"got {aim!r}; constant velocities show {', '.join(STATIC)}: name one of them, or all")
+    if count < len(Stribeck._fields):
+        raise InputError(
+            f"got {count} velocities; expected at least {len(Stribeck._fields)}, as many as there are parameters"
+        )
+    if aim != "all" and aim not in Stribeck._fields:
+        raise InputError(
+            f"got {aim!r}; constant velocities show {', '.join(Stribeck._fields)}: name one of them, or all"
+        )
     grid = np.geomspace(problem.low, problem.high, CANDIDATES)
     criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)
@@ -267,7 +269,7 @@ def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
 
 
 def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
-    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as `STATIC`.
+    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as `Stribeck`.
 
     Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
     not ruled by a few that fail.
@@ -287,14 +289,14 @@ class _Criterion:
 
     def __init__(self, problem: DesignProblem, aim: str) -> None:
         """Scale what is known."""
-        self.problem, self.aim = problem, None if aim == "all" else STATIC.index(aim)
+        self.problem, self.aim = problem, None if aim == "all" else Stribeck._fields.index(aim)
         whole = [
             problem.prior_information + static_information(spaced_speeds(problem, 50, "log"), p, problem.noise)
             for p in problem.sets
         ]
         self.size = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
         self.known = problem.prior_information / (self.size[:, :, None] * self.size[:, None, :]) + _RIDGE * np.eye(
-            len(STATIC)
+            len(Stribeck._fields)
         )
 
     def rows(self, speeds: Array) -> Array:
