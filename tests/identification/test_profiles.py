@@ -12,7 +12,8 @@ from scipy import sparse, stats
 from scipy.optimize import brentq, minimize, nnls
 
 from bristle.arrays import Array
-from bristle.estimation import covariance as uncertainty
+from bristle.estimation.covariance import covariance as uncertainty
+from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.problem import Regression, from_points, with_prior
 from bristle.identification.static.profiles import Profiled, profiled
@@ -121,7 +122,7 @@ def test_without_a_peak_the_profile_is_the_students_interval(seed: int, stretch:
     torque = 0.5 * np.sign(velocity) + velocity - 0.2 + 0.3 * extra["gravity_sin"] + 0.02 * rng.standard_normal(30)
     problem = without_peak(velocity, torque, extra)
     solution, found = solved(problem, stretch)
-    covariance, freedom = uncertainty.covariance(problem.linear, solution.cost, stretch)
+    covariance, freedom = uncertainty(problem.linear, solution.cost, stretch)
     reach = stats.t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
     for name, value, half in zip(problem.names, solution.theta, reach, strict=True):
         assert found.intervals[name] == pytest.approx((value - half, value + half), rel=1e-9, abs=1e-9 * half)
@@ -214,7 +215,7 @@ def test_smoothed_moving_data_end_where_brute_force_does(*, prior: bool) -> None
         problem = with_prior(problem, "alpha_0", GRIPPER.alpha_0, 1e-4, 7e-4)
     solution, found = solved(problem, 1.7)
     room = found.threshold - solution.cost
-    assert found.threshold == pytest.approx(uncertainty.profile_threshold(solution.cost, problem.torque.size, 5, 1.7))
+    assert found.threshold == pytest.approx(profile_threshold(solution.cost, problem.torque.size, 5, 1.7))
     few = found.shape.problem
     assert few.torque.size < problem.torque.size
     for name in (*problem.linear_names, "alpha_1"):

@@ -4,14 +4,14 @@ Variable projection: for any shared unknowns each block settles its own ones by 
 the shared ones, whose Jacobian is the whole one's with each block's own columns projected out. One stubborn block then holds up no other.
 """
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
+from bristle.estimation.problem import Block, Evaluate, LeastSquares, projected
 
 _DAMPING, _MOST_DAMPING = 1e-2, 1e6
 _INNER = 8
@@ -22,24 +22,10 @@ _SETTLED = 1e-7
 """A block has settled when a step lowers its cost by less than this share."""
 
 
-class Block(NamedTuple):
-    """Rows of the residuals, and the unknowns that no other rows depend on."""
-
-    rows: slice
-    columns: list[int]
-
-
-def descend(
-    evaluate: Callable[[Array], tuple[Array, Array]],
-    start: Array,
-    lower: Array,
-    upper: Array,
-    most: int,
-    blocks: Sequence[Block],
-) -> Minimum:
+def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
     """As `minimise`, for residuals in blocks; rows after the last block depend on shared unknowns alone."""
-    own = [k for block in blocks for k in block.columns]
-    shared = np.setdiff1d(np.arange(start.size), own)
+    evaluate, blocks, shared = problem.evaluate, problem.blocks, problem.shared
+    lower, upper = problem.unknowns.lower, problem.unknowns.upper
     best, residuals, jacobian = _settle(evaluate, np.clip(start, lower, upper), lower, upper, blocks, _FIRST)
     if not shared.size:
         return Minimum(best, float(residuals @ residuals), residuals, jacobian, 1, converged=True)
@@ -63,17 +49,8 @@ def descend(
     return Minimum(best, float(residuals @ residuals), residuals, jacobian, found.steps, found.converged)
 
 
-def projected(jacobian: Array, shared: NDArray[np.intp], blocks: Sequence[Block]) -> Array:
-    """The shared unknowns' columns, (n, len(shared)), with what each block's own can do taken off."""
-    left = jacobian[:, shared]
-    for rows, columns in blocks:
-        basis = np.linalg.qr(jacobian[rows][:, columns])[0]
-        left[rows] -= basis @ (basis.T @ left[rows])
-    return left
-
-
 def _settle(
-    evaluate: Callable[[Array], tuple[Array, Array]],
+    evaluate: Evaluate,
     x: Array,
     lower: Array,
     upper: Array,

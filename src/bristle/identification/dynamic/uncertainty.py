@@ -8,16 +8,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.block_bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
-from bristle.estimation.separable import projected
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, bootstrap_at, too_few
+from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.fit import SEED, Tracked
-from bristle.identification.dynamic.problem import is_start
-from bristle.identification.dynamic.profile import Profiled, profile_moving, widest
-from bristle.identification.dynamic.unknowns import bounds, natural, scales, to_scaled
 from bristle.identification.results import Estimate, TrackingFit, Uncertainty
 from bristle.progress import Progress
 
@@ -30,15 +28,18 @@ Again = Callable[[Mapping[str, float]], Tracked]
 def explored(found: Tracked, again: Again, progress: Progress | None = None) -> tuple[Tracked, Mapping[str, Profiled]]:
     """The profile of each parameter, and the fit: done again, and saying so, where a profile found a better optimum."""
     said: tuple[Diagnostic, ...] = ()
-    for _ in range(_RESTARTS):
-        profiles, better = profile_moving(found, progress)
+    for refits in range(_RESTARTS + 1):
+        own = found.judged
+        seen, better = profiles(
+            own.posed, own.minimum, own.scaled_errors, own.freedom, progress, stop_at_better=refits < _RESTARTS
+        )
         if better is None:
             break
-        found, said = again({**found.problem.fixed, **better}), (Kind.REFITTED(),)
-    else:
-        profiles, better = profile_moving(found, progress, heed=False)
+        end = own.posed.unknowns.values(better)
+        found, said = again({**found.problem.fixed, **end}), (Kind.REFITTED(),)
+    if refits == _RESTARTS:
         said = (*said, Kind.STILL_LOWER(fits=_RESTARTS))
-    return found._replace(fit=replace(found.fit, doubts=(*found.fit.doubts, *said))), profiles
+    return found._replace(fit=replace(found.fit, doubts=(*found.fit.doubts, *said))), seen
 
 
 def with_three_ways(
@@ -52,7 +53,9 @@ def with_three_ways(
         profiles: by name.
         seed: of the bootstrap.
     """
-    columns, drawn = _drawn(found, seed)
+    free = _inside(found)
+    drawn = bootstrap_at(found.judged.posed, found.judged.minimum, free, seed)
+    columns = [found.problem.names[j] for j in free.tolist()]
     three = {}
     for name, e in fit.parameters.items():
         if name in profiles:
@@ -108,7 +111,7 @@ def _three(
 
 def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
     """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
-    value, limits = found.values[name], widest(name)
+    value, limits = found.values[name], _limits(found, name)
     new, wider = value if e.value is None else e.value, 1.0
     error = found.fit.parameters[name].standard_error
     if e.standard_error and error:
@@ -122,40 +125,25 @@ def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
     return moved
 
 
-def _drawn(found: Tracked, seed: int) -> tuple[list[str], Resampled]:
-    """Steps of the free parameters, those at a bound apart, under resampled blocks; a motion that is simulated from its own start is a block."""
-    problem, judged = found.problem, found.judged
-    x, (lower, upper) = _scaled(found), bounds(problem)
-    free = [
-        j
-        for j, name in enumerate(problem.names)
-        if not is_start(name) and np.isfinite(judged.scaled_errors[j]) and lower[j] < x[j] < upper[j]
-    ]
-    blocks, left = problem.blocks, judged.minimum.residuals
-    J, n = projected(judged.minimum.jacobian, np.array(free), blocks), blocks[-1].rows.stop
-    windows = problem.quantity == "position"
-    drawn = block_bootstrap(
-        J[:n],
-        left[:n],
-        [block.rows.start for block in blocks] if windows else found.fit.starts_of_runs,
-        priors=J[n:],
-        sigma=problem.sigma,
-        length=n if windows else None,
-        seed=seed,
-    )
-    return [problem.names[j] for j in free], drawn
+def _limits(found: Tracked, name: str) -> tuple[float, float]:
+    """What a parameter may be at all."""
+    return float(found.judged.posed.unknowns.least[found.problem.names.index(name)]), np.inf
 
 
-def _scaled(found: Tracked) -> Array:
-    return to_scaled(found.problem, found.values, scales(found.problem, found.values))
+def _inside(found: Tracked) -> NDArray[np.intp]:
+    """The parameters that data show and that lie at no bound."""
+    judged, x = found.judged, found.judged.minimum.x
+    unknowns, shared = judged.posed.unknowns, judged.posed.shared
+    inside = np.isfinite(judged.scaled_errors) & (unknowns.lower < x) & (x < unknowns.upper)
+    return shared[inside[shared]]
 
 
 def _steps(found: Tracked, name: str, drawn: Resampled, column: int) -> tuple[Array, Array]:
     """The ends of a parameter's interval by bootstrap-t, (2,), and its draws, (b,), in its unit; what leaves its range is open."""
-    j = found.problem.names.index(name)
-    x, (lower, upper) = float(_scaled(found)[j]), bounds(found.problem)
-    size = float(scales(found.problem, found.values)[j])
+    j, unknowns = found.problem.names.index(name), found.judged.posed.unknowns
+    x, lower, upper = (float(each[j]) for each in (found.judged.minimum.x, unknowns.lower, unknowns.upper))
     ends = x + np.array(drawn.interval(column, float(found.judged.scaled_errors[j])))
-    open_ends = [ends[0] <= lower[j], ends[1] >= upper[j]]
-    draws = natural(name, np.clip(x + drawn.steps[:, column], lower[j], upper[j]), size)
-    return np.where(open_ends, widest(name), natural(name, np.clip(ends, lower[j], upper[j]), size)), draws
+    open_ends = [ends[0] <= lower, ends[1] >= upper]
+    draws = unknowns.natural_of(j, np.clip(x + drawn.steps[:, column], lower, upper))
+    inside = unknowns.natural_of(j, np.clip(ends, lower, upper))
+    return np.where(open_ends, _limits(found, name), inside), draws

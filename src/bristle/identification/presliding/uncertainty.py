@@ -6,7 +6,7 @@ x = (g0 - level) / its error
 
     Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2,    u is inside where Q <= F(0.95; 1, freedom) = t**2,
 
-whose ends are the extremes of u(x) -+ e(x) sqrt(t**2 - x**2) over -t <= x <= t.
+a problem that is linear in u once x is given, and so a conditional profile.
 
 Bootstrap. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one by all samples a rest position
 in the count. The interval is that of bootstrap-t, with the error that the covariance has as well. A step of the data is how the estimate errs: the
@@ -22,7 +22,7 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.block_bootstrap import (
+from bristle.estimation.bootstrap import (
     DRAWS,
     ENOUGH,
     FEW,
@@ -34,6 +34,7 @@ from bristle.estimation.block_bootstrap import (
     resample,
     too_few,
 )
+from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.stiffness import (
     Level,
@@ -49,8 +50,8 @@ from bristle.identification.results import Estimate, Uncertainty
 SEED = 0
 _NODES = 17
 """Values of g0 at which the estimator is evaluated; linear between them, ..."""
-_FINE = 4001
-"""... at so many."""
+_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)
+"""... at so many, in one look."""
 _LEAST = 0.2
 """Of g0: what it may be at least."""
 _CURVE = 41
@@ -156,14 +157,27 @@ def _line(loadings: Sequence[Loading], level: Level, spread: float, *, inverse: 
 
 def _profile(line: _Line) -> tuple[Array, Array]:
     """Both ends of u's interval, (2,), and u with Q over t**2 about it, (2, k)."""
-    x = np.linspace(line.x[0], line.x[-1], _FINE)
-    u, e = np.interp(x, line.x, line.u), np.interp(x, line.x, line.e)
-    half = e * np.sqrt(np.maximum(line.reach**2 - x**2, 0.0))
-    ends = np.array([np.min(u - half), np.max(u + half)])
-    middle = _middle(line)
+
+    def at(x: Array) -> Conditional:
+        """U at (g0 - level) / its error, (K, 1)."""
+        u, e = (np.interp(x[:, 0], line.x, values) for values in (line.u, line.e))
+        return Conditional(u[:, None], (e**2)[:, None, None], x[:, 0] ** 2)
+
+    box = line.x[[0, -1]][None]
+    profiles = ConditionalProfiles(
+        free=at,
+        faces=lambda _: (),
+        bounded=np.zeros(1, dtype=bool),
+        best=np.zeros(1),
+        cost=0.0,
+        threshold=line.reach**2,
+        box=box,
+        searched=box,
+        looks=_LOOKS,
+    )
+    (ends,), middle = profiles.intervals(), _middle(line)
     values = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
-    Q = np.min(((values[:, None] - u) / e) ** 2 + x**2, axis=1)
-    return ends, np.stack([values, Q / line.reach**2])
+    return ends, np.stack([values, profiles.heights(0, values, 0.0)])
 
 
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
@@ -180,7 +194,7 @@ def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inv
     moved = np.interp(g0, line.x, line.u) - middle if line.x.size > 1 else np.zeros(steps.size)
     steps = steps + np.sqrt(counts) * rest
     studentised = (steps - moved) / np.sqrt(own**2 + counts + other)
-    return Resampled((steps - moved)[:, None], studentised[:, None], drawn.blocks), middle + steps + moved
+    return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
 
 
 def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.estimation.covariance import profile_threshold, student
+from bristle.estimation.covariance import student
+from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.grid import Projected, log_grid, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.estimation.covariance import profile_interval, profile_threshold
 from bristle.estimation.linear import orthonormal
+from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.static.compression import reduced
 from bristle.identification.static.grid import Projected, Solution, subsets
 from bristle.identification.static.problem import Regression
@@ -90,7 +90,7 @@ def _of_v_s(problem: Regression, solution: Solution, best: Array, threshold: flo
     found = {}
     for k, name in enumerate(problem.names[len(problem.names) - peaks :]):
         costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
-        found[name] = profile_interval(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
+        found[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
     return found
 
 

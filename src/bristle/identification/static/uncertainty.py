@@ -5,7 +5,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.block_bootstrap import FEW, SHOWN, block_bootstrap
+from bristle.estimation.bootstrap import FEW, SHOWN, block_bootstrap
 from bristle.identification.results import Uncertainty
 from bristle.identification.static import bootstrap
 from bristle.identification.static.grid import Projected

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation import covariance
+from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import PLAIN_GRID, Projected, log_grid, plain_grid
 from bristle.progress import Progress
@@ -166,7 +166,7 @@ def _judged(case: Case, name: str, torques: Array, theta: Array, seconds: float,
     seen = theta.shape[1]
     cost = methods.costs(case, torques[:, :seen], theta)
     n, p = case.velocity.size, len(NAMES)
-    outside = ~(cost <= lowest[:seen] * covariance.profile_threshold(1.0, n, p))
+    outside = ~(cost <= lowest[:seen] * profile_threshold(1.0, n, p))
     return Method(
         name=name,
         repetitions=seen,
@@ -214,7 +214,7 @@ def _beyond(case: Case, many: Starts) -> NDArray[np.bool_]:
 
 def _landscape(case: Case, torque: Array, many: Starts) -> Landscape:
     projected, coarse = Projected(case.problem(torque)), log_grid(case.v_s_range, _DRAWN)
-    threshold = covariance.profile_threshold(many.best_cost, torque.size, len(NAMES))
+    threshold = profile_threshold(many.best_cost, torque.size, len(NAMES))
     allowed = np.append(coarse[projected.costs(coarse) <= threshold], many.best[3])
     step = coarse[1] / coarse[0]
     near = np.geomspace(allowed.min() / step, min(allowed.max() * step, case.v_s_range[1]), _DRAWN)

@@ -1,0 +1,301 @@
+"""The profile of an unknown: the cost at a value of it, with all others fitted anew; its interval is where that stays below a threshold.
+
+Of n equations with p unknowns the threshold lies above the least cost by
+
+    d = S F J_min / (n - p),    F = F(0.95; 1, freedom),
+
+where S is by how much correlated residuals widen the unknown's variance: in a linear problem the interval is the covariance's.
+
+Here a profile is followed by descents. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is: where it crosses one is found in
+few steps. Each point starts from the one solved before it on the way from the estimate, moved along the others' linearised conditional mean. A
+problem that is linear once a few unknowns are given has an exact profile: see `conditional_profile`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import fdtri
+
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+from bristle.estimation.covariance import LEVEL, seen, student
+from bristle.estimation.levenberg_marquardt import Minimum, minimise
+from bristle.estimation.linear import inverse_gram
+from bristle.estimation.problem import Evaluate, LeastSquares, Name
+from bristle.progress import Progress
+
+_TRIES, _BUDGET = 12, 40
+"""Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth)."""
+_SETTLED = 1e-3
+"""Of d: a descent ends when a step would lower the cost by less."""
+_EXACT = 1e-3
+"""Of its distance from the estimate: how near to the crossing an end is sought."""
+_STRAIGHT = 1e-2
+"""This near to one, the statistic's root is a line from the estimate on."""
+BETTER = 1e-3
+"""Of d: a cost this much below the fit's is a better optimum."""
+_FAR, _GROWTH = 6, 4.0
+"""How often an end that is not reached is sought farther away, and by what factor at most."""
+_STEEP = 1e3
+"""Stands for the statistic's root where nothing can be computed."""
+
+
+class Profiled(NamedTuple):
+    """One unknown's profile, in its unit."""
+
+    interval: tuple[float, float]
+    """A side that the profile leaves open is infinite, or the least that the unknown may be."""
+    curve: Array
+    """Values, ascending, and (cost - least) / d there, (2, k): 0 at the estimate, 1 at the interval's ends."""
+    doubts: tuple[Diagnostic, ...] = ()
+
+
+def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
+    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d; S is the `inflation` of the variance."""
+    freedom = max(n / inflation - p, 1.0)
+    return cost * (1 + inflation * float(fdtri(1, freedom, LEVEL)) / max(n - p, 1))
+
+
+def interval_on_grid(
+    costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, most: float
+) -> tuple[float, float]:
+    """The interval of a positive unknown whose profile is known at once; 0 or inf where it stays below the threshold to the end of the grid.
+
+    Args:
+        costs: the profile as a function of the unknown, (k,) -> (k,).
+        grid: values of it, ascending, (k,).
+        profile: the profile on it, (k,).
+        best: where the profile is lowest.
+        most: the threshold.
+    """
+    below = np.flatnonzero(profile <= most)
+    low, high = (
+        (int(below[0]), int(below[-1]))
+        if below.size
+        else (int(np.searchsorted(grid, best)), int(np.searchsorted(grid, best)) - 1)
+    )
+
+    def crossing(outside: float, inside: float) -> float:
+        """Where between two values the profile crosses the threshold; the inner one where it does not."""
+
+        def excess(u: float) -> float:
+            """The profile less the threshold at a logarithm."""
+            return float(costs(np.array([np.exp(u)]))[0]) - most
+
+        a, b = np.log(outside), np.log(inside)
+        return inside if excess(a) * excess(b) > 0 else float(np.exp(brentq(excess, a, b, xtol=1e-10)))
+
+    lower = 0.0 if low == 0 else crossing(float(grid[low - 1]), min(best, float(grid[min(low, grid.size - 1)])))
+    upper = np.inf if high == grid.size - 1 else crossing(float(grid[high + 1]), max(best, float(grid[max(high, 0)])))
+    return lower, float(upper)
+
+
+def profiles(
+    problem: LeastSquares[Name],
+    minimum: Minimum,
+    errors: Array,
+    freedom: float,
+    progress: Progress | None = None,
+    *,
+    stop_at_better: bool = True,
+) -> tuple[dict[Name, Profiled], Array | None]:
+    """The profile of each shared unknown of a problem, by name; those that have no influence at all are open.
+
+    Args:
+        problem: the problem.
+        minimum: its minimum.
+        errors: standard errors of the scaled unknowns, (p,).
+        freedom: their degrees of freedom.
+        progress: called with what is done, how much of it, and of how much.
+        stop_at_better: whether a better optimum found on the way ends the search.
+
+    Returns:
+        The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit must be done again.
+    """
+    unknowns, x = problem.unknowns, minimum.x
+    naive = _naive(minimum.jacobian)
+    surface = _Surface(
+        problem.evaluate,
+        np.minimum(unknowns.lower, x),
+        np.maximum(unknowns.upper, x),
+        minimum.cost,
+        minimum.residuals.size,
+        stop_at_better,
+    )
+    first = _Point(x, minimum.jacobian.T @ minimum.jacobian)
+    out: dict[Name, Profiled] = {}
+    for done, j in enumerate(problem.shared.tolist()):
+        name, value = unknowns.names[j], float(unknowns.natural(x)[j])
+        if progress:
+            progress(f"profile of {name}", done, problem.shared.size)
+        reach = student(freedom) * float(errors[j])
+        if reach**2 == 0:  # data without any noise
+            out[name] = Profiled((value, value), np.array([[value], [0.0]]))
+        elif not np.isfinite(reach):
+            whole = float(unknowns.least[j]), np.inf
+            out[name] = Profiled(whole, np.zeros((2, 0)), (Kind.PROFILE_UNSEEN(open=Kind.PROFILE_OPEN()),))
+        else:
+            path = _Path(surface, j, reach**2 / float(naive[j]), [first], {float(x[j]): 0.0})
+            try:
+                out[name] = _profiled(problem, path, reach)
+            except _Better as better:
+                return out, better.x
+    return out, None
+
+
+def _naive(jacobian: Array) -> Array:
+    """Diagonal of (J'J)**-1, (p,); inf for unknowns without influence."""
+    known = seen(jacobian)
+    out = np.full(known.size, np.inf)
+    out[known] = np.diag(inverse_gram(jacobian[:, known]))
+    return out
+
+
+class _Better(Exception):  # noqa: N818  # a way out of a search that became pointless
+    """A lower cost than the fit's was found, at these scaled unknowns."""
+
+    def __init__(self, x: Array) -> None:
+        """Remember where."""
+        super().__init__("a profile found a lower cost than the fit")
+        self.x = x
+
+
+class _Spent(Exception):  # noqa: N818  # a way out as well
+    """The budget of a search is."""
+
+
+class _Point(NamedTuple):
+    """A solved point of a path."""
+
+    x: Array
+    """Scaled unknowns, (p,)."""
+    gram: Array
+    """J'J, (p, p)."""
+
+
+class _Surface(NamedTuple):
+    """The least-squares problem about its minimum."""
+
+    evaluate: Evaluate
+    lower: Array
+    upper: Array
+    cost: float
+    """J_min."""
+    rows: int
+    stop_at_better: bool
+
+
+@dataclass(slots=True)
+class _Path:
+    """The points solved for one unknown, the estimate first."""
+
+    surface: _Surface
+    which: int
+    high: float
+    """d."""
+    points: list[_Point]
+    roots: dict[float, float] = field(default_factory=dict)
+    """sqrt((J - J_min) / d) at scaled values of the unknown."""
+    spent: int = 0
+    rough: bool = False
+    """Whether a descent did not settle, or a search was given up ..."""
+    lost: bool = False
+    """... without an end."""
+
+    def root(self, value: float) -> float:
+        """The statistic's root at a scaled value of the unknown."""
+        if value not in self.roots:
+            near = self._inner(value)
+            moved = near.x + self._slope(near) * (value - near.x[self.which])
+            tried = (self._solved(start, value) for start in (moved, near.x))
+            self.roots[value] = next((root for root in tried if root is not None), _STEEP)
+        return self.roots[value]
+
+    def _inner(self, value: float) -> _Point:
+        """The point next to a value on the way from the estimate: what lies beyond may be in another valley."""
+        best = float(self.points[0].x[self.which])
+        way = value - best
+        inside = [point for point in self.points if 0 <= (point.x[self.which] - best) / way <= 1]
+        return max(inside, key=lambda point: abs(float(point.x[self.which]) - best))
+
+    def _slope(self, near: _Point) -> Array:
+        """Derivative of the others' linearised conditional mean by the unknown, (p,): 1 for itself, 0 at a bound."""
+        size = np.sqrt(near.gram.diagonal())
+        free = (size > 0) & (near.x > self.surface.lower) & (near.x < self.surface.upper)
+        free[self.which] = False
+        inner = near.gram[np.ix_(free, free)] / np.outer(size[free], size[free])
+        out = np.zeros(near.x.size)
+        out[free] = -np.linalg.lstsq(inner, near.gram[free, self.which] / size[free], rcond=1e-12)[0] / size[free]
+        out[self.which] = 1.0
+        return out
+
+    def _solved(self, start: Array, value: float) -> float | None:
+        """The statistic's root of the fit with the unknown held at a value; None where nothing can be computed at the start."""
+        _, lower, upper, cost, rows, stop_at_better = self.surface
+        held = np.arange(start.size) == self.which
+        lower, upper, start = (np.where(held, value, bound) for bound in (lower, upper, start))
+        try:
+            found = minimise(self._evaluate, start, lower, upper, _TRIES, _SETTLED * self.high * rows / cost)
+        except InputError:
+            return None
+        excess = (found.cost - cost) / self.high
+        if stop_at_better and excess < -BETTER:
+            raise _Better(found.x)
+        self.rough |= not found.converged
+        self.points.append(_Point(found.x, found.jacobian.T @ found.jacobian))
+        return float(np.sqrt(max(excess, 0.0)))
+
+    def _evaluate(self, x: Array) -> tuple[Array, Array]:
+        self.spent += 1
+        if self.spent > _BUDGET:
+            raise _Spent
+        return self.surface.evaluate(x)
+
+    def end(self, reach: float, limit: float) -> float | None:
+        """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate; None where it does not."""
+        best, self.spent = float(self.points[0].x[self.which]), 0
+        side = float(np.sign(limit - best))
+        try:
+            return self._crossing(best, side, reach, abs(limit - best))
+        except _Spent:
+            self.rough = True
+            beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
+            self.lost |= not beyond
+            return max(beyond, key=lambda x: abs(x - best), default=None)  # the nearer ones may only look so high
+
+    def _crossing(self, best: float, side: float, reach: float, most: float) -> float | None:
+        inside, away = best, min(reach, most)
+        for _ in range(_FAR):
+            outside = best + side * away
+            root = self.root(outside)
+            if abs(root - 1) < _STRAIGHT:
+                return best + side * min(away / root, most)
+            if root > 1:
+                return float(brentq(lambda x: self.root(x) - 1, inside, outside, xtol=_EXACT * away))
+            if away == most:
+                return None
+            inside, away = outside, min(away * (_GROWTH if root * _GROWTH < 1 else 1.01 / root), most)
+        return None
+
+
+def _profiled(problem: LeastSquares[Any], path: _Path, reach: float) -> Profiled:
+    """The interval of one unknown, in its unit."""
+    unknowns, j = problem.unknowns, path.which
+    ends = [path.end(reach, float(bound[j])) for bound in (path.surface.lower, path.surface.upper)]
+    known = {x: root**2 for x, root in path.roots.items() if root < _STEEP}
+    known |= {x: 1.0 for x in ends if x is not None}
+    x = np.array(sorted(known))
+    curve = np.stack([unknowns.natural_of(j, x), np.array([known[one] for one in x.tolist()])])
+    low, high = (
+        limit if end is None else float(unknowns.natural_of(j, np.array(end)))
+        for end, limit in zip(ends, (float(unknowns.least[j]), np.inf), strict=True)
+    )
+    is_open = None in ends and (high == np.inf or low < 0 or bool(unknowns.logarithmic[j]))
+    doubts = [Kind.PROFILE_OPEN()] if is_open and not path.lost else []
+    if path.rough:
+        doubts.append(Kind.PROFILE_LOST() if path.lost else Kind.PROFILE_ROUGH())
+    return Profiled((low, high), curve, tuple(doubts))
