@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profile_threshold
-from bristle.identification.static.grid import Projected, log_grid, solve
+from bristle.identification.static.grid import log_grid, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled
+from bristle.identification.static.projection import Projected
 
 GRID = 96
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""

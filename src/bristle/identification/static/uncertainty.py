@@ -8,8 +8,8 @@ from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import FEW, SHOWN, block_bootstrap
 from bristle.identification.results import Uncertainty
 from bristle.identification.static import bootstrap
-from bristle.identification.static.grid import Projected
 from bristle.identification.static.profiles import others
+from bristle.identification.static.projection import Projected
 from bristle.identification.static.stribeck_test import Inferred
 
 _FEW = 8
@@ -95,14 +95,14 @@ def _moved(found: Inferred, name: str, steps: Array) -> Array:
 
 def _curve(found: Inferred, name: str, value: float) -> Array:
     """The profile of a parameter, as in `Uncertainty`."""
-    problem, (low, high) = found.profiled.shape.problem, found.profiled.intervals[name]
+    problem, (low, high) = found.profiled.problem, found.profiled.intervals[name]
     reach = found.student[name][1] - value
     open_ = not np.isfinite(high)
     high = value + 3 * reach if open_ else high
     if not np.isfinite([low, high]).all():  # nothing bounds it on a side that could be drawn
         return np.zeros((2, 0))
     if not name.startswith("v_s"):
-        curve = found.profiled.shape.curve(name, value, low, high)
+        curve = found.profiled.curve(name, value, low, high)
         # open alpha_1 goes on as v_s does, but it is drawn within the range searched
         return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
     grid = found.solution.grid

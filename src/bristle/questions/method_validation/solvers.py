@@ -31,8 +31,6 @@ _BEYOND = 1e3
 """How far beyond the grid's range v_s may go where it is set free, as a factor."""
 _TOLERANCE = 1e-12
 """Of SciPy's solver, so that it ends in a minimum and not before."""
-_BLOCK = 500
-"""Values of a plain grid worked on at a time."""
 
 Local = Callable[[Array, Array], Array]
 """From torques (n,) and a start theta (4,) to theta (4,)."""
@@ -104,29 +102,8 @@ def random_starts(case: Case, count: int, rng: np.random.Generator) -> Array:
 
 
 def plain(case: Case, torques: Array, count: int) -> Array:
-    """`static.plain_grid` of `count` values for many sets: (13) at each value, for all sets in one matrix product.
-
-    A set whose free solution at the best value breaks a bound is solved by `static.plain_grid` itself.
-    """
-    projected = grid.Projected(case.problem(torques[:, 0]))
-    values = np.linspace(*case.v_s_range, count)
-    gain, best = np.full(torques.shape[1], -1.0), np.zeros(torques.shape[1], dtype=np.intp)
-    for first in range(0, count, _BLOCK):
-        off, length = projected.off(values[first : first + _BLOCK])
-        gains = np.maximum(off.T @ torques, 0.0) ** 2 / length[:, None]
-        lowest = gains.argmax(axis=0)
-        higher = np.take_along_axis(gains, lowest[None], axis=0)[0]
-        best = np.where(higher > gain, first + lowest, best)
-        gain = np.maximum(gain, higher)
-    v_s = values[best]
-    off, length = projected.off(v_s)
-    alpha_1 = np.maximum(np.einsum("ns,ns->s", off, torques), 0.0) / length
-    inside = projected.q.T @ projected.problem.shapes(v_s)
-    linear = projected.back(projected.q.T @ torques - inside * alpha_1)
-    theta = np.vstack([linear, alpha_1, v_s])
-    for k in np.flatnonzero((linear <= 0).any(axis=0)):
-        theta[:, k] = grid.plain_grid(case.problem(torques[:, k]), case.v_s_range, count)[2]
-    return theta
+    """`static.plain_grid` of `count` values for many sets."""
+    return grid.plain_grids(case.problem(torques[:, 0]), torques, case.v_s_range, count)
 
 
 def refined(case: Case, torques: Array) -> Array:
