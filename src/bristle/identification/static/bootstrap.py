@@ -1,36 +1,25 @@
-"""Bootstrap of a static fit of points: torques drawn anew at the same velocities, each set fitted again by the whole grid.
+"""Bootstrap of a static fit: points drawn anew at the same velocities and fitted again by the whole grid; what is dear to fit, by one step.
 
-Residuals are raised to the size that the fit took from them (their leverage), then drawn with replacement; where their variance differs from speed
-to speed each keeps its place and is given a random sign and size instead (the wild bootstrap, with Webb's six values). Each draw is studentised: the
-distribution of (theta* - theta) / se* stands for that of (theta - truth) / se, and an interval need be neither symmetric nor normal (bootstrap-t).
+v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.estimation.covariance import LEVEL
-from bristle.estimation.linear import inverse_gram
+from bristle.estimation.bootstrap import FEW, REFITS, Resampled, block_bootstrap, linear_refit, residual_bootstrap
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression
 
-DRAWS = 1999
 SEED = 0
-_SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
-_WEBB = np.concatenate([-_SIX, _SIX])
-"""Mean 0, variance 1, third moment 0 (Webb 2014)."""
-_UNEVEN = 0.01
-"""Significance at which variances differ."""
-_SCHEMES = {False: "residuals", True: "signs of residuals (wild)"}
-_FULL = 1.0 - 1e-6
-"""A point with this leverage leaves no residual."""
 
 
-class Resampled(NamedTuple):
-    """A bootstrap of p parameters."""
+class StaticDraws(NamedTuple):
+    """What draws do to p parameters, in their units."""
 
     low: Array
     """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the parameter."""
@@ -38,13 +27,13 @@ class Resampled(NamedTuple):
     """(p,)."""
     draws: Array
     """(p, b)."""
-    scheme: str
-    """What was drawn, in words."""
+    wild: bool
+    """Whether signs and sizes of residuals are drawn, not their places."""
 
 
 def resample(
-    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int = DRAWS, seed: int = SEED
-) -> Resampled:
+    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int = REFITS, seed: int = SEED
+) -> StaticDraws:
     """Intervals of every parameter, in the order of the problem's `names`, for points of which each stands alone, with at most one peak.
 
     Args:
@@ -54,97 +43,74 @@ def resample(
         draws: resampled sets, >= 40.
         seed: of the generator.
     """
-    noise, uneven = _noise(solution.jacobian, solution.residuals, problem.velocity, draws, seed)
-    sets = (problem.torque - solution.residuals)[:, None] + noise
-    both = np.column_stack([problem.torque, sets])
-    theta, errors = _fits(problem, both, v_s_range, sandwich=uneven)
-    low, high = _studentised(problem, solution.theta, theta[:, 1:], errors)
-    return Resampled(low, high, theta[:, 1:], _SCHEMES[uneven])
+    best, logarithmic = solution.theta[:, None], _logarithmic(problem)[:, None]
+
+    def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
+        """How far the whole grid's estimates lie off, and their standard errors; inf where nothing is seen of a parameter."""
+        torques = (problem.torque - solution.residuals)[:, None] + residuals
+        if not problem.peaks:
+            theta, errors = linear_refit(problem.linear, torques, uneven)
+            return theta - best, errors
+        found = Batch(problem, torques, v_s_range)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.where(logarithmic, np.log(found.theta / best), found.theta - best)
+        size = np.where(logarithmic, np.column_stack([best, found.theta[:, 1:]]), 1.0)
+        return steps, found.errors(robust=uneven) / size
+
+    drawn, errors = residual_bootstrap(
+        solution.jacobian, solution.residuals, problem.velocity, refit, draws=draws, seed=seed
+    )
+    return _in_units(problem, solution, drawn, errors)
 
 
-def one_step(jacobian: Array, residuals: Array, velocity: Array, draws: int = DRAWS, seed: int = SEED) -> Resampled:
-    """The same for any fit of points, by a step of Gauss and Newton for each draw: intervals and draws of how far an unknown lies off its estimate.
+def resample_steps(
+    problem: Regression, solution: Solution, covariance: Array, seed: int = SEED
+) -> tuple[tuple[str, ...], StaticDraws] | None:
+    """The same by one step of Gauss and Newton, for moving data, priors or two peaks; None where too few blocks are left to draw.
 
     Args:
-        jacobian: of the model at the estimate, (n, p), of full rank.
-        residuals: measured minus modelled, (n,).
-        velocity: rad/s, (n,).
-        draws: as in `resample`.
-        seed: as in `resample`.
+        problem: the equations.
+        solution: its solution.
+        covariance: of the parameters at no bound, which alone are stepped.
+        seed: of the generator.
+
+    Returns:
+        Their names, and what draws do to them.
     """
-    noise, uneven = _noise(jacobian, residuals, velocity, draws, seed)
-    steps, errors = _linear_fits(jacobian, np.column_stack([residuals, noise]), sandwich=uneven)
-    most, least = _quantiles(steps[:, 1:], errors[:, 1:])
-    return Resampled(-most * errors[:, 0], -least * errors[:, 0], steps[:, 1:], _SCHEMES[uneven])
+    keep = [k for k, name in enumerate(problem.names) if name not in solution.at_bound]
+    size = np.where(_logarithmic(problem), solution.theta, 1.0)[keep]
+    J, measured = solution.jacobian[:, keep] * size, problem.torque.size - problem.priors
+    if problem.smooth is None:
+        drawn, errors = residual_bootstrap(J, solution.residuals, problem.velocity, seed=seed)
+    else:
+        sigma = float(np.sqrt(solution.cost / max(problem.torque.size - len(keep), 1)))
+        priors, errors = -J[measured:], np.sqrt(np.diag(covariance)) / size
+        drawn = block_bootstrap(-J[:measured], solution.residuals[:measured], priors=priors, sigma=sigma, seed=seed)
+        if drawn.blocks < FEW:
+            return None
+    names = tuple(problem.names[k] for k in keep)
+    return names, _in_units(problem, solution, drawn, errors, keep)
 
 
-def _noise(jacobian: Array, left: Array, velocity: Array, draws: int, seed: int) -> tuple[Array, bool]:
-    """What is added to the modelled torques, (n, draws), and whether it is drawn wild."""
-    rng = np.random.default_rng(seed)
-    leverage = np.minimum(np.einsum("np,pq,nq->n", jacobian, inverse_gram(jacobian), jacobian), _FULL)
-    if variances_differ(left, velocity):
-        return (left / (1 - leverage))[:, None] * rng.choice(_WEBB, (left.size, draws)), True
-    even = left / np.sqrt(1 - leverage)
-    return (even - even.mean())[rng.integers(0, left.size, (left.size, draws))], False
+def _logarithmic(problem: Regression) -> NDArray[np.bool_]:
+    return np.array([name.startswith("v_s") for name in problem.names])
 
 
-def variances_differ(residuals: Array, velocity: Array) -> bool:
-    """Whether the residuals' variance depends on the speed (Koenker's test against a parabola over log speed, 1 %); never with few points."""
-    speed, square = np.log(np.abs(velocity)), residuals**2
-    if residuals.size < 10 or not np.ptp(speed) > 0 or not square.any():
-        return False
-    s = 2 * (speed - speed.min()) / np.ptp(speed) - 1
-    basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]
-    total = float(np.sum((square - square.mean()) ** 2))
-    share = float(np.sum((basis.T @ square) ** 2)) / total if total > 0 else 0.0
-    return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
+def _in_units(
+    problem: Regression, solution: Solution, drawn: Resampled, errors: Array, keep: Sequence[int] | None = None
+) -> StaticDraws:
+    """Intervals and draws of some parameters; no friction parameter below zero."""
+    which = list(range(len(problem.names))) if keep is None else list(keep)
+    best, names = solution.theta[which, None], [problem.names[k] for k in which]
+    floor = np.array([[0.0 if name.startswith(("alpha", "v_s")) else -np.inf] for name in names])
+    ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())])
 
+    def moved(steps: Array) -> Array:
+        """The estimates moved by steps, (p, k)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = np.where(_logarithmic(problem)[which, None], best * np.exp(steps), best + steps)
+        floored: Array = np.maximum(off, floor)
+        return floored
 
-def _fits(
-    problem: Regression, torques: Array, v_s_range: tuple[float, float], *, sandwich: bool
-) -> tuple[Array, Array]:
-    """Estimates and standard errors of each set, (p, sets); inf where nothing is seen of a parameter."""
-    if problem.peaks:
-        found = Batch(problem, torques, v_s_range)
-        return found.theta, found.errors(robust=sandwich)
-    return _linear_fits(problem.linear, torques, sandwich=sandwich)
-
-
-def _linear_fits(columns: Array, torques: Array, *, sandwich: bool) -> tuple[Array, Array]:
-    """The same of a problem that is linear in columns (n, p)."""
-    inner = inverse_gram(columns)
-    weights = inner @ columns.T
-    theta = weights @ torques
-    left = torques - columns @ theta
-    if sandwich:
-        kept = 1 - np.minimum(np.einsum("np,pn->n", columns, weights), _FULL)
-        return theta, np.sqrt(weights**2 @ (left / kept[:, None]) ** 2)
-    cost = np.einsum("ns,ns->s", left, left) / max(left.shape[0] - theta.shape[0], 1)
-    return theta, np.sqrt(np.diag(inner)[:, None] * cost)
-
-
-def _studentised(problem: Regression, best: Array, theta: Array, errors: Array) -> tuple[Array, Array]:
-    """Ends of the intervals from draws (p, b) and standard errors, of the estimate (first) and of each draw, (p, 1 + b); v_s by its logarithm."""
-    positive = np.array([name.startswith("v_s") for name in problem.names])[:, None]
-    size = np.where(positive, theta, 1.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.where(positive, np.log(theta / best[:, None]), theta - best[:, None])
-        most, least = _quantiles(off, errors[:, 1:] / size)
-    own = errors[:, 0] / np.where(positive[:, 0], best, 1.0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        reach = ((-most * own, -np.inf), (-least * own, np.inf))
-        ends = [np.where(own > 0, np.where(np.isfinite(own), end, none), 0.0) for end, none in reach]
-        low, high = (np.where(positive[:, 0], best * np.exp(end), best + end) for end in ends)
-    floor = np.array([0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names])
-    return np.maximum(low, floor), np.maximum(high, floor)
-
-
-def _quantiles(off: Array, errors: Array) -> tuple[Array, Array]:
-    """The highest and the lowest studentised draw of the middle 95 %, (p,) each."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = off / errors
-    blind = ~np.isfinite(t)  # a draw that shows nothing of a parameter may lie on either side
-    tail = (1 - LEVEL) / 2
-    most: Array = np.quantile(np.where(blind, np.inf, t), 1 - tail, axis=1, method="higher")
-    least: Array = np.quantile(np.where(blind, -np.inf, t), tail, axis=1, method="lower")
-    return most, least
+    low, high = moved(ends).T
+    return StaticDraws(low, high, moved(drawn.steps.T), drawn.wild)

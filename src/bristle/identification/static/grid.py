@@ -5,15 +5,18 @@ operations; the minimum is then refined to the continuous one.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import exp, log
 
 import numpy as np
-from scipy.optimize import minimize
 
 from bristle.arrays import Array
+from bristle.errors import InputError
+from bristle.estimation.levenberg_marquardt import minimise
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.projection import Inner, Projected, solve_at
+from bristle.identification.static.unknowns import least_squares
 
 GRID = 32
 """Values of v_s in the refined grid."""
@@ -182,22 +185,10 @@ def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
 
 
 def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
-    """The continuous minimum over v_s of every direction; the slope by the envelope theorem, dJ/dv_s = -2 alpha_1 s'r."""
-
-    def cost_and_slope(u: Array) -> tuple[float, Array]:
-        """J_s and its slope at u = log(v_s), (2,), both over `scale`."""
-        inner = solve_at(problem, list(np.exp(u)))
-        return inner.cost / scale, -2 * (inner.jacobian[:, -len(v_s) :].T @ inner.residuals) * np.exp(u) / scale
-
-    if not v_s:  # no direction has a peak
-        return []
-    scale = solve_at(problem, v_s).cost or 1.0
-    found = minimize(
-        cost_and_slope,
-        np.log(v_s),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[tuple(np.log(v_s_range))] * len(v_s),
-        options={"ftol": 1e-14, "gtol": 1e-9},
-    )
-    return [float(x) for x in np.exp(found.x)]
+    """The v_s of every direction at the continuous minimum near some of them."""
+    posed = least_squares(problem, v_s_range)
+    start = posed.unknowns.scaled(dict(zip(problem.names, solve_at(problem, v_s).theta.tolist(), strict=True)))
+    with suppress(InputError):  # where nothing depends on v_s, they stay
+        lower, upper = posed.unknowns.lower, posed.unknowns.upper
+        start = minimise(posed.evaluate, start, lower, upper, settled=_SETTLED).x
+    return [float(x) for x in posed.unknowns.natural(start)[len(problem.names) - len(v_s) :]]

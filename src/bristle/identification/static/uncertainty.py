@@ -5,7 +5,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import FEW, SHOWN, block_bootstrap
+from bristle.estimation.bootstrap import FEW, SHOWN
 from bristle.identification.results import Uncertainty
 from bristle.identification.static import bootstrap
 from bristle.identification.static.profiles import others
@@ -55,42 +55,16 @@ def _resampled(
 ) -> dict[str, tuple[tuple[float, float] | None, Array]]:
     """Interval and draws of each parameter: points fitted again, moving data and two peaks by a step of Gauss and Newton."""
     problem, solution = found.problem, found.solution
+    names = problem.names
     if problem.smooth is None and len(problem.peaks) < 2 and not problem.priors:
         drawn = bootstrap.resample(problem, solution, v_s_range, seed=seed)
-        both = zip(drawn.low.tolist(), drawn.high.tolist(), strict=True)
-        return {name: (own, draws) for name, own, draws in zip(problem.names, both, drawn.draws, strict=True)}
-    keep = [k for k, name in enumerate(problem.names) if name not in solution.at_bound]
-    names = [problem.names[k] for k in keep]
-    # v_s is stepped by its logarithm
-    size = np.array([solution.theta[k] if problem.names[k].startswith("v_s") else 1.0 for k in keep])
-    J, out = solution.jacobian[:, keep] * size, dict[str, tuple[tuple[float, float] | None, Array]]()
-    if problem.smooth is None:
-        drawn = bootstrap.one_step(J, solution.residuals, problem.velocity, seed=seed)
-        intervals, steps = np.column_stack([drawn.low, drawn.high]), drawn.draws
+    elif stepped := bootstrap.resample_steps(problem, solution, found.covariance, seed):
+        names, drawn = stepped
     else:
-        measured = problem.torque.size - problem.priors
-        sigma = float(np.sqrt(solution.cost / max(problem.torque.size - len(keep), 1)))
-        series = block_bootstrap(
-            -J[:measured], solution.residuals[:measured], priors=-J[measured:], sigma=sigma, seed=seed
-        )
-        if series.blocks < FEW:
-            return dict.fromkeys(problem.names, (None, np.zeros(0)))
-        errors = np.sqrt(np.diag(found.covariance)) / size
-        intervals = np.array([series.interval(k, error) for k, error in enumerate(errors.tolist())])
-        steps = series.steps.T
-    for name, interval, own in zip(names, intervals, steps, strict=True):
-        low, high = _moved(found, name, interval).tolist()
-        out[name] = (low, high), _moved(found, name, own)
-    return {name: out.get(name, (None, np.zeros(0))) for name in problem.names}
-
-
-def _moved(found: Inferred, name: str, steps: Array) -> Array:
-    """The estimate of a parameter moved by steps, of its logarithm for v_s; no friction parameter below zero."""
-    value = float(found.solution.theta[found.problem.names.index(name)])
-    if name.startswith("v_s"):
-        with np.errstate(over="ignore"):
-            return np.asarray(value * np.exp(steps), dtype=float)
-    return np.maximum(value + steps, 0.0) if name.startswith("alpha") else value + steps
+        return dict.fromkeys(names, (None, np.zeros(0)))
+    ends = zip(drawn.low.tolist(), drawn.high.tolist(), strict=True)
+    known = {name: (own, draws) for name, own, draws in zip(names, ends, drawn.draws, strict=True)}
+    return {name: known.get(name, (None, np.zeros(0))) for name in problem.names}
 
 
 def _curve(found: Inferred, name: str, value: float) -> Array:

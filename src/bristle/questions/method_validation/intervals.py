@@ -7,7 +7,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance
 from bristle.identification.static.batch import Batch
-from bristle.identification.static.bootstrap import Resampled, resample
+from bristle.identification.static.bootstrap import StaticDraws, resample
 from bristle.identification.static.doubts import is_closed
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import solve
@@ -58,7 +58,7 @@ def coverage(case: Case, torques: Array, *, blind: bool) -> tuple[Coverage, ...]
     )
 
 
-def _resampled(case: Case, torque: Array) -> Resampled:
+def _resampled(case: Case, torque: Array) -> StaticDraws:
     problem = case.problem(torque)
     return resample(problem, solve(problem, case.v_s_range), case.v_s_range, DRAWS)
 
