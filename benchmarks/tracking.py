@@ -98,7 +98,7 @@ class Case(NamedTuple):
 
     def gauss_newton(self, evaluate: Evaluate) -> Array:
         """What bristle's own descent finds with another's residuals and Jacobian."""
-        return minimise(evaluate, self.x0, *unknowns.bounds(self.problem)).x
+        return minimise(evaluate, self.x0, self.posed.unknowns.lower, self.posed.unknowns.upper).x
 
 
 def case(n: int) -> Case:
@@ -282,7 +282,7 @@ def ipopt_fits(data: Case) -> dict[str, Fit]:
     T = step.mapaccum(n)(q[6], *(ca.DM(row).T for row in steps), ca.repmat(q[:6], 1, n))[1]
     cost = ca.sumsqr(ca.DM(data.torque) - T[np.arange(n)[samples].tolist()].T)
     nlp: Any = {"x": x, "f": cost / ca.Function("cost", [x], [cost])(data.x0)}
-    lower, upper = unknowns.bounds(data.problem)
+    lower, upper = data.posed.unknowns.lower, data.posed.unknowns.upper
 
     def solve(solver: ca.Function) -> Array:
         found: Array = solver(x0=data.x0, lbx=lower, ubx=upper)["x"].full().ravel()

@@ -4,7 +4,7 @@ from scipy import stats
 
 from bristle.arrays import Array
 from bristle.estimation import covariance as uncertainty
-from bristle.estimation.best_column import p_value
+from bristle.estimation.linear import best_column_p_value
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_points
@@ -81,7 +81,7 @@ def test_p_value_is_uniform_where_there_is_no_peak(speeds: Array) -> None:
         projected = Projected(problem)
         off, length = projected.off(values)
         cost = projected.costs(values).min()
-        p_values.append(p_value(off, length, projected.q, (projected.base_cost - cost) / cost, draws=1000))
+        p_values.append(best_column_p_value(off, length, projected.q, (projected.base_cost - cost) / cost, draws=1000))
     for level in (0.05, 0.20):
         seen = np.mean(np.array(p_values) <= level)
         assert abs(seen - level) <= 3 * np.sqrt(level * (1 - level) / 400) + 0.002

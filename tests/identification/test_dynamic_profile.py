@@ -169,7 +169,7 @@ def test_few_evaluations_suffice(gripper: Tracked) -> None:
         count[0] += 1
         return posed.evaluate(x)
 
-    judged = replace(gripper.judged, posed=replace(posed, evaluate=counted))
+    judged = gripper.judged._replace(posed=replace(posed, evaluate=counted))
     profile_moving(gripper._replace(judged=judged), lambda *what: told.append(what))
     assert count[0] <= 30
     assert [done for _, done, _ in told] == list(range(7))

@@ -19,10 +19,9 @@ set is fitted again, by whatever fits it, and studentised.
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import ceil
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from bristle.arrays import Array
@@ -31,7 +30,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL
 from bristle.estimation.levenberg_marquardt import Minimum
 from bristle.estimation.linear import inverse_gram
-from bristle.estimation.problem import LeastSquares, projected
+from bristle.estimation.problem import LeastSquares, Name, projected
 
 DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
@@ -147,18 +146,37 @@ def variances_differ(residuals: Array, place: Array) -> bool:
     return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
 
 
-def bootstrap_at(problem: LeastSquares[Any], minimum: Minimum, which: NDArray[np.intp], seed: int = 0) -> Resampled:
-    """The steps of some shared scaled unknowns of a problem at its minimum under resampled blocks; one that errs independently is a block."""
-    J, n = projected(minimum.jacobian, which, problem.blocks), minimum.residuals.size - problem.priors
-    return block_bootstrap(
-        J[:n],
-        minimum.residuals[:n],
-        [block.rows.start for block in problem.blocks] if problem.independent else problem.stretches,
-        priors=J[n:],
-        sigma=problem.sigma,
-        length=n if problem.independent else None,
-        seed=seed,
+def bootstrap_at(
+    problem: LeastSquares[Name], minimum: Minimum, errors: Array, seed: int = 0
+) -> tuple[dict[Name, tuple[Array, Array]], int]:
+    """What resampled blocks, and blocks that err independently, say of a problem's shared unknowns at its minimum.
+
+    Args:
+        problem: the problem.
+        minimum: its minimum.
+        errors: standard errors of the scaled unknowns, (p,).
+        seed: of the generator.
+
+    Returns:
+        The ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound, in its unit, by name; what
+        leaves the bounds is open. And the number of blocks drawn.
+    """
+    x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
+    inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
+    which = problem.shared[inside[problem.shared]]
+    J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
+    starts = [block.rows.start for block in problem.blocks] if whole else problem.stretches
+    told, length = J[n:], n if whole else None
+    drawn = block_bootstrap(
+        J[:n], minimum.residuals[:n], starts, priors=told, sigma=problem.sigma, length=length, seed=seed
     )
+    out: dict[Name, tuple[Array, Array]] = {}
+    for column, j in enumerate(which.tolist()):
+        box, ends = (unknowns.lower[j], unknowns.upper[j]), x[j] + np.array(drawn.interval(column, float(errors[j])))
+        closed = unknowns.natural_of(j, np.clip(ends, *box))
+        limited = np.where([ends[0] <= box[0], ends[1] >= box[1]], [unknowns.least[j], np.inf], closed)
+        out[unknowns.names[j]] = limited, unknowns.natural_of(j, np.clip(x[j] + drawn.steps[:, column], *box))
+    return out, drawn.blocks
 
 
 def block_bootstrap(
@@ -168,6 +186,7 @@ def block_bootstrap(
     *,
     priors: Array | None = None,
     sigma: float = 1.0,
+    instrument: Array | None = None,
     length: int | None = None,
     draws: int = DRAWS,
     seed: int = 0,
@@ -180,6 +199,7 @@ def block_bootstrap(
         starts: first equation of each stretch; no block reaches over one.
         priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are none.
         sigma: see there.
+        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
         length: equations in a block; None: `block_length` of the scores.
         draws: B.
         seed: of the generator.
@@ -188,11 +208,12 @@ def block_bootstrap(
     size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian) + np.einsum("mp,mp->p", told, told))
     size[size == 0] = 1.0
     J = jacobian / size
-    length = length or block_length(J * residuals[:, None])
+    Z = J if instrument is None else instrument / np.linalg.norm(instrument)
+    length = length or block_length(Z * residuals[:, None])
     edges, of_stretch = cells(residuals.size, starts, length)
-    grams = np.array([J[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
-    scores = np.array([J[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    found = resample(grams, scores, of_stretch, told / size, sigma, draws, seed)
+    grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
+    scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
+    found = _resample(grams, scores, of_stretch, told / size, sigma, draws, seed)
     return found._replace(steps=found.steps / size)
 
 
@@ -219,20 +240,10 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
     return np.append(np.concatenate(inner), n), np.repeat(np.arange(len(counts)), counts)
 
 
-def resample(
+def _resample(
     grams: Array, scores: Array, of_stretch: Array, told: Array, sigma: float, draws: int, seed: int
 ) -> Resampled:
-    """The steps -gram**-1 score where blocks of cells are drawn, centred so that they vanish where each is drawn as often as any other.
-
-    Args:
-        grams: of each cell, (C, p, p).
-        scores: of each cell, (C, p).
-        of_stretch: the stretch of each cell, ascending, (C,).
-        told: rows of priors, (m, p).
-        sigma: what those scatter by.
-        draws: B.
-        seed: of the generator.
-    """
+    """The steps where blocks of cells, (C, ...), are drawn, centred so that they vanish where each is drawn as often as any other."""
     grams, scores, share = _blocks(grams, scores, of_stretch)
     number = max(round(float(share.sum())), 1)
     rng = np.random.default_rng(seed)

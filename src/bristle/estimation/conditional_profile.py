@@ -11,7 +11,7 @@ bound, the curve is, at each eta, that of the best face whose extreme breaks non
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import NamedTuple
 
@@ -41,16 +41,12 @@ Face = Callable[[Array], Conditional]
 
 
 class Looks(NamedTuple):
-    """Where extremes over eta are looked for."""
+    """Over how many values of each eta extremes are looked for: at first, near the best ones, again and again; and a drawn profile is minimised."""
 
     first: int
-    """Values of each eta in the first look, ..."""
     near: int
-    """... in each look between the neighbours of the best one, ..."""
     again: int
-    """... and how many looks there are after the first."""
     drawn: int
-    """Values of each eta over which a drawn profile is minimised."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -59,21 +55,21 @@ class ConditionalProfiles:
 
     free: Face
     """The problem with no unknown at its bound."""
-    faces: Callable[[int], Iterable[Face]]
-    """Every face on which an unknown is free."""
-    bounded: NDArray[np.bool_]
-    """Which unknowns are not negative, (M,)."""
     best: Array
     """eta of the solution, (P,)."""
-    cost: float
-    """J there."""
     threshold: float
     """K: what an unknown inside its interval costs at most."""
     box: Array
     """Between which eta the threshold may be kept, (P, 2)."""
-    searched: Array
-    """The lowest and highest eta that count, (P, 2)."""
     looks: Looks
+    cost: float = 0.0
+    """J of the solution."""
+    bounded: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
+    """Which unknowns are not negative, (M,)."""
+    faces: Callable[[int], Iterable[Face]] = lambda _: ()
+    """Every face on which an unknown is free."""
+    searched: tuple[float, float] = (-np.inf, np.inf)
+    """The lowest and highest eta that count."""
     tolerance: float = 0.0
     """Costs this near are the same."""
     better: Array | None = None
@@ -86,7 +82,7 @@ class ConditionalProfiles:
 
     def heights(self, j: int, values: Array, beyond: float) -> Array:
         """(cost - least) / (threshold - least) of unknown j at values of it, (k,); eta goes beyond its box by that share of it."""
-        wider = np.clip(self.box + beyond * np.diff(self.box, axis=1) * [-1, 1], *self.searched.T[..., None])
+        wider = np.clip(self.box + beyond * np.diff(self.box, axis=1) * [-1, 1], *self.searched)
         nodes = self._grid(wider, self.looks.drawn)
         cost, inside = self._held(self.free, nodes, j, values)
         if not inside.all():

@@ -16,18 +16,23 @@ from bristle.estimation.problem import Name, Unknowns
 class Comparison(NamedTuple, Generic[Name]):
     """Where the second route ended, beside the first."""
 
-    lowest: float
-    """The lowest cost of any of its ends."""
+    cost_grid: float
+    """The cost of the first."""
+    cost_full: float
+    """The lowest cost of any end of the second."""
     starts: int
     reached: int
     """How many starts ended at the lowest cost."""
     parameters: Mapping[Name, float]
-    difference: Mapping[Name, float]
+    difference_in_se: Mapping[Name, float]
     """Second less first, in standard errors of the first, where there is one."""
-    worst: float
-    """The largest of these."""
     agrees: bool
     """Whether both found the same cost."""
+
+    @property
+    def worst(self) -> float:
+        """The largest difference in standard errors."""
+        return max(map(abs, self.difference_in_se.values()), default=0.0)
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
@@ -74,13 +79,12 @@ def compared(
     lowest = min(costs)
     parameters = found[costs.index(lowest)]
     known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
-    difference = {name: (parameters[name] - values[name]) / error for name, error in known.items()}
     return Comparison(
-        lowest=lowest,
+        cost_grid=cost,
+        cost_full=lowest,
         starts=len(costs),
         reached=sum(one <= lowest + same for one in costs),
         parameters=parameters,
-        difference=difference,
-        worst=max(map(abs, difference.values()), default=0.0),
+        difference_in_se={name: (parameters[name] - values[name]) / error for name, error in known.items()},
         agrees=abs(lowest - cost) <= same,
     )

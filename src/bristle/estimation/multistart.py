@@ -2,8 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from bristle.arrays import Array
 from bristle.errors import InputError
@@ -20,24 +19,21 @@ _NOTHING = 1e-20
 """A cost below this is none."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MultistartSolution(Generic[Name]):
-    """A minimum with what is known of it."""
+class MultistartSolution(NamedTuple, Generic[Name]):
+    """The lowest minimum, with what is known of it; from `scaled_errors` on as in `Covariance`."""
 
     posed: LeastSquares[Name]
     """The problem of which it is the minimum."""
     minimum: Minimum
-    values: Mapping[Name, float]
     names: tuple[Name, ...]
-    scaled_errors: Array
-    """Standard errors of the scaled unknowns, (p,); inf where nothing is seen of one."""
-    covariance: Array
-    """Of the unknowns in their units, (p, p)."""
-    freedom: float
-    stretch: float
-    """By how much correlated residuals widen the errors."""
+    values: Mapping[Name, float]
     starts: int
     reached: int
+    """How many starts ended at the same cost."""
+    scaled_errors: Array
+    covariance: Array
+    freedom: float
+    stretch: float
 
 
 def solve_from_starts(
@@ -63,16 +59,6 @@ def solve_from_starts(
         with suppress(InputError):
             ends.append(solve(start, _TRIES))
     posed, minimum = finish(*min(ends, key=lambda end: end[1].cost))
-    errors, covariance, freedom, widening = covariance_at(posed, minimum)
-    return MultistartSolution(
-        posed=posed,
-        minimum=minimum,
-        values=posed.unknowns.values(minimum.x),
-        names=posed.unknowns.names,
-        scaled_errors=errors,
-        covariance=covariance,
-        freedom=freedom,
-        stretch=widening,
-        starts=count,
-        reached=max(sum(end.cost <= minimum.cost * (1 + _SAME) + _NOTHING for _, end in ends), 1),
-    )
+    reached = max(sum(end.cost <= minimum.cost * (1 + _SAME) + _NOTHING for _, end in ends), 1)
+    names, values = posed.unknowns.names, posed.unknowns.values(minimum.x)
+    return MultistartSolution(posed, minimum, names, values, count, reached, *covariance_at(posed, minimum))

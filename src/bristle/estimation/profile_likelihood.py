@@ -12,7 +12,7 @@ problem that is linear once a few unknowns are given has an exact profile: see `
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import LEVEL, seen, student
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.linear import inverse_gram
-from bristle.estimation.problem import Evaluate, LeastSquares, Name
+from bristle.estimation.problem import LeastSquares, Name
 from bristle.progress import Progress
 
 _TRIES, _BUDGET = 12, 40
@@ -72,26 +72,22 @@ def interval_on_grid(
         best: where the profile is lowest.
         most: the threshold.
     """
-    below = np.flatnonzero(profile <= most)
-    low, high = (
-        (int(below[0]), int(below[-1]))
-        if below.size
-        else (int(np.searchsorted(grid, best)), int(np.searchsorted(grid, best)) - 1)
-    )
+    inside = np.append(grid[profile <= most], best)
 
-    def crossing(outside: float, inside: float) -> float:
+    def crossing(outside: float, within: float) -> float:
         """Where between two values the profile crosses the threshold; the inner one where it does not."""
 
         def excess(u: float) -> float:
             """The profile less the threshold at a logarithm."""
             return float(costs(np.array([np.exp(u)]))[0]) - most
 
-        a, b = np.log(outside), np.log(inside)
-        return inside if excess(a) * excess(b) > 0 else float(np.exp(brentq(excess, a, b, xtol=1e-10)))
+        a, b = np.log(outside), np.log(within)
+        return within if excess(a) * excess(b) > 0 else float(np.exp(brentq(excess, a, b, xtol=1e-10)))
 
-    lower = 0.0 if low == 0 else crossing(float(grid[low - 1]), min(best, float(grid[min(low, grid.size - 1)])))
-    upper = np.inf if high == grid.size - 1 else crossing(float(grid[high + 1]), max(best, float(grid[max(high, 0)])))
-    return lower, float(upper)
+    low, high = float(inside.min()), float(inside.max())
+    below, above = int(np.searchsorted(grid, low)), int(np.searchsorted(grid, high, side="right"))
+    lower = 0.0 if below == 0 else crossing(float(grid[below - 1]), low)
+    return lower, np.inf if above == grid.size else crossing(float(grid[above]), high)
 
 
 def profiles(
@@ -116,17 +112,10 @@ def profiles(
     Returns:
         The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit must be done again.
     """
-    unknowns, x = problem.unknowns, minimum.x
-    naive = _naive(minimum.jacobian)
-    surface = _Surface(
-        problem.evaluate,
-        np.minimum(unknowns.lower, x),
-        np.maximum(unknowns.upper, x),
-        minimum.cost,
-        minimum.residuals.size,
-        stop_at_better,
-    )
-    first = _Point(x, minimum.jacobian.T @ minimum.jacobian)
+    unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)
+    naive = np.full(x.size, np.inf)  # the diagonal of (J'J)**-1
+    naive[known] = np.diag(inverse_gram(minimum.jacobian[:, known]))
+    first = x, minimum.jacobian.T @ minimum.jacobian
     out: dict[Name, Profiled] = {}
     for done, j in enumerate(problem.shared.tolist()):
         name, value = unknowns.names[j], float(unknowns.natural(x)[j])
@@ -139,129 +128,66 @@ def profiles(
             whole = float(unknowns.least[j]), np.inf
             out[name] = Profiled(whole, np.zeros((2, 0)), (Kind.PROFILE_UNSEEN(open=Kind.PROFILE_OPEN()),))
         else:
-            path = _Path(surface, j, reach**2 / float(naive[j]), [first], {float(x[j]): 0.0})
-            try:
-                out[name] = _profiled(problem, path, reach)
-            except _Better as better:
-                return out, better.x
+            high = reach**2 / float(naive[j])
+            path = _Path(problem, minimum, j, high, stop_at_better, [first], {float(x[j]): 0.0})
+            found = path.profiled(reach)
+            if path.better is not None:
+                return out, path.better
+            out[name] = found
     return out, None
 
 
-def _naive(jacobian: Array) -> Array:
-    """Diagonal of (J'J)**-1, (p,); inf for unknowns without influence."""
-    known = seen(jacobian)
-    out = np.full(known.size, np.inf)
-    out[known] = np.diag(inverse_gram(jacobian[:, known]))
-    return out
-
-
-class _Better(Exception):  # noqa: N818  # a way out of a search that became pointless
-    """A lower cost than the fit's was found, at these scaled unknowns."""
-
-    def __init__(self, x: Array) -> None:
-        """Remember where."""
-        super().__init__("a profile found a lower cost than the fit")
-        self.x = x
-
-
-class _Spent(Exception):  # noqa: N818  # a way out as well
-    """The budget of a search is."""
-
-
-class _Point(NamedTuple):
-    """A solved point of a path."""
-
-    x: Array
-    """Scaled unknowns, (p,)."""
-    gram: Array
-    """J'J, (p, p)."""
-
-
-class _Surface(NamedTuple):
-    """The least-squares problem about its minimum."""
-
-    evaluate: Evaluate
-    lower: Array
-    upper: Array
-    cost: float
-    """J_min."""
-    rows: int
-    stop_at_better: bool
+class _Stop(Exception):  # noqa: N818  # a way out of a search: it found a better optimum, or its budget is spent
+    """A search along a profile ends before it found what it looked for."""
 
 
 @dataclass(slots=True)
 class _Path:
     """The points solved for one unknown, the estimate first."""
 
-    surface: _Surface
+    problem: LeastSquares[Any]
+    minimum: Minimum
     which: int
     high: float
     """d."""
-    points: list[_Point]
-    roots: dict[float, float] = field(default_factory=dict)
+    stop_at_better: bool
+    points: list[tuple[Array, Array]]
+    """Scaled unknowns, (p,), and J'J, (p, p)."""
+    roots: dict[float, float]
     """sqrt((J - J_min) / d) at scaled values of the unknown."""
     spent: int = 0
+    better: Array | None = None
+    """Scaled unknowns at which a lower cost than the fit's was found."""
     rough: bool = False
     """Whether a descent did not settle, or a search was given up ..."""
     lost: bool = False
     """... without an end."""
 
-    def root(self, value: float) -> float:
-        """The statistic's root at a scaled value of the unknown."""
-        if value not in self.roots:
-            near = self._inner(value)
-            moved = near.x + self._slope(near) * (value - near.x[self.which])
-            tried = (self._solved(start, value) for start in (moved, near.x))
-            self.roots[value] = next((root for root in tried if root is not None), _STEEP)
-        return self.roots[value]
+    def profiled(self, reach: float) -> Profiled:
+        """The profile, in the unknown's unit; its ends are first looked for `reach` away from the estimate."""
+        unknowns, j, x = self.problem.unknowns, self.which, self.minimum.x
+        limits = min(unknowns.lower[j], x[j]), max(unknowns.upper[j], x[j])
+        ends = [self._end(reach, float(limit)) if self.better is None else None for limit in limits]
+        low, high = (
+            limit if end is None else float(unknowns.natural_of(j, np.array(end)))
+            for end, limit in zip(ends, (float(unknowns.least[j]), np.inf), strict=True)
+        )
+        known = {at: root**2 for at, root in self.roots.items() if root < _STEEP}
+        known |= {end: 1.0 for end in ends if end is not None}
+        at, heights = np.array(sorted(known.items())).T
+        is_open = None in ends and (high == np.inf or low < 0 or bool(unknowns.logarithmic[j]))
+        doubts = [Kind.PROFILE_OPEN()] if is_open and not self.lost else []
+        if self.rough:
+            doubts.append(Kind.PROFILE_LOST() if self.lost else Kind.PROFILE_ROUGH())
+        return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(doubts))
 
-    def _inner(self, value: float) -> _Point:
-        """The point next to a value on the way from the estimate: what lies beyond may be in another valley."""
-        best = float(self.points[0].x[self.which])
-        way = value - best
-        inside = [point for point in self.points if 0 <= (point.x[self.which] - best) / way <= 1]
-        return max(inside, key=lambda point: abs(float(point.x[self.which]) - best))
-
-    def _slope(self, near: _Point) -> Array:
-        """Derivative of the others' linearised conditional mean by the unknown, (p,): 1 for itself, 0 at a bound."""
-        size = np.sqrt(near.gram.diagonal())
-        free = (size > 0) & (near.x > self.surface.lower) & (near.x < self.surface.upper)
-        free[self.which] = False
-        inner = near.gram[np.ix_(free, free)] / np.outer(size[free], size[free])
-        out = np.zeros(near.x.size)
-        out[free] = -np.linalg.lstsq(inner, near.gram[free, self.which] / size[free], rcond=1e-12)[0] / size[free]
-        out[self.which] = 1.0
-        return out
-
-    def _solved(self, start: Array, value: float) -> float | None:
-        """The statistic's root of the fit with the unknown held at a value; None where nothing can be computed at the start."""
-        _, lower, upper, cost, rows, stop_at_better = self.surface
-        held = np.arange(start.size) == self.which
-        lower, upper, start = (np.where(held, value, bound) for bound in (lower, upper, start))
-        try:
-            found = minimise(self._evaluate, start, lower, upper, _TRIES, _SETTLED * self.high * rows / cost)
-        except InputError:
-            return None
-        excess = (found.cost - cost) / self.high
-        if stop_at_better and excess < -BETTER:
-            raise _Better(found.x)
-        self.rough |= not found.converged
-        self.points.append(_Point(found.x, found.jacobian.T @ found.jacobian))
-        return float(np.sqrt(max(excess, 0.0)))
-
-    def _evaluate(self, x: Array) -> tuple[Array, Array]:
-        self.spent += 1
-        if self.spent > _BUDGET:
-            raise _Spent
-        return self.surface.evaluate(x)
-
-    def end(self, reach: float, limit: float) -> float | None:
+    def _end(self, reach: float, limit: float) -> float | None:
         """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate; None where it does not."""
-        best, self.spent = float(self.points[0].x[self.which]), 0
+        best, self.spent = float(self.minimum.x[self.which]), 0
         side = float(np.sign(limit - best))
         try:
             return self._crossing(best, side, reach, abs(limit - best))
-        except _Spent:
+        except _Stop:
             self.rough = True
             beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
             self.lost |= not beyond
@@ -271,31 +197,58 @@ class _Path:
         inside, away = best, min(reach, most)
         for _ in range(_FAR):
             outside = best + side * away
-            root = self.root(outside)
+            root = self._root(outside)
             if abs(root - 1) < _STRAIGHT:
                 return best + side * min(away / root, most)
             if root > 1:
-                return float(brentq(lambda x: self.root(x) - 1, inside, outside, xtol=_EXACT * away))
+                return float(brentq(lambda x: self._root(x) - 1, inside, outside, xtol=_EXACT * away))
             if away == most:
                 return None
             inside, away = outside, min(away * (_GROWTH if root * _GROWTH < 1 else 1.01 / root), most)
         return None
 
+    def _root(self, value: float) -> float:
+        """The statistic's root at a scaled value of the unknown."""
+        if value not in self.roots:
+            j, best = self.which, float(self.minimum.x[self.which])
+            # next to the value on the way from the estimate: what lies beyond may be in another valley
+            inside = [point for point in self.points if 0 <= (point[0][j] - best) / (value - best) <= 1]
+            x, gram = max(inside, key=lambda point: abs(float(point[0][j]) - best))
+            tried = (self._solved(start, value) for start in (x + self._slope(x, gram) * (value - x[j]), x))
+            self.roots[value] = next((root for root in tried if root is not None), _STEEP)
+        return self.roots[value]
 
-def _profiled(problem: LeastSquares[Any], path: _Path, reach: float) -> Profiled:
-    """The interval of one unknown, in its unit."""
-    unknowns, j = problem.unknowns, path.which
-    ends = [path.end(reach, float(bound[j])) for bound in (path.surface.lower, path.surface.upper)]
-    known = {x: root**2 for x, root in path.roots.items() if root < _STEEP}
-    known |= {x: 1.0 for x in ends if x is not None}
-    x = np.array(sorted(known))
-    curve = np.stack([unknowns.natural_of(j, x), np.array([known[one] for one in x.tolist()])])
-    low, high = (
-        limit if end is None else float(unknowns.natural_of(j, np.array(end)))
-        for end, limit in zip(ends, (float(unknowns.least[j]), np.inf), strict=True)
-    )
-    is_open = None in ends and (high == np.inf or low < 0 or bool(unknowns.logarithmic[j]))
-    doubts = [Kind.PROFILE_OPEN()] if is_open and not path.lost else []
-    if path.rough:
-        doubts.append(Kind.PROFILE_LOST() if path.lost else Kind.PROFILE_ROUGH())
-    return Profiled((low, high), curve, tuple(doubts))
+    def _slope(self, x: Array, gram: Array) -> Array:
+        """Derivative of the others' linearised conditional mean by the unknown, (p,): 1 for itself, 0 at a bound."""
+        size, unknowns = np.sqrt(gram.diagonal()), self.problem.unknowns
+        free = (size > 0) & (x > unknowns.lower) & (x < unknowns.upper)
+        free[self.which] = False
+        inner = gram[np.ix_(free, free)] / np.outer(size[free], size[free])
+        out = np.zeros(x.size)
+        out[free] = -np.linalg.lstsq(inner, gram[free, self.which] / size[free], rcond=1e-12)[0] / size[free]
+        out[self.which] = 1.0
+        return out
+
+    def _solved(self, start: Array, value: float) -> float | None:
+        """The statistic's root of the fit with the unknown held at a value; None where nothing can be computed at the start."""
+        held, cost = np.arange(start.size) == self.which, self.minimum.cost
+        box = (self.problem.unknowns.lower, self.problem.unknowns.upper)
+        lower, upper = (np.where(held, value, bound) for bound in box)
+        settled = _SETTLED * self.high * self.minimum.residuals.size / cost
+        try:
+            found = minimise(self._evaluate, start, lower, upper, _TRIES, settled)
+        except InputError:
+            return None
+        excess = (found.cost - cost) / self.high
+        if self.stop_at_better and excess < -BETTER:
+            self.better = found.x
+            raise _Stop
+        self.rough |= not found.converged
+        self.points.append((found.x, found.jacobian.T @ found.jacobian))
+        return float(np.sqrt(max(excess, 0.0)))
+
+    def _evaluate(self, x: Array) -> tuple[Array, Array]:
+        self.spent += 1
+        if self.spent > _BUDGET:
+            raise _Stop
+        return self.problem.evaluate(x)

@@ -47,22 +47,14 @@ def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> C
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
     errors = {name: e.standard_error for name, e in found.fit.parameters.items()}
     other = compared(values, best, errors, [unknowns.values(end) for end in ended], costs, _SAME * best)
-    told = Kind.IPOPT_LOWER if other.lowest < best else Kind.IPOPT_HIGHER
+    told = Kind.IPOPT_LOWER if other.cost_full < best else Kind.IPOPT_HIGHER
     verdict = (
         Kind.IPOPT_AGREES(worst=other.worst, reached=other.reached, starts=starts)
         if other.agrees
-        else told(lowest=other.lowest, cost=best, reached=other.reached, starts=starts)
+        else told(lowest=other.cost_full, cost=best, reached=other.reached, starts=starts)
     )
-    return Crosscheck(
-        cost_grid=best,
-        cost_full=other.lowest,
-        starts=starts,
-        reached=other.reached,
-        parameters={name: other.parameters[name] for name in other.difference},
-        difference_in_se=other.difference,
-        verdict=verdict,
-        agrees=other.agrees,
-    )
+    known = {name: other.parameters[name] for name in other.difference_in_se}
+    return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=verdict)
 
 
 def _cost(found: Tracked, x: ca.MX) -> ca.MX:

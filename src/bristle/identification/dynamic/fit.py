@@ -15,7 +15,7 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.missing_terms import lacking
 from bristle.identification.dynamic.multistart import equations_left, judge, with_deflections, without_deflections
 from bristle.identification.dynamic.problem import Tracking, is_start, parameters, residuals
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, bounds, fit, scales
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, fit
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, is_passive, unit
@@ -68,7 +68,7 @@ def fit_tracking(
     """
     problem, judged, bent = _settled(problem, start, starts, seed, others)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _judged_estimates(problem, judged, kind, bent)
+    estimates = _judged_estimates(judged, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in judged.names if n in estimates)
@@ -112,7 +112,7 @@ def _settled(
     problem, changed = _weighted(problem, judged)
     if changed:
         judged = judge(problem, without_deflections(judged.values), starts, seed)
-    bent = _bent(problem, judged.values)
+    bent = _bent(problem, judged)
     if bent:
         problem = replace(problem, fixed={**problem.fixed, **bent})
         rest = {n: v for n, v in without_deflections(judged.values).items() if n not in bent}
@@ -121,10 +121,10 @@ def _settled(
 
 
 def _judged_estimates(
-    problem: Tracking, judged: MultistartSolution[str], kind: JointKind, bent: Mapping[str, float]
+    judged: MultistartSolution[str], kind: JointKind, bent: Mapping[str, float]
 ) -> dict[str, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
-    estimates = _estimates(problem, judged, kind)
+    estimates = _estimates(judged, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
     for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
         if name in estimates:
@@ -170,9 +170,9 @@ def _without(e: Estimate) -> Estimate:
     return replace(e, value=None, standard_error=None, doubts=said)
 
 
-def _bent(problem: Tracking, values: Mapping[str, float]) -> dict[str, float]:
+def _bent(problem: Tracking, judged: MultistartSolution[str]) -> dict[str, float]:
     """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
-    _, upper = bounds(problem)
+    values, upper = judged.values, judged.posed.unknowns.upper
     told = {name for prior in problem.priors for name in prior.names}
     found: dict[str, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
@@ -213,9 +213,9 @@ def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
     return float(100 * np.linalg.norm(rows) / problem.extent)
 
 
-def _estimates(problem: Tracking, judged: MultistartSolution[str], kind: JointKind) -> dict[str, Estimate]:
+def _estimates(judged: MultistartSolution[str], kind: JointKind) -> dict[str, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
-    scale = scales(problem, judged.values)
+    scale = judged.posed.unknowns.scale
     out = {}
     reach = student(judged.freedom)
     for name, x, error, size in zip(

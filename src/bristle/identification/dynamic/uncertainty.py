@@ -8,12 +8,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, bootstrap_at, too_few
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.fit import SEED, Tracked
 from bristle.identification.results import Estimate, TrackingFit, Uncertainty
@@ -53,35 +52,31 @@ def with_three_ways(
         profiles: by name.
         seed: of the bootstrap.
     """
-    free = _inside(found)
-    drawn = bootstrap_at(found.judged.posed, found.judged.minimum, free, seed)
-    columns = [found.problem.names[j] for j in free.tolist()]
-    three = {}
+    judged, three = found.judged, {}
+    drawn, blocks = bootstrap_at(judged.posed, judged.minimum, judged.scaled_errors, seed)
     for name, e in fit.parameters.items():
         if name in profiles:
-            steps = _steps(found, name, drawn, columns.index(name)) if name in columns else None
-            three[name] = _three(found, name, e, profiles[name], steps, drawn.blocks)
+            three[name] = _three(found, name, e, profiles[name], drawn.get(name), blocks)
         else:
             three[name] = Uncertainty(
                 covariance=None, profile=None, bootstrap=None, doubts=(*e.doubts, Kind.NOT_FITTED())
             )
-    parted = {name: replace(e, doubts=(*e.doubts, *_new(e, three[name]))) for name, e in fit.parameters.items()}
-    return replace(fit, parameters=parted, uncertainty=three)
-
-
-def _new(e: Estimate, three: Uncertainty) -> tuple[Diagnostic, ...]:
-    """What the three intervals let doubt of an estimate, and has not been said."""
-    return () if e.value is None else tuple(doubt for doubt in three.doubts if doubt not in e.doubts)
+    parameters = dict(fit.parameters)
+    for name, e in fit.parameters.items():
+        if e.value is not None:
+            new = (doubt for doubt in three[name].doubts if doubt not in e.doubts)
+            parameters[name] = replace(e, doubts=(*e.doubts, *new))
+    return replace(fit, parameters=parameters, uncertainty=three)
 
 
 def _three(
-    found: Tracked, name: str, e: Estimate, profile: Profiled, steps: tuple[Array, Array] | None, blocks: int
+    found: Tracked, name: str, e: Estimate, profile: Profiled, drawn: tuple[Array, Array] | None, blocks: int
 ) -> Uncertainty:
-    """One parameter's intervals, and where they part; `steps` are the ends of the bootstrap's interval, and its draws."""
+    """One parameter's intervals, and where they part; `drawn` are the ends of the bootstrap's interval, and its draws."""
     moved = _moved(found, name, e)
-    ends = moved(np.array(profile.interval))
-    low, high = ends.tolist()
-    drawn = None if steps is None or blocks < FEW else moved(steps[0])
+    low, high = moved(np.array(profile.interval)).tolist()
+    ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
+    bootstrap = None if ends is None else (ends[0], ends[1])
     at_bound = found.values[name] == 0
     few = Kind.RESIDUAL_BLOCKS(blocks=blocks)
     doubts = profile.doubts
@@ -89,7 +84,6 @@ def _three(
         doubts = (*doubts, Kind.NO_BOOTSTRAP_AT_BOUND())
     elif blocks < FEW:
         doubts = (*doubts, too_few(few))
-    bootstrap = None if drawn is None else (float(drawn[0]), float(drawn[1]))
     if e.value is not None:
         doubts = (
             *doubts,
@@ -97,21 +91,20 @@ def _three(
                 e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
             ),
         )
-    curve = np.stack([moved(profile.curve[0]), profile.curve[1]])
-    seen = profile.curve.size > 0
     return Uncertainty(
-        covariance=e.interval if seen else None,
+        covariance=e.interval if profile.curve.size else None,
         profile=(low, high),
         bootstrap=bootstrap,
-        curve=curve,
-        draws=np.zeros(0) if steps is None else moved(steps[1][:SHOWN]),
+        curve=np.stack([moved(profile.curve[0]), profile.curve[1]]),
+        draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]),
         doubts=doubts,
     )
 
 
 def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
     """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
-    value, limits = found.values[name], _limits(found, name)
+    value = found.values[name]
+    limits = float(found.judged.posed.unknowns.least[found.problem.names.index(name)]), np.inf
     new, wider = value if e.value is None else e.value, 1.0
     error = found.fit.parameters[name].standard_error
     if e.standard_error and error:
@@ -123,27 +116,3 @@ def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
         return np.where(np.isin(x, limits), x, np.clip(new + (inside - value) * wider, *limits))
 
     return moved
-
-
-def _limits(found: Tracked, name: str) -> tuple[float, float]:
-    """What a parameter may be at all."""
-    return float(found.judged.posed.unknowns.least[found.problem.names.index(name)]), np.inf
-
-
-def _inside(found: Tracked) -> NDArray[np.intp]:
-    """The parameters that data show and that lie at no bound."""
-    judged, x = found.judged, found.judged.minimum.x
-    unknowns, shared = judged.posed.unknowns, judged.posed.shared
-    inside = np.isfinite(judged.scaled_errors) & (unknowns.lower < x) & (x < unknowns.upper)
-    return shared[inside[shared]]
-
-
-def _steps(found: Tracked, name: str, drawn: Resampled, column: int) -> tuple[Array, Array]:
-    """The ends of a parameter's interval by bootstrap-t, (2,), and its draws, (b,), in its unit; what leaves its range is open."""
-    j, unknowns = found.problem.names.index(name), found.judged.posed.unknowns
-    x, lower, upper = (float(each[j]) for each in (found.judged.minimum.x, unknowns.lower, unknowns.upper))
-    ends = x + np.array(drawn.interval(column, float(found.judged.scaled_errors[j])))
-    open_ends = [ends[0] <= lower, ends[1] >= upper]
-    draws = unknowns.natural_of(j, np.clip(x + drawn.steps[:, column], lower, upper))
-    inside = unknowns.natural_of(j, np.clip(ends, lower, upper))
-    return np.where(open_ends, _limits(found, name), inside), draws

@@ -27,7 +27,6 @@ _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
-_BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
 
 
 def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
@@ -81,62 +80,42 @@ def polished(problem: Tracking, posed: LeastSquares[str], found: Minimum) -> tup
     return (near, better) if better.cost <= found.cost else (posed, found)
 
 
-def bounds(problem: Tracking) -> tuple[Array, Array]:
-    """What the scaled unknowns lie between, (p,) each: physical bounds, and for what stands as a logarithm the range that a motion can show.
-
-    No motion shows a v_s below 1e-4 of its fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends
-    by more than ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held the joint.
-    z0 lies within twice the typical deflection.
-    """
-    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
-    torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
-    travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
-    limits = {
-        "alpha_0": (1e-6 * torque, 1e3 * torque),
-        "v_s": (1e-4 * speed, speed / SEEN),
-        "sigma_0": (1e-1 * torque / travel, 1e9 * torque / travel),
-    }
-    box = []
-    for name in problem.names:
-        bare = name.rstrip("+-")
-        if bare in limits:
-            box.append((float(np.log(limits[bare][0])), float(np.log(limits[bare][1]))))
-        elif bare.startswith("z0["):
-            box.append((-2.0, 2.0))
-        else:
-            box.append((0.0 if bare in _BOUNDED else -np.inf, _MOST if bare == "alpha_1" else np.inf))
-    lower, upper = np.array(box).T
-    return lower, upper
-
-
-def scales(problem: Tracking, at: Mapping[str, float]) -> Array:
-    """A typical size of each unknown, (p,), from the data, of z0 from the start; 1 where it stands as its logarithm."""
-    torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
-    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
-    typical = {"alpha_1": torque, "alpha_2": torque / speed, "sigma_1": torque / speed}
-    for k, name in enumerate(problem.extra_names):
-        typical[name] = torque / (max(float(np.abs(m.extra[:, k]).max()) for m in problem.motions) or 1.0)
-    travel = max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
-    typical |= {"z0": max(_all(problem, at, "alpha_0")) / min(_all(problem, at, "sigma_0")), "v0": speed, "y0": travel}
-    bare = (name.rstrip("+-").split("[")[0] for name in problem.names)
-    return np.array([1.0 if name in LOGARITHMIC else typical[name] for name in bare])
-
-
-def _all(problem: Tracking, at: Mapping[str, float], name: str) -> list[float]:
-    return [value for key, value in {**problem.fixed, **at}.items() if key.rstrip("+-") == name]
-
-
 def unknowns_of(problem: Tracking, at: Mapping[str, float]) -> Unknowns[str]:
-    """The free parameters and what each motion begins with, scaled about some values."""
-    lower, upper = bounds(problem)
-    positive = [name.startswith(("alpha", "v_s", "sigma")) for name in problem.names]
+    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`; and bounds.
+
+    What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest speed, nor one so near to it
+    that the term is a bend over all speeds; nor a bristle that bends by more than ten times the travel or less than a billionth of it; nor an
+    alpha_1 far above every torque, which would have held the joint. z0 lies within twice the typical deflection.
+    """
+    torque, speed = (max(float(np.abs(getattr(m, x)).max()) for m in problem.motions) for x in ("torque", "velocity"))
+    travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
+    known = {**problem.fixed, **at}
+    alpha_0, sigma_0 = ([x for n, x in known.items() if n.rstrip("+-") == name] for name in ("alpha_0", "sigma_0"))
+    damping, position = torque / speed, max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
+    columns = np.array([np.abs(m.extra).max(axis=0) for m in problem.motions]).max(axis=0)
+    table = {  # typical size, and bounds of the scaled unknown
+        "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
+        "alpha_1": (torque, 0.0, _MOST),
+        "alpha_2": (damping, 0.0, np.inf),
+        "v_s": (1.0, *np.log([1e-4 * speed, speed / SEEN])),
+        "sigma_0": (1.0, *np.log([1e-1 * torque / travel, 1e9 * torque / travel])),
+        "sigma_1": (damping, 0.0, np.inf),
+        "z0": (max(alpha_0) / min(sigma_0), -2.0, 2.0),
+        "v0": (speed, -np.inf, np.inf),
+        "y0": (position, -np.inf, np.inf),
+    }
+    table |= {
+        name: (torque / (top or 1.0), -np.inf, np.inf) for name, top in zip(problem.extra_names, columns, strict=True)
+    }
+    bare = [name.rstrip("+-").split("[")[0] for name in problem.names]
+    scale, lower, upper = np.array([table[name] for name in bare]).T
     return Unknowns(
         names=problem.names,
-        logarithmic=np.array([name.rstrip("+-") in LOGARITHMIC for name in problem.names]),
-        scale=scales(problem, at),
+        logarithmic=np.isin(bare, LOGARITHMIC),
+        scale=scale,
         lower=lower,
         upper=upper,
-        least=np.where(positive, 0.0, -np.inf),
+        least=np.where([name.startswith(("alpha", "v_s", "sigma")) for name in bare], 0.0, -np.inf),
     )
 
 

@@ -22,18 +22,7 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import (
-    DRAWS,
-    ENOUGH,
-    FEW,
-    SHOWN,
-    Resampled,
-    block_bootstrap,
-    block_length,
-    cells,
-    resample,
-    too_few,
-)
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.stiffness import (
@@ -71,6 +60,10 @@ class _Line(NamedTuple):
     reach: float
     """t."""
 
+    def at(self, x: Array | float) -> tuple[Array, Array]:
+        """U and e there, of x's shape."""
+        return np.asarray(np.interp(x, self.x, self.u)), np.asarray(np.interp(x, self.x, self.e))
+
 
 def stiffness_uncertainty(
     loadings: Sequence[Loading], level: Level, estimator: str, estimate: Estimate, seed: int = SEED
@@ -96,7 +89,7 @@ def stiffness_uncertainty(
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
     drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
     few = (Kind.SAMPLE_BLOCKS if inverse else Kind.EDGE_BLOCKS)(blocks=drawn.blocks)
-    bootstrap = _pair(_natural(_middle(line) + np.array(drawn.interval(0, error)), inverse=inverse))
+    bootstrap = _pair(_natural(line.at(0.0)[0] + np.array(drawn.interval(0, error)), inverse=inverse))
     bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
     doubts = interval_comparison.doubts(
         estimate.value,
@@ -131,11 +124,6 @@ def _pair(ends: Array) -> tuple[float, float]:
     return float(ends.min()), float(ends.max())
 
 
-def _middle(line: _Line) -> float:
-    """The estimate, u at the level."""
-    return float(np.interp(0.0, line.x, line.u))
-
-
 def _line(loadings: Sequence[Loading], level: Level, spread: float, *, inverse: bool) -> _Line:
     """The estimator at values of g0 about the level, as far as any edges lie below them; `spread` is what counts add to e."""
 
@@ -160,22 +148,12 @@ def _profile(line: _Line) -> tuple[Array, Array]:
 
     def at(x: Array) -> Conditional:
         """U at (g0 - level) / its error, (K, 1)."""
-        u, e = (np.interp(x[:, 0], line.x, values) for values in (line.u, line.e))
+        u, e = line.at(x[:, 0])
         return Conditional(u[:, None], (e**2)[:, None, None], x[:, 0] ** 2)
 
     box = line.x[[0, -1]][None]
-    profiles = ConditionalProfiles(
-        free=at,
-        faces=lambda _: (),
-        bounded=np.zeros(1, dtype=bool),
-        best=np.zeros(1),
-        cost=0.0,
-        threshold=line.reach**2,
-        box=box,
-        searched=box,
-        looks=_LOOKS,
-    )
-    (ends,), middle = profiles.intervals(), _middle(line)
+    profiles = ConditionalProfiles(free=at, best=np.zeros(1), threshold=line.reach**2, box=box, looks=_LOOKS)
+    (ends,), (middle, _) = profiles.intervals(), line.at(0.0)
     values = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
     return ends, np.stack([values, profiles.heights(0, values, 0.0)])
 
@@ -183,7 +161,7 @@ def _profile(line: _Line) -> tuple[Array, Array]:
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
     """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data; `error` is the estimate's."""
     drawn = _by_samples(pieces, seed) if inverse else _by_edges(pieces, seed)
-    middle, e = _middle(line), float(np.interp(0.0, line.x, line.e))
+    middle, e = map(float, line.at(0.0))
     steps = drawn.steps[:, 0]
     own = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
     data = float(np.sqrt(np.mean(own**2)))
@@ -191,7 +169,7 @@ def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inv
     g0, rest = rng.standard_normal((2, steps.size))
     other = max(error**2 - e**2, 0.0)  # by g0
     counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
-    moved = np.interp(g0, line.x, line.u) - middle if line.x.size > 1 else np.zeros(steps.size)
+    moved = line.at(g0)[0] - middle
     steps = steps + np.sqrt(counts) * rest
     studentised = (steps - moved) / np.sqrt(own**2 + counts + other)
     return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
@@ -202,7 +180,7 @@ def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:
     ys, Us = centred(pieces)
     y, U = np.concatenate(ys), np.concatenate(Us)
     starts = np.cumsum([0, *(one.size for one in ys[:-1])]).tolist()
-    return block_bootstrap(y[:, None], y * by_edges(pieces)[0] - U, starts, draws=DRAWS, seed=seed)
+    return block_bootstrap(y[:, None], y * by_edges(pieces)[0] - U, starts, seed=seed)
 
 
 def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
@@ -211,12 +189,5 @@ def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
         np.concatenate([values - values.mean() for values in column])
         for column in ([p.time for p in pieces], [p.y for p in pieces], [p.U for p in pieces])
     )
-    score = t * (U / by_samples(pieces)[0] - y)
     starts = np.cumsum([0, *(p.y.size for p in pieces[:-1])]).tolist()
-    edges, of_stretch = cells(y.size, starts, block_length(score[:, None]))
-    sums = [np.add.reduceat(x, edges[:-1].astype(int)) for x in (t * U, score)]
-    size = np.sqrt(np.abs(sums[0]).sum())
-    found = resample(
-        sums[0][:, None, None] / size**2, sums[1][:, None] / size, of_stretch, np.zeros((0, 1)), 1.0, DRAWS, seed
-    )
-    return found._replace(steps=found.steps / size)
+    return block_bootstrap(U[:, None], U / by_samples(pieces)[0] - y, starts, instrument=t[:, None], seed=seed)

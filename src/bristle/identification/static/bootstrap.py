@@ -3,7 +3,6 @@
 v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ class StaticDraws(NamedTuple):
     """What draws do to p parameters, in their units."""
 
     low: Array
-    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the parameter."""
+    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the parameter; nan: there is none."""
     high: Array
     """(p,)."""
     draws: Array
@@ -32,17 +31,57 @@ class StaticDraws(NamedTuple):
 
 
 def resample(
-    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int = REFITS, seed: int = SEED
+    problem: Regression,
+    solution: Solution,
+    v_s_range: tuple[float, float],
+    draws: int = REFITS,
+    seed: int = SEED,
+    covariance: Array | None = None,
 ) -> StaticDraws:
-    """Intervals of every parameter, in the order of the problem's `names`, for points of which each stands alone, with at most one peak.
+    """Intervals of every parameter in the order of the problem's `names`.
+
+    Points of which each stands alone, with at most one peak, are fitted again; parameters of others go one step of Gauss and Newton, those at a
+    bound none, and none does where moving data leave too few blocks to draw.
 
     Args:
-        problem: the points.
+        problem: the equations.
         solution: its solution.
         v_s_range: as it was solved with.
-        draws: resampled sets, >= 40.
+        draws: resampled sets, >= 40; of moving data there are always as many.
         seed: of the generator.
+        covariance: of the parameters at no bound; of moving data alone.
     """
+    keep = np.ones(len(problem.names), dtype=bool)
+    if problem.smooth is None and len(problem.peaks) < 2:
+        drawn, errors = _refitted(problem, solution, v_s_range, draws, seed)
+    else:
+        keep = np.array([name not in solution.at_bound for name in problem.names])
+        drawn, errors = _stepped(problem, solution, keep, seed, covariance)
+    if problem.smooth is not None and drawn.blocks < FEW:
+        keep[:], errors = False, errors[:0]
+    ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
+    best, logarithmic = solution.theta[keep, None], _logarithmic(problem)[keep, None]
+    floor = np.array([0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names])[keep, None]
+
+    def moved(steps: Array) -> Array:
+        """All parameters moved by steps, (p, k); nan for what is not stepped."""
+        out = np.full((keep.size, steps.shape[1]), np.nan)
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = np.where(logarithmic, best * np.exp(steps), best + steps)
+        out[keep] = np.maximum(off, floor)
+        return out
+
+    low, high = moved(ends).T
+    return StaticDraws(low, high, moved(drawn.steps.T[: best.size]), drawn.wild)
+
+
+def _logarithmic(problem: Regression) -> NDArray[np.bool_]:
+    return np.array([name.startswith("v_s") for name in problem.names])
+
+
+def _refitted(
+    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int, seed: int
+) -> tuple[Resampled, Array]:
     best, logarithmic = solution.theta[:, None], _logarithmic(problem)[:, None]
 
     def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
@@ -57,60 +96,16 @@ def resample(
         size = np.where(logarithmic, np.column_stack([best, found.theta[:, 1:]]), 1.0)
         return steps, found.errors(robust=uneven) / size
 
-    drawn, errors = residual_bootstrap(
-        solution.jacobian, solution.residuals, problem.velocity, refit, draws=draws, seed=seed
-    )
-    return _in_units(problem, solution, drawn, errors)
+    return residual_bootstrap(solution.jacobian, solution.residuals, problem.velocity, refit, draws, seed)
 
 
-def resample_steps(
-    problem: Regression, solution: Solution, covariance: Array, seed: int = SEED
-) -> tuple[tuple[str, ...], StaticDraws] | None:
-    """The same by one step of Gauss and Newton, for moving data, priors or two peaks; None where too few blocks are left to draw.
-
-    Args:
-        problem: the equations.
-        solution: its solution.
-        covariance: of the parameters at no bound, which alone are stepped.
-        seed: of the generator.
-
-    Returns:
-        Their names, and what draws do to them.
-    """
-    keep = [k for k, name in enumerate(problem.names) if name not in solution.at_bound]
+def _stepped(
+    problem: Regression, solution: Solution, keep: NDArray[np.bool_], seed: int, covariance: Array | None
+) -> tuple[Resampled, Array]:
     size = np.where(_logarithmic(problem), solution.theta, 1.0)[keep]
-    J, measured = solution.jacobian[:, keep] * size, problem.torque.size - problem.priors
-    if problem.smooth is None:
-        drawn, errors = residual_bootstrap(J, solution.residuals, problem.velocity, seed=seed)
-    else:
-        sigma = float(np.sqrt(solution.cost / max(problem.torque.size - len(keep), 1)))
-        priors, errors = -J[measured:], np.sqrt(np.diag(covariance)) / size
-        drawn = block_bootstrap(-J[:measured], solution.residuals[:measured], priors=priors, sigma=sigma, seed=seed)
-        if drawn.blocks < FEW:
-            return None
-    names = tuple(problem.names[k] for k in keep)
-    return names, _in_units(problem, solution, drawn, errors, keep)
-
-
-def _logarithmic(problem: Regression) -> NDArray[np.bool_]:
-    return np.array([name.startswith("v_s") for name in problem.names])
-
-
-def _in_units(
-    problem: Regression, solution: Solution, drawn: Resampled, errors: Array, keep: Sequence[int] | None = None
-) -> StaticDraws:
-    """Intervals and draws of some parameters; no friction parameter below zero."""
-    which = list(range(len(problem.names))) if keep is None else list(keep)
-    best, names = solution.theta[which, None], [problem.names[k] for k in which]
-    floor = np.array([[0.0 if name.startswith(("alpha", "v_s")) else -np.inf] for name in names])
-    ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())])
-
-    def moved(steps: Array) -> Array:
-        """The estimates moved by steps, (p, k)."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            off = np.where(_logarithmic(problem)[which, None], best * np.exp(steps), best + steps)
-        floored: Array = np.maximum(off, floor)
-        return floored
-
-    low, high = moved(ends).T
-    return StaticDraws(low, high, moved(drawn.steps.T), drawn.wild)
+    J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
+    if problem.smooth is None or covariance is None:
+        return residual_bootstrap(J, left, problem.velocity, seed=seed)
+    sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
+    drawn = block_bootstrap(-J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed)
+    return drawn, np.sqrt(np.diag(covariance)) / size

@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
-from bristle.estimation.ipopt import Comparison, compared, ends, natural, solver
+from bristle.diagnostics import Kind
+from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.results import Crosscheck
 from bristle.identification.static.compression import reduced
 from bristle.identification.static.problem import Regression
@@ -75,24 +75,12 @@ def crosscheck(
         dict(zip(problem.names, one.tolist(), strict=True)) for one in (theta, standard_errors, *ended)
     )
     other = compared(values, cost, errors, found, costs, same)
-    return Crosscheck(
-        cost_grid=cost,
-        cost_full=other.lowest,
-        starts=STARTS,
-        reached=other.reached,
-        parameters=other.parameters,
-        difference_in_se=other.difference,
-        verdict=_verdict(cost, other),
-        agrees=other.agrees,
-    )
-
-
-def _verdict(cost: float, other: Comparison[str]) -> Diagnostic:
+    verdict = Kind.GRID_LOWER(grid=cost, full=other.cost_full)
     if other.agrees:
-        return Kind.ROUTES_AGREE(worst=other.worst, reached=other.reached, starts=other.starts)
-    if other.lowest < cost:
-        return Kind.FULL_FIT_LOWER(full=other.lowest, grid=cost, reached=other.reached, starts=other.starts)
-    return Kind.GRID_LOWER(grid=cost, full=other.lowest)
+        verdict = Kind.ROUTES_AGREE(worst=other.worst, reached=other.reached, starts=STARTS)
+    elif other.cost_full < cost:
+        verdict = Kind.FULL_FIT_LOWER(full=other.cost_full, grid=cost, reached=other.reached, starts=STARTS)
+    return Crosscheck(**other._asdict(), verdict=verdict)
 
 
 def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:

@@ -86,7 +86,7 @@ def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> S
         cost=solution.cost,
         threshold=threshold,
         box=np.log(box),
-        searched=np.log(np.tile(solution.grid[[0, -1]], (peaks, 1))),
+        searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))),
         looks=_LOOKS[peaks],
         tolerance=_ROUNDING * free.rest_cost,
     )

@@ -11,7 +11,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.best_column import p_value
+from bristle.estimation.linear import best_column_p_value
 from bristle.identification.identifiability import SEEN
 from bristle.identification.results import Estimate, Outcome, Profile
 from bristle.identification.static.doubts import fit_doubts, is_closed
@@ -120,7 +120,7 @@ def _unsupported(
         off, length = projected.off(solution.grid, k)
         gain = max(solution.base_costs[k] - solution.cost, 0.0)
         ratio = gain / (max(solution.cost, noise) or 1.0) / stretch  # a torque of zero throughout has neither
-        p = p_value(off, length, projected.q, ratio) if gain > noise else 1.0
+        p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
         why = None
         if p > SUPPORTED:
             why = Kind.LIKE_NOISE(percent=100 * p)

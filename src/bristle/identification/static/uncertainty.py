@@ -29,10 +29,12 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
     n, names = found.problem.torque.size, found.problem.names
     spare = n - len(names)
     few = Kind.POINTS_FOR_PARAMETERS(points=n, parameters=len(names)) if spare < _FEW else None
-    out = {}
-    for name, (resampled, draws) in _resampled(found, v_s_range, seed).items():
-        at_bound = name in found.solution.at_bound
-        value = float(found.solution.theta[names.index(name)])
+    out, drawn = (
+        {},
+        bootstrap.resample(found.problem, found.solution, v_s_range, seed=seed, covariance=found.covariance),
+    )
+    for name, value, low, high, draws in zip(names, found.solution.theta.tolist(), *drawn[:3], strict=True):
+        at_bound, resampled = name in found.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
         covariance, profile = found.student[name], found.profiled.intervals[name]
         doubts = interval_comparison.doubts(value, covariance, profile, resampled, at_bound=at_bound, few=few)
         if at_bound:
@@ -48,23 +50,6 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
             doubts=doubts,
         )
     return out
-
-
-def _resampled(
-    found: Inferred, v_s_range: tuple[float, float], seed: int
-) -> dict[str, tuple[tuple[float, float] | None, Array]]:
-    """Interval and draws of each parameter: points fitted again, moving data and two peaks by a step of Gauss and Newton."""
-    problem, solution = found.problem, found.solution
-    names = problem.names
-    if problem.smooth is None and len(problem.peaks) < 2 and not problem.priors:
-        drawn = bootstrap.resample(problem, solution, v_s_range, seed=seed)
-    elif stepped := bootstrap.resample_steps(problem, solution, found.covariance, seed):
-        names, drawn = stepped
-    else:
-        return dict.fromkeys(names, (None, np.zeros(0)))
-    ends = zip(drawn.low.tolist(), drawn.high.tolist(), strict=True)
-    known = {name: (own, draws) for name, own, draws in zip(names, ends, drawn.draws, strict=True)}
-    return {name: known.get(name, (None, np.zeros(0))) for name in problem.names}
 
 
 def _curve(found: Inferred, name: str, value: float) -> Array:
