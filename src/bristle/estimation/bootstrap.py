@@ -25,7 +25,6 @@ import numpy as np
 from scipy.special import chdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL
 from bristle.estimation.levenberg_marquardt import Minimum
@@ -215,11 +214,6 @@ def block_bootstrap(
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
     found = _resample(grams, scores, of_stretch, told / size, sigma, draws, seed)
     return found._replace(steps=found.steps / size)
-
-
-def too_few(blocks: Diagnostic) -> Diagnostic:
-    """What says that there is no bootstrap, for so few blocks."""
-    return Kind.NO_BOOTSTRAP(few=blocks, least=FEW)
 
 
 def block_length(scores: Array) -> int:

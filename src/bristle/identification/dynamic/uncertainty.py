@@ -12,7 +12,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.fit import SEED, Tracked
 from bristle.identification.results import Estimate, TrackingFit, Uncertainty
@@ -83,7 +83,7 @@ def _three(
     if at_bound:
         doubts = (*doubts, Kind.NO_BOOTSTRAP_AT_BOUND())
     elif blocks < FEW:
-        doubts = (*doubts, too_few(few))
+        doubts = (*doubts, Kind.NO_BOOTSTRAP(few=few, least=FEW))
     if e.value is not None:
         doubts = (
             *doubts,

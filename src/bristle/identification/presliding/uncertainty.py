@@ -22,7 +22,7 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.stiffness import (
@@ -99,7 +99,7 @@ def stiffness_uncertainty(
         few=few if drawn.blocks < ENOUGH else None,
     )
     if bootstrap_or_none is None:
-        doubts = (*doubts, too_few(few))
+        doubts = (*doubts, Kind.NO_BOOTSTRAP(few=few, least=FEW))
     values, shown = _natural(curve[0], inverse=inverse), _natural(draws, inverse=inverse)
     order = np.argsort(values)
     return Uncertainty(
@@ -147,13 +147,13 @@ def _profile(line: _Line) -> tuple[Array, Array]:
     """Both ends of u's interval, (2,), and u with Q over t**2 about it, (2, k)."""
 
     def at(x: Array) -> Conditional:
-        """U at (g0 - level) / its error, (K, 1)."""
-        u, e = line.at(x[:, 0])
-        return Conditional(u[:, None], (e**2)[:, None, None], x[:, 0] ** 2)
+        """U at (g0 - level) / its error, (1, K, 1)."""
+        u, e = line.at(x)
+        return Conditional(u, e[..., None] ** 2, x[..., 0] ** 2)
 
-    box = line.x[[0, -1]][None]
-    profiles = ConditionalProfiles(free=at, best=np.zeros(1), threshold=line.reach**2, box=box, looks=_LOOKS)
-    (ends,), (middle, _) = profiles.intervals(), line.at(0.0)
+    box, threshold = line.x[[0, -1]][None, None], np.array([line.reach**2])
+    profiles = ConditionalProfiles(free=at, best=np.zeros((1, 1)), threshold=threshold, box=box, looks=_LOOKS)
+    ((ends,),), (middle, _) = profiles.intervals(), line.at(0.0)
     values = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
     return ends, np.stack([values, profiles.heights(0, values, 0.0)])
 

@@ -33,24 +33,19 @@ _SETTLED = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """A solved static problem."""
+    """A solved static problem: at its continuous minimum what `Inner` says, and the grid."""
 
     theta: Array
-    """The parameters at the continuous minimum, in the order of the problem's `names`."""
     cost: float
-    """J_s (10) there."""
     residuals: Array
-    """Measured minus modelled torque there, (n,)."""
     jacobian: Array
-    """Exact derivative of the modelled torque with respect to theta there, (n, len(theta))."""
+    at_bound: tuple[str, ...]
     base_costs: tuple[float, ...]
     """Per peak, the cost without it."""
     grid: Array
     """v_s, rad/s, (k,)."""
     profiles: tuple[Array, ...]
     """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
-    at_bound: tuple[str, ...]
-    """Parameters held at a physical bound."""
 
 
 def default_range(velocity: Array) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.conditional_profile import ConditionalProfiles, Face, Looks
+from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.static.compression import reduced
 from bristle.identification.static.grid import Solution
@@ -82,15 +82,15 @@ def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> S
         free=_over_log(free),
         faces=faces,
         bounded=bounded,
-        best=np.log(best),
-        cost=solution.cost,
-        threshold=threshold,
-        box=np.log(box),
+        best=np.log(best)[None],
+        cost=np.array([solution.cost]),
+        threshold=np.array([threshold]),
+        box=np.log(box)[None],
         searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))),
         looks=_LOOKS[peaks],
         tolerance=_ROUNDING * free.rest_cost,
     )
-    found = dict(zip(names, map(tuple, linear.intervals().tolist()), strict=True))
+    found = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
     for name, (low, high) in v_s.items():
         if low == 0 or not np.isfinite(high):
             alpha_1 = name.replace("v_s", "alpha_1")
@@ -99,7 +99,7 @@ def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> S
 
 
 def _over_log(projected: Projected) -> Face:
-    return lambda log_v_s: projected.conditional(np.exp(log_v_s))
+    return lambda log_v_s: Conditional(*(each[None] for each in projected.conditional(np.exp(log_v_s[0]))))
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
