@@ -35,6 +35,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.estimation.covariance import covariance
 from bristle.estimation.levenberg_marquardt import minimise
+from bristle.estimation.problem import LeastSquares
 from bristle.identification.dynamic import problem as trajectory
 from bristle.identification.dynamic import unknowns
 from bristle.model import functions, law
@@ -64,7 +65,7 @@ class Case(NamedTuple):
 
     problem: trajectory.Tracking
     start: dict[str, float]
-    scale: Array
+    posed: LeastSquares[str]
 
     @property
     def velocity(self) -> Array:
@@ -79,16 +80,15 @@ class Case(NamedTuple):
     @property
     def x0(self) -> Array:
         """The scaled start, (7,)."""
-        return unknowns.to_scaled(self.problem, self.start, self.scale)
+        return self.posed.unknowns.scaled(self.start)
 
     def physical(self, x: Array) -> Array:
         """The six parameters and z0 at scaled unknowns, (7,)."""
-        return np.array(list(unknowns.from_scaled(self.problem, x, self.scale).values()))
+        return self.posed.unknowns.natural(x)
 
     def slopes(self, x: Array) -> Array:
         """The derivative of each of `physical` by its scaled unknown, (7,)."""
-        values = unknowns.from_scaled(self.problem, x, self.scale)
-        return unknowns.slopes_of_scaling(self.problem, values, self.scale)
+        return self.posed.unknowns.slopes(x)
 
     def steps(self) -> tuple[Array, Array, Array, Any]:
         """v0, v1 and h of one step to each node, the first of no duration, (N,); and which nodes are the samples."""
@@ -98,7 +98,7 @@ class Case(NamedTuple):
 
     def gauss_newton(self, evaluate: Evaluate) -> Array:
         """What bristle's own descent finds with another's residuals and Jacobian."""
-        return minimise(evaluate, self.x0, *unknowns.bounds(self.problem)).x
+        return minimise(evaluate, self.x0, self.posed.unknowns.lower, self.posed.unknowns.upper).x
 
 
 def case(n: int) -> Case:
@@ -109,7 +109,7 @@ def case(n: int) -> Case:
     record = Record(file="benchmark", time=t, velocity=v, torque=torque)
     problem = trajectory.tracking([record], ("both",), (), 1, None)
     start = {k: off * p for k, off, p in zip(Lugre._fields, OFF, TRUTH, strict=True)} | {"z0[0]": 0.0}
-    return Case(problem, start, unknowns.scales(problem, start))
+    return Case(problem, start, unknowns.least_squares(problem, start))
 
 
 def bristle(data: Case) -> Array:
@@ -276,11 +276,13 @@ def ipopt_fits(data: Case) -> dict[str, Fit]:
     step = ca.Function("step", [z, v0, v1, h, ca.vertcat(*p)], ca.cse([z1, law.torque(z1, v1, p)]))
     x = ca.MX.sym("x", 7)
     logarithmic = [name in ("alpha_0", "v_s", "sigma_0") for name in data.problem.names]
-    q = ca.vertcat(*(ca.exp(x[k]) if is_log else x[k] * data.scale[k] for k, is_log in enumerate(logarithmic)))
+    q = ca.vertcat(
+        *(ca.exp(x[k]) if is_log else x[k] * data.posed.unknowns.scale[k] for k, is_log in enumerate(logarithmic))
+    )
     T = step.mapaccum(n)(q[6], *(ca.DM(row).T for row in steps), ca.repmat(q[:6], 1, n))[1]
     cost = ca.sumsqr(ca.DM(data.torque) - T[np.arange(n)[samples].tolist()].T)
     nlp: Any = {"x": x, "f": cost / ca.Function("cost", [x], [cost])(data.x0)}
-    lower, upper = unknowns.bounds(data.problem)
+    lower, upper = data.posed.unknowns.lower, data.posed.unknowns.upper
 
     def solve(solver: ca.Function) -> Array:
         found: Array = solver(x0=data.x0, lbx=lower, ubx=upper)["x"].full().ravel()
@@ -347,7 +349,7 @@ def table(data: Case, fits: dict[str, Fit], slow: dict[str, Fit], repeats: int) 
     calls: dict[str, Call] = {name: partial(keep, found, name, fit) for name, fit in every.items()}
     times = least({name: call for name, call in calls.items() if name not in slow}, repeats)
     times |= {name: once(calls[name]) for name in slow}
-    evaluate = unknowns.scaled(data.problem, data.scale)
+    evaluate = data.posed.evaluate
     costs = {name: float(np.sum(evaluate(x)[0] ** 2)) for name, x in found.items()}
     print(
         f"\n{data.torque.size} samples{'':16}    seconds   times bristle's   cost above bristle's   largest difference, s.e."

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.arrays import Array
-from bristle.identification.static.bootstrap import Resampled, one_step, resample, variances_differ
+from bristle.estimation.bootstrap import residual_bootstrap, variances_differ
+from bristle.identification.static.bootstrap import StaticDraws, resample
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
 
@@ -17,7 +18,7 @@ from .conftest import GRIPPER, curve
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
 
 
-def resampled(problem: Regression, draws: int = 199, seed: int = 0) -> Resampled:
+def resampled(problem: Regression, draws: int = 199, seed: int = 0) -> StaticDraws:
     """The bootstrap of a problem about its own solution."""
     v_s_range = default_range(problem.velocity)
     return resample(problem, solve(problem, v_s_range), v_s_range, draws, seed)
@@ -92,7 +93,7 @@ def test_draws_follow_units(seed: int, torque: float, speed: float) -> None:
     plain, converted = resampled(problem, 40), resampled(other, 40)
     factor = np.array([torque, torque / speed, torque, speed])
     assert converted.draws == pytest.approx(factor[:, None] * plain.draws, rel=1e-5)
-    assert converted.scheme == plain.scheme
+    assert converted.wild == plain.wild
 
 
 def test_intervals_are_in_order_and_no_friction_is_below_zero() -> None:
@@ -133,7 +134,7 @@ def test_uneven_variances_are_drawn_wild_and_even_ones_are_not() -> None:
         size = 1e-4 * np.geomspace(1, 20, 60) if grows else np.full(60, 3e-4)
         for _ in range(20):
             torque = curve(velocity, GRIPPER) + size * rng.standard_normal(60)
-            wild[grows] += "wild" in resampled(from_points(velocity, torque, ("both",)), 40).scheme
+            wild[grows] += resampled(from_points(velocity, torque, ("both",)), 40).wild
     assert wild[True] >= 18
     assert wild[False] <= 2
 
@@ -145,7 +146,7 @@ def test_wild_draws_scatter_as_the_robust_errors_do() -> None:
     raw = from_points(velocity, 0.02 + 0.04 * velocity + 2e-3 * velocity * rng.standard_normal(60), ("both",))
     problem = replace(raw, peaks=())
     found = resampled(problem, 20_000)
-    assert "wild" in found.scheme
+    assert found.wild
     X = problem.linear
     inverse = np.linalg.inv(X.T @ X)
     raised = solve(problem, (0.01, 1.0)).residuals / (1 - np.diag(X @ inverse @ X.T))
@@ -162,11 +163,12 @@ def test_one_step_of_a_linear_problem_is_the_whole_way(*, grows: bool) -> None:
     noise = 1e-3 * (velocity if grows else 1.0) * rng.standard_normal(40)
     problem = replace(from_points(velocity, 0.5 + velocity + noise, ("both",)), peaks=())
     solution, whole = solve(problem, (0.01, 1.0)), resampled(problem)
-    step = one_step(solution.jacobian, solution.residuals, velocity, 199, 0)
-    assert step.scheme == whole.scheme == ("signs of residuals (wild)" if grows else "residuals")
-    assert solution.theta[:, None] + step.draws == pytest.approx(whole.draws, rel=1e-10)
-    assert solution.theta + step.low == pytest.approx(whole.low, rel=1e-9)
-    assert solution.theta + step.high == pytest.approx(whole.high, rel=1e-9)
+    step, errors = residual_bootstrap(solution.jacobian, solution.residuals, velocity, draws=199)
+    ends = np.array([step.interval(k, error) for k, error in enumerate(errors.tolist())])
+    assert step.wild == whole.wild == grows
+    assert solution.theta + step.steps == pytest.approx(whole.draws.T, rel=1e-10)
+    assert solution.theta + ends[:, 0] == pytest.approx(whole.low, rel=1e-9)
+    assert solution.theta + ends[:, 1] == pytest.approx(whole.high, rel=1e-9)
 
 
 def test_one_step_is_the_whole_fit_where_noise_is_little() -> None:
@@ -174,12 +176,12 @@ def test_one_step_is_the_whole_fit_where_noise_is_little() -> None:
     problem = gripper(4e-5 * np.random.default_rng(8).standard_normal(16))
     solution, whole = solve(problem, default_range(SPEEDS)), resampled(problem)
     size = np.array([1.0, 1.0, 1.0, solution.theta[-1]])
-    step = one_step(solution.jacobian * size, solution.residuals, SPEEDS, 199, 0)
-    moved = np.log(whole.draws[3] / solution.theta[3])
-    apart = np.vstack([step.draws[:3] - whole.draws[:3] + solution.theta[:3, None], step.draws[3:] - moved])
-    error = step.draws.std(axis=1)
+    step, errors = residual_bootstrap(solution.jacobian * size, solution.residuals, SPEEDS, draws=199)
+    draws, moved = step.steps.T, np.log(whole.draws[3] / solution.theta[3])
+    apart = np.vstack([draws[:3] - whole.draws[:3] + solution.theta[:3, None], draws[3:] - moved])
+    error = draws.std(axis=1)
     assert (np.sqrt((apart**2).mean(axis=1)) < 0.1 * error).all()
-    ends = np.array([solution.theta[:3] + step.low[:3], solution.theta[:3] + step.high[:3]])
+    ends = solution.theta[:3] + np.array([step.interval(k, float(errors[k])) for k in range(3)]).T
     assert (np.abs(ends - [whole.low[:3], whole.high[:3]]) < 0.3 * error[:3]).all()
 
 
@@ -189,9 +191,9 @@ def test_draws_do_not_lean_to_a_side() -> None:
     column, residuals = 0.5 + rng.standard_normal(20), 0.5 + rng.standard_normal(20)
     residuals -= column * (column @ residuals) / (column @ column)
     assert abs(residuals.mean()) > 0.1
-    found = one_step(column[:, None], residuals, np.linspace(0.1, 1, 20), 4000, 0)
-    assert found.scheme == "residuals"
-    assert abs(found.draws.mean()) < 4 * found.draws.std() / np.sqrt(4000)
+    found, _ = residual_bootstrap(column[:, None], residuals, np.linspace(0.1, 1, 20), draws=4000)
+    assert not found.wild
+    assert abs(found.steps.mean()) < 4 * found.steps.std() / np.sqrt(4000)
 
 
 def test_draws_of_residuals_scatter_as_the_covariance_does() -> None:
@@ -202,7 +204,7 @@ def test_draws_of_residuals_scatter_as_the_covariance_does() -> None:
         from_points(velocity, 0.02 + 0.04 * velocity + 1e-3 * rng.standard_normal(60), ("both",)), peaks=()
     )
     found, solution = resampled(problem, 20_000), solve(problem, (0.01, 1.0))
-    assert found.scheme == "residuals"
+    assert not found.wild
     covariance = solution.cost / 58 * np.linalg.inv(problem.linear.T @ problem.linear)
     assert np.cov(found.draws) == pytest.approx(covariance, rel=0.1)
     assert found.draws.mean(axis=1) == pytest.approx(solution.theta, rel=0.01)

@@ -4,8 +4,11 @@ from scipy import stats
 
 from bristle.arrays import Array
 from bristle.estimation import covariance as uncertainty
-from bristle.identification.static.grid import Projected, default_range, solve
+from bristle.estimation.linear import best_column_p_value
+from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
+from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_points
+from bristle.identification.static.projection import Projected
 from bristle.model.parameters import Lugre
 
 from .conftest import curve
@@ -27,7 +30,7 @@ def test_covariance_of_a_straight_line_is_the_textbook_one() -> None:
 def test_student_and_f_quantiles_agree() -> None:
     """t**2 with n degrees of freedom is F with 1 and n: the profile's threshold and the Student interval belong together."""
     for freedom in (1, 4, 12, 200):
-        threshold = uncertainty.profile_threshold(1.0, freedom + 4, 4)
+        threshold = profile_threshold(1.0, freedom + 4, 4)
         assert (threshold - 1) * freedom == pytest.approx(uncertainty.student(freedom) ** 2, rel=1e-9)
         assert uncertainty.student(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-9)
 
@@ -47,10 +50,8 @@ def test_profile_interval_ends_on_the_threshold(gripper: Lugre[float], speeds: A
     problem = from_points(speeds, torque, ("both",))
     solution = solve(problem, default_range(speeds))
     projected = Projected(problem)
-    threshold = uncertainty.profile_threshold(solution.cost, speeds.size, 4)
-    low, high = uncertainty.profile_interval(
-        projected.costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold
-    )
+    threshold = profile_threshold(solution.cost, speeds.size, 4)
+    low, high = interval_on_grid(projected.costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold)
     assert projected.costs(np.array([low, high])) == pytest.approx([threshold] * 2, rel=1e-6)
     assert low < solution.theta[-1] < high
     assert (projected.costs(np.linspace(low, high, 50)[1:-1]) < threshold).all()
@@ -62,8 +63,8 @@ def test_profile_without_limit_is_open(gripper: Lugre[float]) -> None:
     torque = curve(velocity, gripper) + 3e-4 * np.random.default_rng(3).standard_normal(10)
     problem = from_points(velocity, torque, ("both",))
     solution = solve(problem, default_range(velocity))
-    threshold = uncertainty.profile_threshold(solution.cost, 10, 4)
-    low, high = uncertainty.profile_interval(
+    threshold = profile_threshold(solution.cost, 10, 4)
+    low, high = interval_on_grid(
         Projected(problem).costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold
     )
     assert low == 0 or np.isinf(high)
@@ -80,9 +81,7 @@ def test_p_value_is_uniform_where_there_is_no_peak(speeds: Array) -> None:
         projected = Projected(problem)
         off, length = projected.off(values)
         cost = projected.costs(values).min()
-        p_values.append(
-            uncertainty.stribeck_p_value(off, length, projected.q, (projected.base_cost - cost) / cost, draws=1000)
-        )
+        p_values.append(best_column_p_value(off, length, projected.q, (projected.base_cost - cost) / cost, draws=1000))
     for level in (0.05, 0.20):
         seen = np.mean(np.array(p_values) <= level)
         assert abs(seen - level) <= 3 * np.sqrt(level * (1 - level) / 400) + 0.002

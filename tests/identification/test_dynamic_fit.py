@@ -18,7 +18,8 @@ from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import Prior, Tracking, residuals, tracking, with_priors
-from bristle.identification.dynamic.unknowns import fit, scaled, scales, to_scaled
+from bristle.identification.dynamic.unknowns import fit
+from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.results import TrackingFit
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
@@ -100,20 +101,19 @@ def test_two_routes_agree() -> None:
     """SciPy's least_squares, given the same residuals and no Jacobian of ours, ends where the descent ends, to 1e-3 standard errors."""
     problem = posed(record(GRIPPER, noise=3e-4), decimation=5)
     start = shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0}
-    scale = scales(problem, start)
     values, minimum = fit(problem, start)
-    evaluate = scaled(problem, scale)
+    about = posed_about(problem, start)
 
     def rows(x: Array) -> Array:
-        return evaluate(x)[0]
+        return about.evaluate(x)[0]
 
-    first = to_scaled(problem, start, scale)
+    first = about.unknowns.scaled(start)
     other = least_squares(rows, first, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
     assert 2 * other.cost == pytest.approx(minimum.cost, rel=1e-8)
     errors = np.sqrt(
         np.diag(np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)) * minimum.cost / minimum.residuals.size
     )
-    assert (np.abs(other.x - to_scaled(problem, values, scale)) < 1e-2 * errors)[:-1].all()
+    assert (np.abs(other.x - about.unknowns.scaled(values)) < 1e-2 * errors)[:-1].all()
 
 
 @pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one set", "pair"])

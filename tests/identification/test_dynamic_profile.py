@@ -11,15 +11,16 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
+from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.fit import Tracked, fit_tracking
 from bristle.identification.dynamic.multistart import judge
 from bristle.identification.dynamic.problem import Motion, Prior, Tracking, tracking, with_priors
-from bristle.identification.dynamic.profile import profile_moving
 from bristle.identification.dynamic.uncertainty import explored, with_three_ways
-from bristle.identification.dynamic.unknowns import fit, scaled, scales, to_scaled
+from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.results import Estimate, TrackingFit
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
+from bristle.progress import Progress
 
 from .conftest import GRIPPER
 
@@ -81,7 +82,7 @@ def solved(problem: Tracking, start: Mapping[str, float]) -> Tracked:
     """The problem's minimum next to a start, with a fit that says its intervals by the covariance."""
     judged = judge(problem, start, 1, 0)
     reach = student(judged.freedom)
-    errors = judged.scaled_errors * scales(problem, judged.values)
+    errors = judged.scaled_errors * judged.posed.unknowns.scale
     parameters = {
         name: Estimate(
             value=judged.values[name],
@@ -95,6 +96,12 @@ def solved(problem: Tracking, start: Mapping[str, float]) -> Tracked:
         parameters=parameters, rms=1.0, relative_error=1.0, n=1, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=1.0
     )  # fmt: skip  # a list of values
     return Tracked(found, problem, judged.values, judged)
+
+
+def profile_moving(found: Tracked, progress: Progress | None = None) -> tuple[dict[str, Profiled], Array | None]:
+    """The profiles of a fit's parameters."""
+    own = found.judged
+    return profiles(own.posed, own.minimum, own.scaled_errors, own.freedom, progress)
 
 
 def close(one: tuple[float, float] | None, other: tuple[float, float] | None, share: float) -> None:
@@ -115,9 +122,9 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     rows = np.vstack([columns, [[10.0 * told, 0.0, 0.0]]])
     exact = np.linalg.lstsq(rows, np.append(torque, 11.0 * told))[0]
     found = solved(posed(columns, torque, priors), dict(zip("abc", exact.tolist(), strict=True)))
-    profiles, better = profile_moving(found)
+    seen, better = profile_moving(found)
     assert better is None
-    three = with_three_ways(found, found.fit, profiles).uncertainty
+    three = with_three_ways(found, found.fit, seen).uncertainty
     for name in "abc":
         close(three[name].profile, three[name].covariance, 1e-6)
         close(three[name].bootstrap, three[name].covariance, 0.12)
@@ -127,14 +134,13 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
 
 def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: Tracked) -> None:
     """Each end, put in as a fixed value and all else fitted by the whole descent, costs J_min + (t error)**2 / (J'J)**-1_jj."""
-    profiles, _ = profile_moving(gripper)
+    seen, _ = profile_moving(gripper)
     problem, judged = gripper.problem, gripper.judged
-    scale = scales(problem, gripper.values)
-    rows, jacobian = scaled(problem, scale)(to_scaled(problem, gripper.values, scale))
+    rows, jacobian = judged.minimum.residuals, judged.minimum.jacobian
     inverse = np.diag(np.linalg.inv(jacobian.T @ jacobian))
     for j, name in enumerate(problem.names[:-1]):
         high = (student(judged.freedom) * judged.scaled_errors[j]) ** 2 / inverse[j]
-        for value in profiles[name].interval:
+        for value in seen[name].interval:
             rest = replace(problem, fixed={name: value})
             _, minimum = fit(rest, {n: v for n, v in gripper.values.items() if n != name})
             assert (minimum.cost - rows @ rows) / high == pytest.approx(1.0, abs=0.02)
@@ -142,8 +148,8 @@ def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: T
 
 def test_a_curve_runs_from_end_to_end(gripper: Tracked) -> None:
     """It is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it."""
-    profiles, _ = profile_moving(gripper)
-    for name, (interval, (values, height), doubts) in profiles.items():
+    seen, _ = profile_moving(gripper)
+    for name, (interval, (values, height), doubts) in seen.items():
         assert not doubts
         assert (np.diff(values) > 0).all()
         at = int(np.searchsorted(values, gripper.values[name] * (1 - 1e-9)))
@@ -153,23 +159,18 @@ def test_a_curve_runs_from_end_to_end(gripper: Tracked) -> None:
         np.testing.assert_allclose(np.interp(interval, values, height), 1.0, atol=1e-6)
 
 
-def test_few_evaluations_suffice(gripper: Tracked, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_evaluations_suffice(gripper: Tracked) -> None:
     """A well-posed fit costs two evaluations a side (28 for seven parameters); progress is told parameter by parameter."""
     count, told = [0], list[tuple[str, int, int]]()
+    posed = gripper.judged.posed
 
-    def counted(problem: Tracking, scale: Array):  # type: ignore[no-untyped-def]
-        """The residuals, counted."""
-        inner = scaled(problem, scale)
+    def counted(x: Array) -> tuple[Array, Array]:
+        """One more."""
+        count[0] += 1
+        return posed.evaluate(x)
 
-        def evaluate(x: Array) -> tuple[Array, Array]:
-            """One more."""
-            count[0] += 1
-            return inner(x)
-
-        return evaluate
-
-    monkeypatch.setattr("bristle.identification.dynamic.profile.scaled", counted)
-    profile_moving(gripper, lambda *what: told.append(what))
+    judged = gripper.judged._replace(posed=replace(posed, evaluate=counted))
+    profile_moving(gripper._replace(judged=judged), lambda *what: told.append(what))
     assert count[0] <= 30
     assert [done for _, done, _ in told] == list(range(7))
     assert {of for _, _, of in told} == {7}
@@ -199,18 +200,18 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     first = solved(problem, {"a": -1.0})
     assert first.values["a"] == pytest.approx(-1.0, abs=0.1)
     assert profile_moving(first)[1] is not None
-    again, profiles = explored(first, lambda end: solved(problem, {"a": end["a"]}))
+    again, seen = explored(first, lambda end: solved(problem, {"a": end["a"]}))
     assert again.values["a"] == pytest.approx(1.0, abs=1e-3)
     assert any(doubt.kind is Kind.REFITTED for doubt in again.fit.doubts)
-    assert profiles["a"].interval[0] < 1 < profiles["a"].interval[1]
+    assert seen["a"].interval[0] < 1 < seen["a"].interval[1]
 
 
 def test_a_fit_that_does_not_follow_is_distrusted() -> None:
     """Where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval."""
     first = solved(two_minima(), {"a": -1.0})
-    again, profiles = explored(first, lambda _: first)
+    again, seen = explored(first, lambda _: first)
     assert any(doubt.kind is Kind.STILL_LOWER for doubt in again.fit.doubts)
-    assert np.isfinite(profiles["a"].interval).all()
+    assert np.isfinite(seen["a"].interval).all()
 
 
 def test_a_fit_in_its_only_minimum_is_left_alone(gripper: Tracked) -> None:
@@ -230,8 +231,8 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
     found = fitted(record(3e-3, 1, slow=2.0))
     unseen = {name for name, e in found.fit.parameters.items() if e.value is None}
     assert {"alpha_1", "v_s"} <= unseen
-    found, profiles = explored(found, lambda _: fitted(record(3e-3, 1, slow=2.0)))
-    fit_ = with_three_ways(found, found.fit, profiles)
+    found, seen = explored(found, lambda _: fitted(record(3e-3, 1, slow=2.0)))
+    fit_ = with_three_ways(found, found.fit, seen)
     assert set(fit_.uncertainty) == set(fit_.parameters)
     for name, three in fit_.uncertainty.items():
         for interval in (three.covariance, three.profile, three.bootstrap):
@@ -247,9 +248,9 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
 
 def test_the_bias_of_counts_moves_all_three_alike(gripper: Tracked) -> None:
     """Where the estimate was moved and its error widened, ends and draws are moved and spread by the same; open ends stay."""
-    profiles, _ = profile_moving(gripper)
-    profiles["alpha_1"] = profiles["alpha_1"]._replace(interval=(0.0, np.inf))
-    plain = with_three_ways(gripper, gripper.fit, profiles).uncertainty
+    seen, _ = profile_moving(gripper)
+    seen["alpha_1"] = seen["alpha_1"]._replace(interval=(0.0, np.inf))
+    plain = with_three_ways(gripper, gripper.fit, seen).uncertainty
 
     def moved(e: Estimate) -> Estimate:
         """Off by half an error, and surer by none."""
@@ -258,7 +259,7 @@ def test_the_bias_of_counts_moves_all_three_alike(gripper: Tracked) -> None:
         return replace(e, value=e.value + 0.5 * e.standard_error, standard_error=1.5 * e.standard_error)
 
     shifted = replace(gripper.fit, parameters={n: moved(e) for n, e in gripper.fit.parameters.items()})
-    three = with_three_ways(gripper, shifted, profiles).uncertainty
+    three = with_three_ways(gripper, shifted, seen).uncertainty
     for name, e in gripper.fit.parameters.items():
         assert e.value is not None
         for way in ("profile", "bootstrap"):
@@ -282,9 +283,9 @@ def test_intervals_hold_the_truth_and_agree() -> None:
             for n, s in errors.items()
         ]
         found = fitted(record(3e-4, seed), priors)
-        profiles, better = profile_moving(found)
+        seen, better = profile_moving(found)
         assert better is None
-        three = with_three_ways(found, found.fit, profiles).uncertainty
+        three = with_three_ways(found, found.fit, seen).uncertainty
         for name, truth in TRUTH.items():
             for way in held:
                 low, high = getattr(three[name], way)
@@ -294,8 +295,8 @@ def test_intervals_hold_the_truth_and_agree() -> None:
 
 def test_the_seed_says_it_all(gripper: Tracked) -> None:
     """The same seed draws the same bytes, another one others; profiles have none."""
-    profiles, _ = profile_moving(gripper)
+    seen, _ = profile_moving(gripper)
     one, same, other = (
-        with_three_ways(gripper, gripper.fit, profiles, seed).uncertainty["v_s"].draws.tobytes() for seed in (0, 0, 1)
+        with_three_ways(gripper, gripper.fit, seen, seed).uncertainty["v_s"].draws.tobytes() for seed in (0, 0, 1)
     )
     assert one == same != other

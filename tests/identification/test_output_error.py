@@ -17,7 +17,7 @@ from bristle.identification.dynamic.fit import fit_tracking, relative_error
 from bristle.identification.dynamic.multistart import judge, with_deflections
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import Tracking, residuals, tracking
-from bristle.identification.dynamic.unknowns import fit, from_scaled, scaled, scales, to_scaled
+from bristle.identification.dynamic.unknowns import fit, least_squares
 from bristle.identification.identify import identify_joint, measure
 from bristle.identification.results import Joint
 from bristle.model import law, motor
@@ -105,9 +105,9 @@ def test_derivatives_are_those_of_finite_differences() -> None:
     values = named(Pair(GRIPPER, OTHER))
     for k, m in enumerate(problem.motions):
         values |= {f"y0[{k}]": float(m.measured[0]), f"v0[{k}]": float(m.velocity[0]), f"z0[{k}]": 1e-4}
-    scale = scales(problem, values)
-    x, evaluate = to_scaled(problem, values, scale), scaled(problem, scale)
-    assert from_scaled(problem, x, scale) == pytest.approx(values)
+    about = least_squares(problem, values)
+    x, evaluate = about.unknowns.scaled(values), about.evaluate
+    assert about.unknowns.values(x) == pytest.approx(values)
     _, jacobian = evaluate(x)
     for k in range(x.size):
         by = np.zeros(x.size)

@@ -12,10 +12,11 @@ from scipy import sparse, stats
 from scipy.optimize import brentq, minimize, nnls
 
 from bristle.arrays import Array
-from bristle.estimation import covariance as uncertainty
+from bristle.estimation.covariance import covariance as uncertainty
+from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.problem import Regression, from_points, with_prior
-from bristle.identification.static.profiles import Profiled, profiled
+from bristle.identification.static.profiles import StaticProfiles, profiled
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve
@@ -57,7 +58,7 @@ def brute(problem: Regression, solution: Solution, name: str = "", held: float =
     return min(float(found.fun), cost(best))
 
 
-def assert_exact(problem: Regression, solution: Solution, found: Profiled, rel: float = 1e-5) -> None:
+def assert_exact(problem: Regression, solution: Solution, found: StaticProfiles, rel: float = 1e-5) -> None:
     """Each end of each linear parameter is the constrained one; a little beyond it the cost lies above the threshold."""
     names = problem.names[: len(problem.names) - len(problem.peaks)]
     assert_ends(problem, solution, found, names, rel)
@@ -69,7 +70,7 @@ def assert_exact(problem: Regression, solution: Solution, found: Profiled, rel: 
 
 
 def assert_ends(
-    problem: Regression, solution: Solution, found: Profiled, names: tuple[str, ...], rel: float = 1e-5
+    problem: Regression, solution: Solution, found: StaticProfiles, names: tuple[str, ...], rel: float = 1e-5
 ) -> None:
     """Each end costs the threshold by brute force, or is a bound of zero that costs no more; an open end is alpha_1's."""
     room = found.threshold - solution.cost
@@ -87,7 +88,7 @@ def assert_ends(
                 assert above == pytest.approx(0, abs=rel * room), (name, end)
 
 
-def solved(problem: Regression, stretch: float = 1.0) -> tuple[Solution, Profiled]:
+def solved(problem: Regression, stretch: float = 1.0) -> tuple[Solution, StaticProfiles]:
     """A problem's solution and its profiles."""
     solution = solve(problem, default_range(problem.velocity))
     return solution, profiled(problem, solution, stretch)
@@ -121,7 +122,7 @@ def test_without_a_peak_the_profile_is_the_students_interval(seed: int, stretch:
     torque = 0.5 * np.sign(velocity) + velocity - 0.2 + 0.3 * extra["gravity_sin"] + 0.02 * rng.standard_normal(30)
     problem = without_peak(velocity, torque, extra)
     solution, found = solved(problem, stretch)
-    covariance, freedom = uncertainty.covariance(problem.linear, solution.cost, stretch)
+    covariance, freedom = uncertainty(problem.linear, solution.cost, stretch)
     reach = stats.t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
     for name, value, half in zip(problem.names, solution.theta, reach, strict=True):
         assert found.intervals[name] == pytest.approx((value - half, value + half), rel=1e-9, abs=1e-9 * half)
@@ -214,8 +215,8 @@ def test_smoothed_moving_data_end_where_brute_force_does(*, prior: bool) -> None
         problem = with_prior(problem, "alpha_0", GRIPPER.alpha_0, 1e-4, 7e-4)
     solution, found = solved(problem, 1.7)
     room = found.threshold - solution.cost
-    assert found.threshold == pytest.approx(uncertainty.profile_threshold(solution.cost, problem.torque.size, 5, 1.7))
-    few = found.shape.problem
+    assert found.threshold == pytest.approx(profile_threshold(solution.cost, problem.torque.size, 5, 1.7))
+    few = found.problem
     assert few.torque.size < problem.torque.size
     for name in (*problem.linear_names, "alpha_1"):
         for end in found.intervals[name]:
@@ -245,7 +246,7 @@ def test_every_point_of_a_curve_is_brute_force(case: str) -> None:
     for name in (*problem.linear_names, *(["alpha_1"] if problem.peaks else [])):
         value = float(solution.theta[problem.names.index(name)])
         low, high = found.intervals[name]
-        values, heights = found.shape.curve(name, value, low, high)
+        values, heights = found.curve(name, value, low, high)
         assert (np.diff(values) > 0).all()
         assert values[0] >= 0
         expected = [(brute(problem, solution, name, x) - solution.cost) / room for x in values[::8]]
@@ -265,7 +266,7 @@ def test_a_curve_over_an_open_v_s_is_finite_and_stays_within_its_range() -> None
     room = found.threshold - solution.cost
     for name in ("alpha_0", "alpha_2", "alpha_1"):
         value, (low, high) = float(solution.theta[problem.names.index(name)]), found.intervals[name]
-        values, heights = found.shape.curve(name, value, low, min(high, 10 * value))
+        values, heights = found.curve(name, value, low, min(high, 10 * value))
         assert np.isfinite(heights).all()
         expected = [(brute(problem, solution, name, x) - solution.cost) / room for x in values[::10]]
         assert heights[::10] == pytest.approx(np.maximum(expected, 0), abs=5e-3, rel=5e-3)

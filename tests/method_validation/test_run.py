@@ -156,7 +156,7 @@ def test_starts_lie_within_the_bounds_and_everywhere() -> None:
     starts = methods.random_starts(case, 4000, np.random.default_rng(0))
     within = np.column_stack(
         [
-            starts[:, :3] / case.scale,
+            starts[:, :3] / case.unknowns.scale[:3],
             np.log(starts[:, 3] / case.v_s_range[0]) / np.log(case.v_s_range[1] / case.v_s_range[0]),
         ]
     )

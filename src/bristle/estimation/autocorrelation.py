@@ -72,8 +72,9 @@ def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Ar
     n = residuals.size
     trends = {"time": time, "velocity": velocity, "position": position}
     known = {name: x for name, x in trends.items() if x.size == n and n >= 8 and np.ptp(x) > 0}
+    scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in known.items()}
     tests: list[tuple[Kind, dict[str, float | str], Array]] = [
-        (Kind.RESIDUAL_TREND, {"over": name}, _parabola(x)) for name, x in known.items()
+        (Kind.RESIDUAL_TREND, {"over": name}, np.stack([s, s * s])) for name, s in scaled.items()
     ]
     count = min(n // 4, _HARMONICS) if "position" in known else 0
     if count:
@@ -90,11 +91,6 @@ def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Ar
         if p * looks < _SIGNIFICANT:
             found.append(kind(**what, p=p * looks, looks=looks, share=share))
     return tuple(found)
-
-
-def _parabola(x: Array) -> Array:
-    s = 2 * (x - x.min()) / np.ptp(x) - 1
-    return np.stack([s, s * s])
 
 
 def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, Array]:

@@ -1,16 +1,33 @@
-"""How far to trust a static fit: covariance, Student intervals, the profile's interval for v_s, and whether a Stribeck term is there at all."""
+"""How far the scatter of the residuals leaves the unknowns of a least-squares problem uncertain, and Student's t."""
 
-from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import fdtri, stdtrit
+from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from bristle.arrays import Array
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.levenberg_marquardt import Minimum
 from bristle.estimation.linear import inverse_gram
+from bristle.estimation.problem import LeastSquares, projected
 
 LEVEL = 0.95
 """Every interval's level."""
+SEEN = 1e-9
+"""Of the longest column of the Jacobian: an unknown with a shorter one has no influence."""
+
+
+class Covariance(NamedTuple):
+    """What is known of the unknowns of a problem, at its minimum."""
+
+    errors: Array
+    """Standard errors of the scaled unknowns, (p,); inf where nothing is seen of one."""
+    matrix: Array
+    """Covariance of the unknowns in their units, (p, p); nan where nothing is said."""
+    freedom: float
+    widening: float
+    """Median factor by which correlated residuals widen the errors of the shared unknowns."""
 
 
 def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Array, float]:
@@ -31,6 +48,86 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
     return cost / max(n - p, 1) * inflation * inverse_gram(jacobian), freedom
 
 
+def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
+    """The covariance at a problem's minimum: by the jackknife where its blocks err independently, else robust to autocorrelation."""
+    return _jackknife(problem, minimum) if problem.independent else _robust(problem, minimum)
+
+
+def seen(jacobian: Array) -> NDArray[np.bool_]:
+    """Which unknowns have any influence on the residuals, (p,)."""
+    length = _lengths(jacobian)
+    influence: NDArray[np.bool_] = length > SEEN * length.max()
+    return influence
+
+
+def _lengths(jacobian: Array) -> Array:
+    length: Array = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
+    return length
+
+
+def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
+    """Each unknown's error is a weighted sum of the residuals; its variance allows for their correlation and for a variance that changes."""
+    rest, known = minimum.residuals, seen(minimum.jacobian)
+    jacobian = minimum.jacobian[:, known]
+    (n, p), priors = jacobian.shape, problem.priors
+    inner = inverse_gram(jacobian)
+    weights = jacobian @ inner
+    plain = inner * minimum.cost / max(n - p, 1)
+    scores = weights[: n - priors] * rest[: n - priors, None]
+    stretch = np.array([inflation(score) for score in scores.T])
+    spread = np.einsum("np,np->p", scores, scores) * stretch * n / max(n - p, 1)
+    spread += problem.sigma**2 * np.einsum("np,np->p", weights[n - priors :], weights[n - priors :])
+    spread = np.maximum(spread, 0.0 if priors else plain.diagonal())
+    ratio = np.sqrt(spread / plain.diagonal())
+    shared = np.isin(np.flatnonzero(known), problem.shared)
+    widening = float(np.median(ratio[shared])) if shared.any() else 1.0
+    freedom = max(n / float(stretch[shared].max(initial=1.0)) - p, 1.0)
+    return _in_units(problem, minimum.x, known, spread, plain * np.outer(ratio, ratio), freedom, widening)
+
+
+def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
+    """The jackknife over blocks, linearised: nothing is said of the unknowns that blocks have to themselves.
+
+    With A_w the block's part of J'J and b_w of J'r, its own unknowns eliminated, leaving the block out moves the estimate by
+    G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w.
+    """
+    blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
+    own = shared[seen(minimum.jacobian[:, shared])]
+    size = _lengths(minimum.jacobian[:, own])
+    left = projected(minimum.jacobian, own, blocks) / size
+    grams = [left[rows].T @ left[rows] for rows, _ in blocks]
+    slopes = [left[rows].T @ rest[rows] for rows, _ in blocks]
+    priors = left[blocks[-1].rows.stop :]
+    inner = np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True)
+    one, count = np.eye(own.size), len(blocks)
+    moves = np.array(
+        [inner @ np.linalg.lstsq(one - A @ inner, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
+    )
+    spread = (count - 1) / count * moves.T @ moves + problem.sigma**2 * inner @ priors.T @ priors @ inner
+    spread /= np.outer(size, size)
+    plain = np.diag(inner) / size**2 * minimum.cost / max(rest.size - minimum.x.size, 1)
+    known = np.isin(np.arange(minimum.x.size), own)
+    widening = float(np.median(np.sqrt(spread.diagonal() / plain)))
+    return _in_units(problem, minimum.x, known, spread.diagonal(), spread, max(count - 1.0, 1.0), widening)
+
+
+def _in_units(
+    problem: LeastSquares[Any],
+    x: Array,
+    known: NDArray[np.bool_],
+    spread: Array,
+    matrix: Array,
+    freedom: float,
+    widening: float,
+) -> Covariance:
+    """The covariance from the variances, (k,), and covariance, (k, k), of the known scaled unknowns."""
+    errors, whole = np.full(x.size, np.inf), np.full((x.size, x.size), np.nan)
+    errors[known] = np.sqrt(spread)
+    chain = problem.unknowns.slopes(x)[known]
+    whole[np.ix_(known, known)] = matrix * np.outer(chain, chain)
+    return Covariance(errors, whole, freedom, widening)
+
+
 def condition(jacobian: Array) -> float:
     """Condition number of the Jacobian with its columns scaled to unit length; 1 where it has none."""
     if jacobian.shape[1] == 0:
@@ -42,70 +139,3 @@ def condition(jacobian: Array) -> float:
 def student(freedom: float) -> float:
     """Half-width of the 95 % interval in standard errors, by Student's t."""
     return float(stdtrit(freedom, (1 + LEVEL) / 2))
-
-
-def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
-    """The cost at which a profiled parameter leaves its 95 % interval: J_min (1 + F / (n - p)), F = F(0.95; 1, n - p)."""
-    freedom = max(n / inflation - p, 1.0)
-    return cost * (1 + inflation * float(fdtri(1, freedom, LEVEL)) / max(n - p, 1))
-
-
-def profile_interval(
-    costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, threshold: float
-) -> tuple[float, float]:
-    """The interval of v_s whose profile stays below a threshold; 0 or inf where the profile stays below it to the end of the grid.
-
-    Args:
-        costs: the profile as a function of v_s, (k,) -> (k,).
-        grid: v_s, ascending, (k,).
-        profile: the profile on it, (k,).
-        best: where the profile is lowest.
-        threshold: from `profile_threshold`.
-    """
-    below = np.flatnonzero(profile <= threshold)
-    low, high = (
-        (int(below[0]), int(below[-1]))
-        if below.size
-        else (int(np.searchsorted(grid, best)), int(np.searchsorted(grid, best)) - 1)
-    )
-
-    def crossing(outside: float, inside: float) -> float:
-        """Where between two v_s the profile crosses the threshold; the inner one where it does not."""
-
-        def excess(u: float) -> float:
-            """The profile less the threshold at log(v_s)."""
-            return float(costs(np.array([np.exp(u)]))[0]) - threshold
-
-        a, b = np.log(outside), np.log(inside)
-        return inside if excess(a) * excess(b) > 0 else float(np.exp(brentq(excess, a, b, xtol=1e-10)))
-
-    lower = 0.0 if low == 0 else crossing(float(grid[low - 1]), min(best, float(grid[min(low, grid.size - 1)])))
-    upper = np.inf if high == grid.size - 1 else crossing(float(grid[high + 1]), max(best, float(grid[max(high, 0)])))
-    return lower, float(upper)
-
-
-def stribeck_p_value(off: Array, length: Array, q: Array, ratio: float, *, draws: int = 2000, seed: int = 0) -> float:
-    """How often pure noise would look as much like a Stribeck peak as the data do.
-
-    Without a peak v_s means nothing, so no F table applies to the best of all v_s. But the ratio (cost without - cost with) / cost with
-    does not depend on the parameters nor on the noise level: it is drawn here, at the same velocities, with Gaussian noise.
-
-    Args:
-        off: Stribeck columns off the linear ones, (n, k).
-        length: their squared lengths, (k,).
-        q: orthonormal basis of the linear columns, (n, m).
-        ratio: the ratio seen (with autocorrelated residuals, divided by their inflation).
-        draws: repetitions.
-        seed: of the generator.
-    """
-    rng = np.random.default_rng(seed)
-    # noise matters along the columns; elsewhere only its length does. A column of infinite length vanishes.
-    _, reach, directions = np.linalg.svd(off / np.sqrt(length), full_matrices=False)
-    alive = reach > 1e-6 * reach[0]
-    along = rng.standard_normal((int(alive.sum()), draws))
-    rest = off.shape[0] - q.shape[1] - along.shape[0]
-    total = np.einsum("rd,rd->d", along, along) + (rng.chisquare(rest, draws) if rest > 0 else 0.0)
-    products = (directions[alive].T * reach[alive]) @ along
-    gain = (np.maximum(products, 0.0) ** 2).max(axis=0)
-    drawn = gain / np.maximum(total - gain, 1e-12 * total)
-    return float((1 + np.count_nonzero(drawn >= ratio)) / (draws + 1))

@@ -1,8 +1,38 @@
-"""IPOPT by way of CasADi, silent, and without an exception where it ends early: who calls judges where it ended."""
+"""The second route: the same least-squares problem through CasADi and IPOPT, from some starts, and how its answer compares.
 
-from typing import Any
+IPOPT is silent, and raises no exception where it ends early: who calls judges where it ended.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Generic, NamedTuple
 
 import casadi as ca
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation.problem import Name, Unknowns
+
+
+class Comparison(NamedTuple, Generic[Name]):
+    """Where the second route ended, beside the first."""
+
+    cost_grid: float
+    """The cost of the first."""
+    cost_full: float
+    """The lowest cost of any end of the second."""
+    starts: int
+    reached: int
+    """How many starts ended at the lowest cost."""
+    parameters: Mapping[Name, float]
+    difference_in_se: Mapping[Name, float]
+    """Second less first, in standard errors of the first, where there is one."""
+    agrees: bool
+    """Whether both found the same cost."""
+
+    @property
+    def worst(self) -> float:
+        """The largest difference in standard errors."""
+        return max(map(abs, self.difference_in_se.values()), default=0.0)
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
@@ -14,3 +44,47 @@ def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **opti
         "ipopt": {"print_level": 0, "sb": "yes", **options},
     }
     return ca.nlpsol(name, "ipopt", problem, settings)
+
+
+def natural(unknowns: Unknowns[Any], x: ca.MX | ca.SX) -> list[Any]:
+    """The unknowns in their units as expressions of the scaled ones, a column."""
+    parts: Any = zip(ca.vertsplit(x), unknowns.logarithmic.tolist(), unknowns.scale.tolist(), strict=True)
+    return [ca.exp(one) if logarithmic else one * size for one, logarithmic, size in parts]
+
+
+def ends(whole: ca.Function, unknowns: Unknowns[Any], starts: Sequence[Array], **given: Any) -> list[Array]:
+    """The scaled unknowns where a `solver` ends from each start between the bounds, (p,) each."""
+    solved = (whole(x0=x0, lbx=unknowns.lower, ubx=unknowns.upper, **given)["x"] for x0 in starts)
+    return [np.asarray(x).ravel() for x in solved]
+
+
+def compared(
+    values: Mapping[Name, float],
+    cost: float,
+    errors: Mapping[Name, float | None],
+    found: Sequence[Mapping[Name, float]],
+    costs: Sequence[float],
+    same: float,
+) -> Comparison[Name]:
+    """The ends of the second route beside the answer of the first.
+
+    Args:
+        values: of the first, by name.
+        cost: there.
+        errors: its standard errors.
+        found: values at each end of the second.
+        costs: there, by the first's own reckoning.
+        same: difference in cost below which two ends are the same.
+    """
+    lowest = min(costs)
+    parameters = found[costs.index(lowest)]
+    known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
+    return Comparison(
+        cost_grid=cost,
+        cost_full=lowest,
+        starts=len(costs),
+        reached=sum(one <= lowest + same for one in costs),
+        parameters=parameters,
+        difference_in_se={name: (parameters[name] - values[name]) / error for name, error in known.items()},
+        agrees=abs(lowest - cost) <= same,
+    )

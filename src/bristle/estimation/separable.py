@@ -4,14 +4,13 @@ Variable projection: for any shared unknowns each block settles its own ones by 
 the shared ones, whose Jacobian is the whole one's with each block's own columns projected out. One stubborn block then holds up no other.
 """
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
+from bristle.estimation.problem import LeastSquares, projected
 
 _DAMPING, _MOST_DAMPING = 1e-2, 1e6
 _INNER = 8
@@ -22,25 +21,10 @@ _SETTLED = 1e-7
 """A block has settled when a step lowers its cost by less than this share."""
 
 
-class Block(NamedTuple):
-    """Rows of the residuals, and the unknowns that no other rows depend on."""
-
-    rows: slice
-    columns: list[int]
-
-
-def descend(
-    evaluate: Callable[[Array], tuple[Array, Array]],
-    start: Array,
-    lower: Array,
-    upper: Array,
-    most: int,
-    blocks: Sequence[Block],
-) -> Minimum:
+def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
     """As `minimise`, for residuals in blocks; rows after the last block depend on shared unknowns alone."""
-    own = [k for block in blocks for k in block.columns]
-    shared = np.setdiff1d(np.arange(start.size), own)
-    best, residuals, jacobian = _settle(evaluate, np.clip(start, lower, upper), lower, upper, blocks, _FIRST)
+    shared, lower, upper = problem.shared, problem.unknowns.lower, problem.unknowns.upper
+    best, residuals, jacobian = _settle(problem, np.clip(start, lower, upper), _FIRST)
     if not shared.size:
         return Minimum(best, float(residuals @ residuals), residuals, jacobian, 1, converged=True)
     lowest = np.inf
@@ -50,38 +34,23 @@ def descend(
         nonlocal best, lowest
         x = best.copy()
         x[shared] = p
-        x, rows, slopes = _settle(evaluate, x, lower, upper, blocks, _INNER)
+        x, rows, slopes = _settle(problem, x, _INNER)
         cost = float(rows @ rows)
         if not np.isfinite(cost):
             return rows, slopes[:, : shared.size]
         if cost < lowest:
             best, lowest = x, cost
-        return rows, projected(slopes, shared, blocks)
+        return rows, projected(slopes, shared, problem.blocks)
 
     found = minimise(outer, best[shared], lower[shared], upper[shared], most)
-    residuals, jacobian = evaluate(best)
+    residuals, jacobian = problem.evaluate(best)
     return Minimum(best, float(residuals @ residuals), residuals, jacobian, found.steps, found.converged)
 
 
-def projected(jacobian: Array, shared: NDArray[np.intp], blocks: Sequence[Block]) -> Array:
-    """The shared unknowns' columns, (n, len(shared)), with what each block's own can do taken off."""
-    left = jacobian[:, shared]
-    for rows, columns in blocks:
-        basis = np.linalg.qr(jacobian[rows][:, columns])[0]
-        left[rows] -= basis @ (basis.T @ left[rows])
-    return left
-
-
-def _settle(
-    evaluate: Callable[[Array], tuple[Array, Array]],
-    x: Array,
-    lower: Array,
-    upper: Array,
-    blocks: Sequence[Block],
-    most: int,
-) -> tuple[Array, Array, Array]:
+def _settle(problem: LeastSquares[Any], x: Array, most: int) -> tuple[Array, Array, Array]:
     """Each block's own unknowns at given shared ones: all unknowns, residuals, Jacobian."""
-    residuals, jacobian = evaluate(x)
+    blocks, lower, upper = problem.blocks, problem.unknowns.lower, problem.unknowns.upper
+    residuals, jacobian = problem.evaluate(x)
     if not np.isfinite(residuals @ residuals):
         return x, residuals, jacobian
     damping, busy = np.full(len(blocks), _DAMPING), np.ones(len(blocks), dtype=bool)
@@ -95,7 +64,7 @@ def _settle(
             inner = unit.T @ unit + damping[k] * np.eye(len(columns))
             step = np.linalg.lstsq(inner, unit.T @ residuals[rows], rcond=1e-15)[0] / size
             trial[columns] = np.clip(x[columns] - step, lower[columns], upper[columns])
-        new_residuals, new_jacobian = evaluate(trial)
+        new_residuals, new_jacobian = problem.evaluate(trial)
         if not np.isfinite(new_residuals @ new_residuals):
             damping *= 10
             continue

@@ -5,7 +5,6 @@ that acts at the beginning of each step. Gradients are CasADi's, by reverse diff
 its Jacobian is used.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -13,10 +12,8 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
-from bristle.estimation.ipopt import solver
+from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.dynamic.fit import Tracked
-from bristle.identification.dynamic.problem import Tracking
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, bounds, from_scaled, scaled, scales, to_scaled
 from bristle.identification.results import Crosscheck
 from bristle.model import law
 from bristle.model.parameters import Lugre, pair_of
@@ -39,59 +36,33 @@ def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> C
         starts: >= 1.
         seed: of the starts.
     """
-    problem, values = found.problem, dict(found.values)
-    scale = scales(problem, values)
-    best = to_scaled(problem, values, scale)
-    evaluate = scaled(problem, scale)
-    size = float(np.sum(evaluate(best)[0] ** 2)) or 1.0
-    x = ca.MX.sym("x", best.size)
-    whole = solver("moving", x, _cost(problem, x, scale, values) / size, **_OPTIONS)
-    lower, upper = bounds(problem)
+    posed, values = found.judged.posed, found.values
+    unknowns, best = posed.unknowns, found.judged.minimum.cost
+    x = ca.MX.sym("x", len(unknowns.names))
+    whole = solver("moving", x, _cost(found, x) / (best or 1.0), **_OPTIONS)
     rng = np.random.default_rng(seed)
-    ends = []
-    for _ in range(starts):
-        away = {n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()}
-        solved = whole(x0=np.clip(to_scaled(problem, away, scale), lower, upper), lbx=lower, ubx=upper)
-        ends.append(np.asarray(solved["x"]).ravel())
-    costs = np.array([float(np.sum(evaluate(end)[0] ** 2)) for end in ends])
-    return _compared(found, size, costs, from_scaled(problem, ends[int(costs.argmin())], scale))
-
-
-def _compared(found: Tracked, cost: float, costs: Array, full: Mapping[str, float]) -> Crosscheck:
-    lowest = float(costs.min())
-    reached = int(np.count_nonzero(costs <= min(lowest, cost) * (1 + _SAME)))
-    difference = {
-        name: (full[name] - found.values[name]) / e.standard_error
-        for name, e in found.fit.parameters.items()
-        if name in full and e.standard_error
-    }
-    worst = max(map(abs, difference.values()), default=0.0)
-    agrees = abs(lowest - cost) <= _SAME * cost
-    told = Kind.IPOPT_LOWER if lowest < cost else Kind.IPOPT_HIGHER
+    away = ({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()} for _ in range(starts))
+    begun = [np.clip(unknowns.scaled(one), unknowns.lower, unknowns.upper) for one in away]
+    ended = ends(whole, unknowns, begun)
+    costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
+    errors = {name: e.standard_error for name, e in found.fit.parameters.items()}
+    other = compared(values, best, errors, [unknowns.values(end) for end in ended], costs, _SAME * best)
+    told = Kind.IPOPT_LOWER if other.cost_full < best else Kind.IPOPT_HIGHER
     verdict = (
-        Kind.IPOPT_AGREES(worst=worst, reached=reached, starts=costs.size)
-        if agrees
-        else told(lowest=lowest, cost=cost, reached=reached, starts=costs.size)
+        Kind.IPOPT_AGREES(worst=other.worst, reached=other.reached, starts=starts)
+        if other.agrees
+        else told(lowest=other.cost_full, cost=best, reached=other.reached, starts=starts)
     )
-    return Crosscheck(
-        cost_grid=cost,
-        cost_full=lowest,
-        starts=costs.size,
-        reached=reached,
-        parameters={name: full[name] for name in difference},
-        difference_in_se=difference,
-        verdict=verdict,
-        agrees=agrees,
-    )
+    known = {name: other.parameters[name] for name in other.difference_in_se}
+    return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=verdict)
 
 
-def _cost(problem: Tracking, x: ca.MX, scale: Array, values: Mapping[str, float]) -> ca.MX:
+def _cost(found: Tracked, x: ca.MX) -> ca.MX:
     """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
-    known: dict[str, Any] = dict(problem.fixed)
-    for k, name in enumerate(problem.names):
-        known[name] = ca.exp(x[k]) if name.rstrip("+-") in LOGARITHMIC else x[k] * float(scale[k])
+    problem, unknowns = found.problem, found.judged.posed.unknowns
+    known: dict[str, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
     p = ca.vertcat(*(known[problem.key(name, tag)] for tag in problem.tags for name in Lugre._fields))
-    slowest = min(v for n, v in {**problem.fixed, **values}.items() if n.startswith("v_s"))
+    slowest = min(v for n, v in {**problem.fixed, **found.values}.items() if n.startswith("v_s"))
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)
     cost = ca.MX(0)
     for k, m in enumerate(problem.motions):

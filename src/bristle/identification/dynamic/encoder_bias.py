@@ -13,7 +13,7 @@ from bristle.diagnostics import Kind
 from bristle.identification.dynamic.fit import Tracked
 from bristle.identification.dynamic.problem import Tracking, is_start, modelled
 from bristle.identification.dynamic.unknowns import fit
-from bristle.identification.results import Estimate, TrackingFit
+from bristle.identification.results import TrackingFit
 
 REPETITIONS = 6
 """Rest positions inside a count at which the motion is measured again."""
@@ -43,6 +43,7 @@ def without_count_bias(
     rng = np.random.default_rng(_SEED)
     true = [_as_if_true(r, cutoff) for r in records]
     torque = np.concatenate(modelled(pose(true, found.problem.fixed), found.values))
+    torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
     priors = tuple(
         replace(prior, value=np.array([found.values[name] for name in prior.names])) for prior in found.problem.priors
@@ -50,9 +51,7 @@ def without_count_bias(
     known = [name for name in found.problem.names if not is_start(name)]
     ends = []
     for _ in range(REPETITIONS):
-        counted = [
-            _counted(r, T, cutoff, resolution, rng.uniform()) for r, T in zip(true, _split(torque, true), strict=True)
-        ]
+        counted = [_counted(r, T, cutoff, resolution, rng.uniform()) for r, T in zip(true, torques, strict=True)]
         posed = pose(counted, found.problem.fixed)
         pairs = zip(posed.motions, found.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
@@ -60,10 +59,8 @@ def without_count_bias(
         values, _ = fit(problem, found.values, _STEPS)
         ends.append([values[name] for name in known])
     bias = np.mean(ends, axis=0) - np.array([found.values[name] for name in known])
-    scatter = np.std(ends, axis=0)
-    return _corrected(
-        found.fit, dict(zip(known, bias.tolist(), strict=True)), dict(zip(known, scatter.tolist(), strict=True))
-    )
+    moved = zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)
+    return _corrected(found.fit, {name: both for name, *both in moved})
 
 
 def _as_if_true(record: Record, cutoff: float) -> Record:
@@ -80,33 +77,21 @@ def _counted(record: Record, torque: Array, cutoff: float, resolution: float, ph
     )
 
 
-def _split(values: Array, records: Sequence[Record]) -> list[Array]:
-    return np.split(values, np.cumsum([r.time.size for r in records])[:-1])
-
-
-def _corrected(found: TrackingFit, bias: Mapping[str, float], scatter: Mapping[str, float]) -> TrackingFit:
-    parameters, large = {}, []
+def _corrected(found: TrackingFit, moved: Mapping[str, Sequence[float]]) -> TrackingFit:
+    """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`."""
+    parameters, large = dict(found.parameters), []
     for name, e in found.parameters.items():
-        if e.value is None or e.standard_error is None or e.interval is None or name not in bias:
-            parameters[name] = e
+        if e.value is None or e.standard_error is None or e.interval is None or name not in moved:
             continue
-        if abs(bias[name]) > e.standard_error:
+        bias, scatter = moved[name]
+        if abs(bias) > e.standard_error:
             large.append(name)
-        parameters[name] = _shifted(e, bias[name], scatter[name])
-    said = Kind.COUNT_BIAS(names=tuple(large))
+        new = e.value - bias if (e.value - bias) * e.value > 0 else e.value
+        wider = float(np.hypot(e.standard_error, scatter)) / e.standard_error if e.standard_error else 1.0
+        low, high = e.interval
+        ends = max(new - (e.value - low) * wider, 0.0 if low >= 0 else -np.inf), new + (high - e.value) * wider
+        parameters[name] = replace(e, value=new, standard_error=e.standard_error * wider, interval=ends)
+    said = (Kind.COUNT_BIAS(names=tuple(large)),) if large else ()
     return replace(
-        found, parameters=parameters, bias=dict(bias), doubts=(*found.doubts, said) if large else found.doubts
-    )
-
-
-def _shifted(e: Estimate, bias: float, scatter: float) -> Estimate:
-    value, error, (low, high) = e.value or 0.0, e.standard_error or 0.0, e.interval or (0.0, 0.0)
-    new = value - bias if e.value and (value - bias) * value > 0 else value
-    wider = float(np.hypot(error, scatter)) / error if error else 1.0
-    floor = 0.0 if low >= 0 else -np.inf
-    return replace(
-        e,
-        value=new,
-        standard_error=error * wider,
-        interval=(max(new - (value - low) * wider, floor), new + (high - value) * wider),
+        found, parameters=parameters, bias={n: bias for n, (bias, _) in moved.items()}, doubts=(*found.doubts, *said)
     )

@@ -11,16 +11,11 @@ from bristle.arrays import Array
 from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one
 from bristle.estimation.covariance import condition, student
+from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.missing_terms import lacking
-from bristle.identification.dynamic.multistart import (
-    Judged,
-    equations_left,
-    judge,
-    with_deflections,
-    without_deflections,
-)
+from bristle.identification.dynamic.multistart import equations_left, judge, with_deflections, without_deflections
 from bristle.identification.dynamic.problem import Tracking, is_start, parameters, residuals
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, bounds, fit, scales
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, fit
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, is_passive, unit
@@ -46,7 +41,7 @@ class Tracked(NamedTuple):
     fit: TrackingFit
     problem: Tracking
     values: Mapping[str, float]
-    judged: Judged
+    judged: MultistartSolution[str]
 
 
 def fit_tracking(
@@ -73,7 +68,7 @@ def fit_tracking(
     """
     problem, judged, bent = _settled(problem, start, starts, seed, others)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _judged_estimates(problem, judged, kind, bent)
+    estimates = _judged_estimates(judged, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in judged.names if n in estimates)
@@ -103,7 +98,7 @@ def fit_tracking(
         measured=problem.measured,
         quantity=problem.quantity,
         residuals=rows,
-        starts_of_runs=_starts(problem),
+        starts_of_runs=problem.stretches,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
     return Tracked(found, problem, judged.values, judged)
@@ -111,13 +106,13 @@ def fit_tracking(
 
 def _settled(
     problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]]
-) -> tuple[Tracking, Judged, dict[str, float]]:
+) -> tuple[Tracking, MultistartSolution[str], dict[str, float]]:
     """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
     judged = judge(problem, start, starts, seed, others)
     problem, changed = _weighted(problem, judged)
     if changed:
         judged = judge(problem, without_deflections(judged.values), starts, seed)
-    bent = _bent(problem, judged.values)
+    bent = _bent(problem, judged)
     if bent:
         problem = replace(problem, fixed={**problem.fixed, **bent})
         rest = {n: v for n, v in without_deflections(judged.values).items() if n not in bent}
@@ -126,10 +121,10 @@ def _settled(
 
 
 def _judged_estimates(
-    problem: Tracking, judged: Judged, kind: JointKind, bent: Mapping[str, float]
+    judged: MultistartSolution[str], kind: JointKind, bent: Mapping[str, float]
 ) -> dict[str, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
-    estimates = _estimates(problem, judged, kind)
+    estimates = _estimates(judged, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
     for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
         if name in estimates:
@@ -144,7 +139,7 @@ def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> Diagnosti
     return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
 
 
-def _weighted(problem: Tracking, judged: Judged) -> tuple[Tracking, bool]:
+def _weighted(problem: Tracking, judged: MultistartSolution[str]) -> tuple[Tracking, bool]:
     """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
     rows = equations_left(problem, judged)
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
@@ -175,9 +170,9 @@ def _without(e: Estimate) -> Estimate:
     return replace(e, value=None, standard_error=None, doubts=said)
 
 
-def _bent(problem: Tracking, values: Mapping[str, float]) -> dict[str, float]:
+def _bent(problem: Tracking, judged: MultistartSolution[str]) -> dict[str, float]:
     """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
-    _, upper = bounds(problem)
+    values, upper = judged.values, judged.posed.unknowns.upper
     told = {name for prior in problem.priors for name in prior.names}
     found: dict[str, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
@@ -218,15 +213,9 @@ def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
     return float(100 * np.linalg.norm(rows) / problem.extent)
 
 
-def _starts(problem: Tracking) -> tuple[int, ...]:
-    """First equation of each stretch, which may go on over several motions."""
-    first = np.cumsum([0, *(m.size for m in problem.motions)])[:-1]
-    return tuple(int(k) for k, m in zip(first, problem.motions, strict=True) if not m.goes_on)
-
-
-def _estimates(problem: Tracking, judged: Judged, kind: JointKind) -> dict[str, Estimate]:
+def _estimates(judged: MultistartSolution[str], kind: JointKind) -> dict[str, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
-    scale = scales(problem, judged.values)
+    scale = judged.posed.unknowns.scale
     out = {}
     reach = student(judged.freedom)
     for name, x, error, size in zip(
@@ -261,7 +250,7 @@ def _estimates(problem: Tracking, judged: Judged, kind: JointKind) -> dict[str, 
     return out
 
 
-def _doubts(judged: Judged, rows: Array, unseen: Mapping[str, Estimate]) -> tuple[Diagnostic, ...]:
+def _doubts(judged: MultistartSolution[str], rows: Array, unseen: Mapping[str, Estimate]) -> tuple[Diagnostic, ...]:
     found = []
     if judged.minimum.steps == 0:
         found.append(Kind.DID_NOT_MOVE())
@@ -274,12 +263,12 @@ def _doubts(judged: Judged, rows: Array, unseen: Mapping[str, Estimate]) -> tupl
     return (*found, *_unseen(judged, unseen))
 
 
-def _seen(judged: Judged) -> list[int]:
+def _seen(judged: MultistartSolution[str]) -> list[int]:
     """Columns of the parameters, starts of the motions apart, of which anything is seen."""
     return [k for k, n in enumerate(judged.names) if not is_start(n) and judged.scaled_errors[k] < np.inf]
 
 
-def _unseen(judged: Judged, unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
+def _unseen(judged: MultistartSolution[str], unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
     """The directions in parameter space that the data hardly see."""
     keep = _seen(judged)
     jacobian = judged.minimum.jacobian[:, keep]

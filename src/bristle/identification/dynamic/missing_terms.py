@@ -9,7 +9,7 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
-from bristle.identification.dynamic.multistart import Judged
+from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import Tracking, modelled
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
@@ -20,7 +20,7 @@ _SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
 
 
-def lacking(problem: Tracking, judged: Judged, kind: JointKind) -> list[Diagnostic]:
+def lacking(problem: Tracking, judged: MultistartSolution[str], kind: JointKind) -> list[Diagnostic]:
     """What is doubted: a shift in time between torque and motion, and about an inertia that was given and not fitted.
 
     One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first order.
@@ -57,7 +57,9 @@ class _More(NamedTuple):
         return abs(self.value) > _SURE * self.error and self.share > _SHARE
 
 
-def _wanted(problem: Tracking, judged: Judged, wanted: Mapping[str, Sequence[Array]]) -> dict[str, _More]:
+def _wanted(
+    problem: Tracking, judged: MultistartSolution[str], wanted: Mapping[str, Sequence[Array]]
+) -> dict[str, _More]:
     """Each column, given per motion as (N,), beside all the others and the Jacobian's."""
     jacobian, rest = judged.minimum.jacobian, judged.minimum.residuals
     known = jacobian[:, judged.scaled_errors < np.inf]

@@ -12,13 +12,13 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
+from bristle.estimation.profile_likelihood import Profiled
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, Tracked, fit_tracking
 from bristle.identification.dynamic.multistart import judge, without_deflections
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import Prior, Tracking, tracking, with_priors
-from bristle.identification.dynamic.profile import Profiled
 from bristle.identification.dynamic.uncertainty import explored, with_three_ways
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit

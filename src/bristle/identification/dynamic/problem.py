@@ -17,7 +17,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import stretches
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.separable import Block
+from bristle.estimation.problem import Block
 from bristle.identification.decimation import decimator
 from bristle.identification.moving_runs import extra_columns, inertial
 from bristle.model.parameters import Lugre, Pair
@@ -131,6 +131,12 @@ class Tracking:
             Block(slice(stop - m.size, stop), list(range(first + count * k, first + count * (k + 1))))
             for k, (stop, m) in enumerate(zip(stops, self.motions, strict=True))
         )
+
+    @property
+    def stretches(self) -> tuple[int, ...]:
+        """First equation of each stretch, which may go on over several motions."""
+        first = np.cumsum([0, *(m.size for m in self.motions)])[:-1].tolist()
+        return tuple(k for k, m in zip(first, self.motions, strict=True) if not m.goes_on)
 
     @property
     def measured(self) -> Array:

@@ -12,12 +12,9 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.block_bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
-from bristle.estimation.separable import projected
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
+from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.fit import SEED, Tracked
-from bristle.identification.dynamic.problem import is_start
-from bristle.identification.dynamic.profile import Profiled, profile_moving, widest
-from bristle.identification.dynamic.unknowns import bounds, natural, scales, to_scaled
 from bristle.identification.results import Estimate, TrackingFit, Uncertainty
 from bristle.progress import Progress
 
@@ -30,15 +27,18 @@ Again = Callable[[Mapping[str, float]], Tracked]
 def explored(found: Tracked, again: Again, progress: Progress | None = None) -> tuple[Tracked, Mapping[str, Profiled]]:
     """The profile of each parameter, and the fit: done again, and saying so, where a profile found a better optimum."""
     said: tuple[Diagnostic, ...] = ()
-    for _ in range(_RESTARTS):
-        profiles, better = profile_moving(found, progress)
+    for refits in range(_RESTARTS + 1):
+        own = found.judged
+        seen, better = profiles(
+            own.posed, own.minimum, own.scaled_errors, own.freedom, progress, stop_at_better=refits < _RESTARTS
+        )
         if better is None:
             break
-        found, said = again({**found.problem.fixed, **better}), (Kind.REFITTED(),)
-    else:
-        profiles, better = profile_moving(found, progress, heed=False)
+        end = own.posed.unknowns.values(better)
+        found, said = again({**found.problem.fixed, **end}), (Kind.REFITTED(),)
+    if refits == _RESTARTS:
         said = (*said, Kind.STILL_LOWER(fits=_RESTARTS))
-    return found._replace(fit=replace(found.fit, doubts=(*found.fit.doubts, *said))), profiles
+    return found._replace(fit=replace(found.fit, doubts=(*found.fit.doubts, *said))), seen
 
 
 def with_three_ways(
@@ -52,41 +52,38 @@ def with_three_ways(
         profiles: by name.
         seed: of the bootstrap.
     """
-    columns, drawn = _drawn(found, seed)
-    three = {}
+    judged, three = found.judged, {}
+    drawn, blocks = bootstrap_at(judged.posed, judged.minimum, judged.scaled_errors, seed)
     for name, e in fit.parameters.items():
         if name in profiles:
-            steps = _steps(found, name, drawn, columns.index(name)) if name in columns else None
-            three[name] = _three(found, name, e, profiles[name], steps, drawn.blocks)
+            three[name] = _three(found, name, e, profiles[name], drawn.get(name), blocks)
         else:
             three[name] = Uncertainty(
                 covariance=None, profile=None, bootstrap=None, doubts=(*e.doubts, Kind.NOT_FITTED())
             )
-    parted = {name: replace(e, doubts=(*e.doubts, *_new(e, three[name]))) for name, e in fit.parameters.items()}
-    return replace(fit, parameters=parted, uncertainty=three)
-
-
-def _new(e: Estimate, three: Uncertainty) -> tuple[Diagnostic, ...]:
-    """What the three intervals let doubt of an estimate, and has not been said."""
-    return () if e.value is None else tuple(doubt for doubt in three.doubts if doubt not in e.doubts)
+    parameters = dict(fit.parameters)
+    for name, e in fit.parameters.items():
+        if e.value is not None:
+            new = (doubt for doubt in three[name].doubts if doubt not in e.doubts)
+            parameters[name] = replace(e, doubts=(*e.doubts, *new))
+    return replace(fit, parameters=parameters, uncertainty=three)
 
 
 def _three(
-    found: Tracked, name: str, e: Estimate, profile: Profiled, steps: tuple[Array, Array] | None, blocks: int
+    found: Tracked, name: str, e: Estimate, profile: Profiled, drawn: tuple[Array, Array] | None, blocks: int
 ) -> Uncertainty:
-    """One parameter's intervals, and where they part; `steps` are the ends of the bootstrap's interval, and its draws."""
+    """One parameter's intervals, and where they part; `drawn` are the ends of the bootstrap's interval, and its draws."""
     moved = _moved(found, name, e)
-    ends = moved(np.array(profile.interval))
-    low, high = ends.tolist()
-    drawn = None if steps is None or blocks < FEW else moved(steps[0])
+    low, high = moved(np.array(profile.interval)).tolist()
+    ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
+    bootstrap = None if ends is None else (ends[0], ends[1])
     at_bound = found.values[name] == 0
     few = Kind.RESIDUAL_BLOCKS(blocks=blocks)
     doubts = profile.doubts
     if at_bound:
         doubts = (*doubts, Kind.NO_BOOTSTRAP_AT_BOUND())
     elif blocks < FEW:
-        doubts = (*doubts, too_few(few))
-    bootstrap = None if drawn is None else (float(drawn[0]), float(drawn[1]))
+        doubts = (*doubts, Kind.NO_BOOTSTRAP(few=few, least=FEW))
     if e.value is not None:
         doubts = (
             *doubts,
@@ -94,21 +91,20 @@ def _three(
                 e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
             ),
         )
-    curve = np.stack([moved(profile.curve[0]), profile.curve[1]])
-    seen = profile.curve.size > 0
     return Uncertainty(
-        covariance=e.interval if seen else None,
+        covariance=e.interval if profile.curve.size else None,
         profile=(low, high),
         bootstrap=bootstrap,
-        curve=curve,
-        draws=np.zeros(0) if steps is None else moved(steps[1][:SHOWN]),
+        curve=np.stack([moved(profile.curve[0]), profile.curve[1]]),
+        draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]),
         doubts=doubts,
     )
 
 
 def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
     """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
-    value, limits = found.values[name], widest(name)
+    value = found.values[name]
+    limits = float(found.judged.posed.unknowns.least[found.problem.names.index(name)]), np.inf
     new, wider = value if e.value is None else e.value, 1.0
     error = found.fit.parameters[name].standard_error
     if e.standard_error and error:
@@ -120,42 +116,3 @@ def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
         return np.where(np.isin(x, limits), x, np.clip(new + (inside - value) * wider, *limits))
 
     return moved
-
-
-def _drawn(found: Tracked, seed: int) -> tuple[list[str], Resampled]:
-    """Steps of the free parameters, those at a bound apart, under resampled blocks; a motion that is simulated from its own start is a block."""
-    problem, judged = found.problem, found.judged
-    x, (lower, upper) = _scaled(found), bounds(problem)
-    free = [
-        j
-        for j, name in enumerate(problem.names)
-        if not is_start(name) and np.isfinite(judged.scaled_errors[j]) and lower[j] < x[j] < upper[j]
-    ]
-    blocks, left = problem.blocks, judged.minimum.residuals
-    J, n = projected(judged.minimum.jacobian, np.array(free), blocks), blocks[-1].rows.stop
-    windows = problem.quantity == "position"
-    drawn = block_bootstrap(
-        J[:n],
-        left[:n],
-        [block.rows.start for block in blocks] if windows else found.fit.starts_of_runs,
-        priors=J[n:],
-        sigma=problem.sigma,
-        length=n if windows else None,
-        seed=seed,
-    )
-    return [problem.names[j] for j in free], drawn
-
-
-def _scaled(found: Tracked) -> Array:
-    return to_scaled(found.problem, found.values, scales(found.problem, found.values))
-
-
-def _steps(found: Tracked, name: str, drawn: Resampled, column: int) -> tuple[Array, Array]:
-    """The ends of a parameter's interval by bootstrap-t, (2,), and its draws, (b,), in its unit; what leaves its range is open."""
-    j = found.problem.names.index(name)
-    x, (lower, upper) = float(_scaled(found)[j]), bounds(found.problem)
-    size = float(scales(found.problem, found.values)[j])
-    ends = x + np.array(drawn.interval(column, float(found.judged.scaled_errors[j])))
-    open_ends = [ends[0] <= lower[j], ends[1] >= upper[j]]
-    draws = natural(name, np.clip(x + drawn.steps[:, column], lower[j], upper[j]), size)
-    return np.where(open_ends, widest(name), natural(name, np.clip(ends, lower[j], upper[j]), size)), draws

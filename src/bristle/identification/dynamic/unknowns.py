@@ -1,14 +1,14 @@
 """The descent over the scaled unknowns of moving data: alpha_0, v_s and sigma_0 as logarithms, the others over a typical size."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
+from bristle.estimation.problem import Evaluate, LeastSquares, Unknowns
 from bristle.estimation.separable import descend
 from bristle.identification.dynamic.problem import Motion, Tracking, modelled, residuals
 from bristle.identification.identifiability import SEEN
@@ -27,7 +27,6 @@ _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
-_BOUNDED = ("alpha_1", "alpha_2", "sigma_1")
 
 
 def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
@@ -35,14 +34,20 @@ def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[
 
     Raises InputError as `minimise` does.
     """
-    scale, box = scales(problem, start), bounds(problem)
-    near = _brought_near(problem, scale, box, start, most)
-    found = minimise(scaled(problem, scale), to_scaled(problem, near, scale), *box, most)
-    return from_scaled(problem, found.x, scale), found
+    posed, found = solved(problem, start, most)
+    return posed.unknowns.values(found.x), found
+
+
+def solved(problem: Tracking, start: Mapping[str, float], most: int) -> tuple[LeastSquares[str], Minimum]:
+    """The least-squares problem about a start, and its minimum near there."""
+    posed = least_squares(problem, start)
+    unknowns = posed.unknowns
+    near = unknowns.scaled(_brought_near(problem, unknowns, start, most))
+    return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most)
 
 
 def _brought_near(
-    problem: Tracking, scale: Array, box: tuple[Array, Array], start: Mapping[str, float], most: int
+    problem: Tracking, unknowns: Unknowns[str], start: Mapping[str, float], most: int
 ) -> Mapping[str, float]:
     """Where a quick descent over a few of many samples ends, if samples between those like it better than the start; else the start."""
     if problem.quantity == "position" or sum(m.time.size for m in problem.motions) < _LARGE:
@@ -50,11 +55,12 @@ def _brought_near(
     few, between = (
         replace(problem, motions=tuple(_thinned(m, first) for m in problem.motions)) for first in (0, _EVERY // 2)
     )
+    begin = unknowns.scaled(start)
     try:
-        found = minimise(scaled(few, scale), to_scaled(problem, start, scale), *box, most, _NEAR)
+        found = minimise(_evaluation(few, unknowns), begin, unknowns.lower, unknowns.upper, most, _NEAR)
     except InputError:
         return start
-    near, measured = from_scaled(problem, found.x, scale), between.measured
+    near, measured = unknowns.values(found.x), between.measured
     return min((near, start), key=lambda values: np.sum((measured - np.concatenate(modelled(between, values))) ** 2))
 
 
@@ -64,117 +70,91 @@ def _thinned(motion: Motion, first: int) -> Motion:
     return replace(motion, smooth=None, rough=_ROUGH, **{name: getattr(motion, name)[first::_EVERY] for name in names})
 
 
-def polished(problem: Tracking, values: Mapping[str, float], found: Minimum) -> tuple[Mapping[str, float], Minimum]:
+def polished(problem: Tracking, posed: LeastSquares[str], found: Minimum) -> tuple[LeastSquares[str], Minimum]:
     """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves; kept where it is lower."""
     if problem.quantity == "torque" or found.converged:
-        return values, found
-    scale = scales(problem, values)
-    lower, upper = bounds(problem)
-    better = descend(scaled(problem, scale), to_scaled(problem, values, scale), lower, upper, _POLISH, problem.blocks)
-    return (from_scaled(problem, better.x, scale), better) if better.cost <= found.cost else (values, found)
+        return posed, found
+    values = posed.unknowns.values(found.x)
+    near = least_squares(problem, values)
+    better = descend(near, near.unknowns.scaled(values), _POLISH)
+    return (near, better) if better.cost <= found.cost else (posed, found)
 
 
-def bounds(problem: Tracking) -> tuple[Array, Array]:
-    """What the scaled unknowns lie between, (p,) each: physical bounds, and for what stands as a logarithm the range that a motion can show.
+def unknowns_of(problem: Tracking, at: Mapping[str, float]) -> Unknowns[str]:
+    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`; and bounds.
 
-    No motion shows a v_s below 1e-4 of its fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends
-    by more than ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held the joint.
-    z0 lies within twice the typical deflection.
+    What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest speed, nor one so near to it
+    that the term is a bend over all speeds; nor a bristle that bends by more than ten times the travel or less than a billionth of it; nor an
+    alpha_1 far above every torque, which would have held the joint. z0 lies within twice the typical deflection.
     """
-    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
-    torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
+    torque, speed = (max(float(np.abs(getattr(m, x)).max()) for m in problem.motions) for x in ("torque", "velocity"))
     travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
-    limits = {
-        "alpha_0": (1e-6 * torque, 1e3 * torque),
-        "v_s": (1e-4 * speed, speed / SEEN),
-        "sigma_0": (1e-1 * torque / travel, 1e9 * torque / travel),
+    known = {**problem.fixed, **at}
+    alpha_0, sigma_0 = ([x for n, x in known.items() if n.rstrip("+-") == name] for name in ("alpha_0", "sigma_0"))
+    damping, position = torque / speed, max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
+    columns = np.array([np.abs(m.extra).max(axis=0) for m in problem.motions]).max(axis=0)
+    table = {  # typical size, and bounds of the scaled unknown
+        "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
+        "alpha_1": (torque, 0.0, _MOST),
+        "alpha_2": (damping, 0.0, np.inf),
+        "v_s": (1.0, *np.log([1e-4 * speed, speed / SEEN])),
+        "sigma_0": (1.0, *np.log([1e-1 * torque / travel, 1e9 * torque / travel])),
+        "sigma_1": (damping, 0.0, np.inf),
+        "z0": (max(alpha_0) / min(sigma_0), -2.0, 2.0),
+        "v0": (speed, -np.inf, np.inf),
+        "y0": (position, -np.inf, np.inf),
     }
-    box = []
-    for name in problem.names:
-        bare = name.rstrip("+-")
-        if bare in limits:
-            box.append((float(np.log(limits[bare][0])), float(np.log(limits[bare][1]))))
-        elif bare.startswith("z0["):
-            box.append((-2.0, 2.0))
-        else:
-            box.append((0.0 if bare in _BOUNDED else -np.inf, _MOST if bare == "alpha_1" else np.inf))
-    lower, upper = np.array(box).T
-    return lower, upper
-
-
-def scales(problem: Tracking, at: Mapping[str, float]) -> Array:
-    """A typical size of each unknown, (p,), from the data, of z0 from the start; 1 where it stands as its logarithm."""
-    torque = max(float(np.abs(m.torque).max()) for m in problem.motions)
-    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
-    typical = {"alpha_1": torque, "alpha_2": torque / speed, "sigma_1": torque / speed}
-    for k, name in enumerate(problem.extra_names):
-        typical[name] = torque / (max(float(np.abs(m.extra[:, k]).max()) for m in problem.motions) or 1.0)
-    travel = max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
-    typical |= {"z0": max(_all(problem, at, "alpha_0")) / min(_all(problem, at, "sigma_0")), "v0": speed, "y0": travel}
-    bare = (name.rstrip("+-").split("[")[0] for name in problem.names)
-    return np.array([1.0 if name in LOGARITHMIC else typical[name] for name in bare])
-
-
-def _all(problem: Tracking, at: Mapping[str, float], name: str) -> list[float]:
-    return [value for key, value in {**problem.fixed, **at}.items() if key.rstrip("+-") == name]
-
-
-def to_scaled(problem: Tracking, values: Mapping[str, float], scale: Array) -> Array:
-    """The unknowns as the descent sees them, (p,)."""
-    return np.array(
-        [
-            np.log(values[name]) if name.rstrip("+-") in LOGARITHMIC else values[name] / size
-            for name, size in zip(problem.names, scale.tolist(), strict=True)
-        ]
+    table |= {
+        name: (torque / (top or 1.0), -np.inf, np.inf) for name, top in zip(problem.extra_names, columns, strict=True)
+    }
+    bare = [name.rstrip("+-").split("[")[0] for name in problem.names]
+    scale, lower, upper = np.array([table[name] for name in bare]).T
+    return Unknowns(
+        names=problem.names,
+        logarithmic=np.isin(bare, LOGARITHMIC),
+        scale=scale,
+        lower=lower,
+        upper=upper,
+        least=np.where([name.startswith(("alpha", "v_s", "sigma")) for name in bare], 0.0, -np.inf),
     )
 
 
-def natural(name: str, x: Any, size: float) -> Any:
-    """A parameter at its scaled unknown, a number or (k,), whose size is `size`."""
-    return np.exp(x) if name.rstrip("+-") in LOGARITHMIC else x * size
-
-
-def from_scaled(problem: Tracking, x: Array, scale: Array) -> dict[str, float]:
-    """The inverse of `to_scaled`."""
-    return {
-        name: float(natural(name, value, size))
-        for name, value, size in zip(problem.names, x.tolist(), scale.tolist(), strict=True)
-    }
-
-
-def slopes_of_scaling(problem: Tracking, values: Mapping[str, float], scale: Array) -> Array:
-    """Derivative of each parameter by its scaled unknown, (p,)."""
-    return np.array(
-        [
-            values[name] if name.rstrip("+-") in LOGARITHMIC else size
-            for name, size in zip(problem.names, scale.tolist(), strict=True)
-        ]
+def least_squares(problem: Tracking, at: Mapping[str, float]) -> LeastSquares[str]:
+    """The problem over its scaled unknowns about some values; the rows of priors come last."""
+    unknowns = unknowns_of(problem, at)
+    return LeastSquares(
+        unknowns=unknowns,
+        evaluate=_evaluation(problem, unknowns),
+        blocks=problem.blocks,
+        independent=problem.quantity == "position",
+        stretches=problem.stretches,
+        priors=sum(len(prior.names) for prior in problem.priors),
+        sigma=problem.sigma,
     )
 
 
-def scaled(problem: Tracking, scale: Array) -> Callable[[Array], tuple[Array, Array]]:
+def _evaluation(problem: Tracking, unknowns: Unknowns[str]) -> Evaluate:
     """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
+    weights, sizes = [m.weight for m in problem.motions], [m.size for m in problem.motions]
+    weight = np.repeat(weights, sizes) if any(one != 1 for one in weights) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
         """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,); a single infinite residual where they overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
-            values = from_scaled(problem, x, scale)
-            if not all(np.isfinite(v) and (v > 0 or n.rstrip("+-") not in LOGARITHMIC) for n, v in values.items()):
+            natural = unknowns.natural(x)
+            if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
                 return np.full(1, np.inf), np.zeros((1, x.size))
-            chain = slopes_of_scaling(problem, values, scale)
-            rows, slopes = residuals(problem, values, chain)
+            chain = unknowns.slopes(x)
+            rows, slopes = residuals(problem, unknowns.values(x), chain)
             if not np.isfinite(slopes.sum()):
                 return np.full(1, np.inf), np.zeros((1, x.size))
-        if any(m.weight != 1 for m in problem.motions):
-            weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+        if weight is not None:
             rows, slopes = rows * weight, slopes * weight[:, None]
         for prior in problem.priors:
             own = [problem.names.index(name) for name in prior.names]
             slope = np.zeros((len(own), x.size))
             slope[:, own] = problem.sigma * prior.root * chain[own]
-            rows = np.append(
-                rows, problem.sigma * (prior.root @ (np.array([values[n] for n in prior.names]) - prior.value))
-            )
+            rows = np.append(rows, problem.sigma * (prior.root @ (natural[own] - prior.value)))
             slopes = np.vstack([slopes, slope])
         return rows, slopes
 

@@ -107,10 +107,7 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
         doubts.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
     return PreslidingFit(
         direction=loadings[0].direction,
-        printed=estimates["printed"],
-        corrected=estimates["corrected"],
-        edges=estimates["edges"],
-        samples=estimates["samples"],
+        **estimates,
         sigma_1=_sigma_1(sigma_0, inertia, kind),
         recommended=best,
         level=level.value,

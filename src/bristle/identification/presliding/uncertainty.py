@@ -6,7 +6,7 @@ x = (g0 - level) / its error
 
     Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2,    u is inside where Q <= F(0.95; 1, freedom) = t**2,
 
-whose ends are the extremes of u(x) -+ e(x) sqrt(t**2 - x**2) over -t <= x <= t.
+a problem that is linear in u once x is given, and so a conditional profile.
 
 Bootstrap. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one by all samples a rest position
 in the count. The interval is that of bootstrap-t, with the error that the covariance has as well. A step of the data is how the estimate errs: the
@@ -22,18 +22,8 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.block_bootstrap import (
-    DRAWS,
-    ENOUGH,
-    FEW,
-    SHOWN,
-    Resampled,
-    block_bootstrap,
-    block_length,
-    cells,
-    resample,
-    too_few,
-)
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap
+from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.stiffness import (
     Level,
@@ -49,8 +39,8 @@ from bristle.identification.results import Estimate, Uncertainty
 SEED = 0
 _NODES = 17
 """Values of g0 at which the estimator is evaluated; linear between them, ..."""
-_FINE = 4001
-"""... at so many."""
+_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)
+"""... at so many, in one look."""
 _LEAST = 0.2
 """Of g0: what it may be at least."""
 _CURVE = 41
@@ -69,6 +59,10 @@ class _Line(NamedTuple):
     """(k,)."""
     reach: float
     """t."""
+
+    def at(self, x: Array | float) -> tuple[Array, Array]:
+        """U and e there, of x's shape."""
+        return np.asarray(np.interp(x, self.x, self.u)), np.asarray(np.interp(x, self.x, self.e))
 
 
 def stiffness_uncertainty(
@@ -95,7 +89,7 @@ def stiffness_uncertainty(
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
     drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
     few = (Kind.SAMPLE_BLOCKS if inverse else Kind.EDGE_BLOCKS)(blocks=drawn.blocks)
-    bootstrap = _pair(_natural(_middle(line) + np.array(drawn.interval(0, error)), inverse=inverse))
+    bootstrap = _pair(_natural(line.at(0.0)[0] + np.array(drawn.interval(0, error)), inverse=inverse))
     bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
     doubts = interval_comparison.doubts(
         estimate.value,
@@ -105,7 +99,7 @@ def stiffness_uncertainty(
         few=few if drawn.blocks < ENOUGH else None,
     )
     if bootstrap_or_none is None:
-        doubts = (*doubts, too_few(few))
+        doubts = (*doubts, Kind.NO_BOOTSTRAP(few=few, least=FEW))
     values, shown = _natural(curve[0], inverse=inverse), _natural(draws, inverse=inverse)
     order = np.argsort(values)
     return Uncertainty(
@@ -130,11 +124,6 @@ def _pair(ends: Array) -> tuple[float, float]:
     return float(ends.min()), float(ends.max())
 
 
-def _middle(line: _Line) -> float:
-    """The estimate, u at the level."""
-    return float(np.interp(0.0, line.x, line.u))
-
-
 def _line(loadings: Sequence[Loading], level: Level, spread: float, *, inverse: bool) -> _Line:
     """The estimator at values of g0 about the level, as far as any edges lie below them; `spread` is what counts add to e."""
 
@@ -156,20 +145,23 @@ def _line(loadings: Sequence[Loading], level: Level, spread: float, *, inverse: 
 
 def _profile(line: _Line) -> tuple[Array, Array]:
     """Both ends of u's interval, (2,), and u with Q over t**2 about it, (2, k)."""
-    x = np.linspace(line.x[0], line.x[-1], _FINE)
-    u, e = np.interp(x, line.x, line.u), np.interp(x, line.x, line.e)
-    half = e * np.sqrt(np.maximum(line.reach**2 - x**2, 0.0))
-    ends = np.array([np.min(u - half), np.max(u + half)])
-    middle = _middle(line)
+
+    def at(x: Array) -> Conditional:
+        """U at (g0 - level) / its error, (1, K, 1)."""
+        u, e = line.at(x)
+        return Conditional(u, e[..., None] ** 2, x[..., 0] ** 2)
+
+    box, threshold = line.x[[0, -1]][None, None], np.array([line.reach**2])
+    profiles = ConditionalProfiles(free=at, best=np.zeros((1, 1)), threshold=threshold, box=box, looks=_LOOKS)
+    ((ends,),), (middle, _) = profiles.intervals(), line.at(0.0)
     values = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
-    Q = np.min(((values[:, None] - u) / e) ** 2 + x**2, axis=1)
-    return ends, np.stack([values, Q / line.reach**2])
+    return ends, np.stack([values, profiles.heights(0, values, 0.0)])
 
 
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
     """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data; `error` is the estimate's."""
     drawn = _by_samples(pieces, seed) if inverse else _by_edges(pieces, seed)
-    middle, e = _middle(line), float(np.interp(0.0, line.x, line.e))
+    middle, e = map(float, line.at(0.0))
     steps = drawn.steps[:, 0]
     own = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
     data = float(np.sqrt(np.mean(own**2)))
@@ -177,10 +169,10 @@ def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inv
     g0, rest = rng.standard_normal((2, steps.size))
     other = max(error**2 - e**2, 0.0)  # by g0
     counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
-    moved = np.interp(g0, line.x, line.u) - middle if line.x.size > 1 else np.zeros(steps.size)
+    moved = line.at(g0)[0] - middle
     steps = steps + np.sqrt(counts) * rest
     studentised = (steps - moved) / np.sqrt(own**2 + counts + other)
-    return Resampled((steps - moved)[:, None], studentised[:, None], drawn.blocks), middle + steps + moved
+    return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
 
 
 def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:
@@ -188,7 +180,7 @@ def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:
     ys, Us = centred(pieces)
     y, U = np.concatenate(ys), np.concatenate(Us)
     starts = np.cumsum([0, *(one.size for one in ys[:-1])]).tolist()
-    return block_bootstrap(y[:, None], y * by_edges(pieces)[0] - U, starts, draws=DRAWS, seed=seed)
+    return block_bootstrap(y[:, None], y * by_edges(pieces)[0] - U, starts, seed=seed)
 
 
 def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
@@ -197,12 +189,5 @@ def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
         np.concatenate([values - values.mean() for values in column])
         for column in ([p.time for p in pieces], [p.y for p in pieces], [p.U for p in pieces])
     )
-    score = t * (U / by_samples(pieces)[0] - y)
     starts = np.cumsum([0, *(p.y.size for p in pieces[:-1])]).tolist()
-    edges, of_stretch = cells(y.size, starts, block_length(score[:, None]))
-    sums = [np.add.reduceat(x, edges[:-1].astype(int)) for x in (t * U, score)]
-    size = np.sqrt(np.abs(sums[0]).sum())
-    found = resample(
-        sums[0][:, None, None] / size**2, sums[1][:, None] / size, of_stretch, np.zeros((0, 1)), 1.0, DRAWS, seed
-    )
-    return found._replace(steps=found.steps / size)
+    return block_bootstrap(U[:, None], U / by_samples(pieces)[0] - y, starts, instrument=t[:, None], seed=seed)

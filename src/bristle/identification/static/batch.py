@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.estimation.covariance import profile_threshold, student
-from bristle.identification.static.grid import Projected, log_grid, solve
+from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
+from bristle.estimation.covariance import student
+from bristle.estimation.profile_likelihood import profile_threshold
+from bristle.identification.static.grid import log_grid, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled
+from bristle.identification.static.projection import Projected
 
 GRID = 96
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
@@ -25,10 +28,8 @@ _CROSSING = 12
 """Secant steps to where a profile crosses its threshold."""
 _CROSSED = 1e-8
 """This near to one, the statistic's root is on the threshold."""
-_NODES = np.linspace(0.0, 1.0, 17)
-"""Where in v_s's interval the other parameters' extremes are looked for, ..."""
-_LOOKS = 3
-"""... and how often again between the neighbours of the best."""
+_LOOKS = Looks(first=17, near=9, again=4, drawn=1)
+"""Over v_s's interval, for the extremes of the other parameters."""
 _NEIGHBOURS = np.arange(-2, 4)
 _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=True))
 """From six neighbouring values to the coefficients of their polynomial in t, which counts grid steps."""
@@ -135,23 +136,32 @@ class Batch:
 
     def profile_intervals(self) -> tuple[Array, Array]:
         """Lower and upper ends where the profile crosses its threshold, (p, sets) each; 0 and inf where it does not within the range of v_s."""
-        best, threshold = self.cost, self._threshold()
+        best = self.cost
+        threshold = best * profile_threshold(1.0, self.torques.shape[0], len(self.problem.names))
         ends, broken = zip(*(self._crossing(threshold, last) for last in (0.0, self.grid - 1.0)), strict=True)
         box = np.stack(ends, axis=1)
         open_ = [end == last for end, last in zip(ends, (0.0, self.grid - 1.0), strict=True)]
-        found, beyond = zip(*(self._extreme(box, threshold, sign) for sign in (-1.0, 1.0)), strict=True)
-        low, high = (np.vstack([linear, self._v_s(end)]) for linear, end in zip(found, ends, strict=True))
+        linear = ConditionalProfiles(
+            free=self._conditional,
+            best=self._x[:, None],
+            threshold=threshold,
+            box=box[:, None],
+            looks=_LOOKS,
+            cost=best,
+            bounded=np.append(np.isfinite(self.problem.lower), True),
+        )
+        low, high = (
+            np.vstack([x.T, self._v_s(end)])
+            for x, end in zip(np.moveaxis(linear.intervals(), -1, 0), ends, strict=True)
+        )
         low[-1, open_[0]], high[-1, open_[1]] = 0.0, np.inf
         high[-2, open_[0] | open_[1]] = np.inf
-        alone = self._alone | self._breaks(box) | broken[0] | broken[1] | beyond[0] | beyond[1] | (best <= 0)
+        alone = self._alone | self._breaks(box) | broken[0] | broken[1] | linear.broken | (best <= 0)
         for k in np.flatnonzero(alone).tolist():
             own = self._one(k)
             one = profiled(own, solve(own, self.v_s_range, self.grid)).intervals
             low[:, k], high[:, k] = np.array([one[name] for name in own.names]).T
         return self._floored(low), high
-
-    def _threshold(self) -> Array:
-        return self.cost * profile_threshold(1.0, self.torques.shape[0], len(self.problem.names))
 
     def _one(self, k: int) -> Regression:
         return replace(self.problem, torque=self.torques[:, k].copy(), memory={})
@@ -223,33 +233,6 @@ class Batch:
         twice = (beyond & (on_grid <= threshold)).any(axis=0) & ~to_end
         return np.where(to_end, last, x), twice
 
-    def _extreme(self, box: Array, threshold: Array, sign: float) -> tuple[Array, NDArray[np.bool_]]:
-        """The highest (sign 1) or lowest (-1) value of each linear parameter below the threshold, (m + 1, sets), as `profiles` finds it.
-
-        And which sets break a bound there, (sets,).
-        """
-        m = len(self.problem.linear_names)
-        found, broken = np.empty((m + 1, box.shape[0])), np.zeros(box.shape[0], dtype=bool)
-        lower = np.append(self.problem.lower, 0.0)
-        for j in range(m + 1):
-            low, high = box.T
-            for _ in range(1 + _LOOKS):
-                x = low[:, None] + (high - low)[:, None] * _NODES
-                theta, spread, left = self._conditional(x, threshold)
-                reach = np.where(left >= 0, sign * theta[j] + np.sqrt(spread[j, j] * np.maximum(left, 0.0)), -np.inf)
-                k = reach.argmax(axis=1)[:, None]
-                low, high = (np.take_along_axis(x, np.clip(k + d, 0, _NODES.size - 1), 1)[:, 0] for d in (-1, 1))
-            at = tuple(
-                np.take_along_axis(a, np.broadcast_to(k, (*a.shape[:-1], 1)), -1)[..., 0] for a in (theta, spread, left)
-            )
-            own, far = at[1][j, j], np.sqrt(at[1][j, j] * np.maximum(at[2], 0.0))
-            found[j] = np.maximum(at[0][j] + sign * far, lower[j])
-            point = at[0] + at[1][:, j] * ((found[j] - at[0][j]) / own)
-            below = point < lower[:, None]
-            below[j] = found[j] > at[0][j] + far  # all of the parameter's values there lie below its bound
-            broken |= below.any(axis=0)
-        return found, broken
-
     def _breaks(self, x: Array) -> NDArray[np.bool_]:
         """Whether the solution at any of the grid coordinates x, (sets, q), breaks a bound but alpha_1's, so that the profile costs more there."""
         at = self._at(x)
@@ -257,15 +240,15 @@ class Batch:
         broken: NDArray[np.bool_] = (theta < self.problem.lower[:, None, None]).any(axis=(0, 2))
         return broken
 
-    def _conditional(self, x: Array, threshold: Array) -> tuple[Array, Array, Array]:
-        """At grid coordinates x, (sets, q): linear parameters (m + 1, sets, q), their (A'A)**-1 (m + 1, m + 1, sets, q), and threshold less cost."""
-        at = self._at(x)
+    def _conditional(self, x: Array) -> Conditional:
+        """The linear parameters at grid coordinates x, (sets, q, 1)."""
+        at = self._at(x[..., 0])
         lost = np.concatenate([-at.inside[0], np.exp(-at.log_length)[None]])
         theta = lost * at.along
         theta[:-1] += self._without[..., None]
         spread = lost[:, None] * lost[None]
         spread[:-1, :-1] += self._gram[..., None, None]
-        return theta, spread, threshold[:, None] - self._costs(at)
+        return Conditional(np.moveaxis(theta, 0, -1), np.moveaxis(spread, (0, 1), (-2, -1)), self._costs(at))
 
 
 def solve_batch(

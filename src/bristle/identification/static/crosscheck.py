@@ -4,15 +4,18 @@ Nothing of the grid is used but its range of v_s: the model is the law's own exp
 are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
-from bristle.estimation.ipopt import solver
+from bristle.diagnostics import Kind
+from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.results import Crosscheck
 from bristle.identification.static.compression import reduced
 from bristle.identification.static.problem import Regression
+from bristle.identification.static.unknowns import unknowns_of
 from bristle.model import law
 from bristle.model.parameters import Stribeck
 
@@ -27,39 +30,26 @@ OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 
 def full_fit(
     problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS, seed: int = SEED
-) -> tuple[Array, float, Array]:
-    """All parameters of a static problem at once, by IPOPT.
+) -> list[Array]:
+    """All parameters of a static problem at once, by IPOPT: theta, in the order of the problem's `names`, where each random start ended.
 
     Args:
         problem: the data.
         v_s_range: bounds of v_s, rad/s.
         starts: random starts, >= 1.
         seed: of the starts.
-
-    Returns:
-        theta at the lowest cost found, in the order of the problem's `names`; that cost; and the cost where each start ended, (starts,).
     """
-    torque_scale = float(np.abs(problem.torque).max()) or 1.0
-    scale = _scale(problem, torque_scale)
-    count = len(problem.peaks)
+    unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
-    linear = len(problem.names) - count
-    theta = ca.vertcat(x[:linear] * scale[:linear], ca.exp(x[linear:]))
-    residual = _residuals(problem, theta, v_s_range) / torque_scale
+    residual = _residuals(problem, natural(unknowns, x), v_s_range) / (float(np.abs(problem.torque).max()) or 1.0)
     full = solver("full", x, ca.dot(residual, residual), **OPTIONS)
-    log_range = np.log(v_s_range)
-    lower = np.concatenate([problem.lower, np.zeros(count), np.full(count, log_range[0])])
-    upper = np.concatenate([np.full(linear, np.inf), np.full(count, log_range[1])])
     rng = np.random.default_rng(seed)
-    ends = []
+    begun = []
     for _ in range(starts):
         x0 = rng.uniform(0.0, 1.0, len(problem.names))
-        x0[linear:] = rng.uniform(log_range[0], log_range[1], count)
-        values = np.asarray(full(x0=x0, lbx=lower, ubx=upper)["x"]).ravel()
-        ends.append(np.append(values[:linear] * scale[:linear], np.exp(values[linear:])))
-    costs = np.array([float(np.sum(problem.residuals(end) ** 2)) for end in ends])
-    best = int(costs.argmin())
-    return ends[best], float(costs[best]), costs
+        x0[unknowns.logarithmic] = rng.uniform(low, high, len(problem.peaks))
+        begun.append(x0)
+    return [unknowns.natural(end) for end in ends(full, unknowns, begun)]
 
 
 def crosscheck(
@@ -78,49 +68,25 @@ def crosscheck(
         standard_errors: of theta; nan where there is none.
         v_s_range: the range that the grid searched.
     """
-    full, cost_full, costs = full_fit(problem, v_s_range)
-    tolerance = _SAME * cost_full + 1e-12 * float(problem.torque @ problem.torque)
-    known = np.isfinite(standard_errors) & (standard_errors > 0)
-    difference = {
-        name: float((f - g) / s)
-        for name, f, g, s, k in zip(problem.names, full, theta, standard_errors, known, strict=True)
-        if k
-    }
-    reached = int(np.count_nonzero(costs <= cost_full + tolerance))
-    agrees = abs(cost - cost_full) <= tolerance
-    return Crosscheck(
-        cost_grid=cost,
-        cost_full=cost_full,
-        starts=STARTS,
-        reached=reached,
-        parameters=dict(zip(problem.names, map(float, full), strict=True)),
-        difference_in_se=difference,
-        verdict=_verdict(cost, cost_full, difference, reached, agrees=agrees),
-        agrees=agrees,
+    ended = full_fit(problem, v_s_range)
+    costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
+    same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)
+    values, errors, *found = (
+        dict(zip(problem.names, one.tolist(), strict=True)) for one in (theta, standard_errors, *ended)
     )
+    other = compared(values, cost, errors, found, costs, same)
+    verdict = Kind.GRID_LOWER(grid=cost, full=other.cost_full)
+    if other.agrees:
+        verdict = Kind.ROUTES_AGREE(worst=other.worst, reached=other.reached, starts=STARTS)
+    elif other.cost_full < cost:
+        verdict = Kind.FULL_FIT_LOWER(full=other.cost_full, grid=cost, reached=other.reached, starts=STARTS)
+    return Crosscheck(**other._asdict(), verdict=verdict)
 
 
-def _verdict(cost: float, full: float, difference: dict[str, float], reached: int, *, agrees: bool) -> Diagnostic:
-    if not agrees and full < cost:
-        return Kind.FULL_FIT_LOWER(full=full, grid=cost, reached=reached, starts=STARTS)
-    if not agrees:
-        return Kind.GRID_LOWER(grid=cost, full=full)
-    worst = max(map(abs, difference.values()), default=0.0)
-    return Kind.ROUTES_AGREE(worst=worst, reached=reached, starts=STARTS)
-
-
-def _scale(problem: Regression, torque_scale: float) -> Array:
-    """A typical size of each parameter: the torque over the column's largest entry."""
-    columns = np.abs(problem.linear).max(axis=0)
-    columns[columns == 0] = 1.0
-    count = len(problem.peaks)
-    return np.concatenate([torque_scale / columns, np.full(count, torque_scale), np.ones(count)])
-
-
-def _residuals(problem: Regression, theta: ca.MX, v_s_range: tuple[float, float]) -> ca.MX:
+def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:
     """Measured minus modelled torque as a CasADi expression; for smoothed equations, of fewer ones with the same sum of squares up to a constant."""
     few = reduced(problem, v_s_range)
-    value = dict(zip(few.names, ca.vertsplit(theta), strict=True))
+    value = dict(zip(few.names, theta, strict=True))
     known = 2 * len(few.directions)
     extra = ca.vertcat(*(value[name] for name in few.linear_names[known:]))
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, known:]), extra)

@@ -1,74 +1,51 @@
 """Static parameters by a grid over v_s with linear least squares inside, (10)-(13): variable projection.
 
 For each v_s the other parameters are solved exactly, so the cost as a function of v_s is its profile. All grid values are solved in a few array
-operations: with the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by
-(s'r)**2 / s's. The minimum is then refined to the continuous one.
+operations; the minimum is then refined to the continuous one.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain, combinations
 from math import exp, log
-from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from bristle.arrays import Array
-from bristle.estimation.linear import bounded_least_squares, least_squares, orthonormal
+from bristle.errors import InputError
+from bristle.estimation.levenberg_marquardt import minimise
 from bristle.identification.static.problem import Regression
+from bristle.identification.static.projection import Inner, Projected, solve_at
+from bristle.identification.static.unknowns import least_squares
 
-T = TypeVar("T")
 GRID = 32
 """Values of v_s in the refined grid."""
 PLAIN_GRID = 500
 """Values of v_s in the paper's plain grid."""
 _TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
 """From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
+_BLOCK = 500
+"""Values of v_s worked on at a time, of many sets."""
 _STEPS = 20
 _SETTLED = 1e-12
 """A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
-_NONE = np.zeros(0, dtype=np.intp)
-_FLAT = 1e-10
-"""A Stribeck column this close to the others, relative, tells nothing."""
-
-
-class Inner(NamedTuple):
-    """The problem solved at given v_s."""
-
-    theta: Array
-    """The parameters, in the order of the problem's `names`."""
-    cost: float
-    """J_s (10)."""
-    at_bound: tuple[str, ...]
-    """Parameters held at a physical bound."""
-    residuals: Array
-    """Measured minus modelled torque, (n,)."""
-    jacobian: Array
-    """Exact derivative of the modelled torque with respect to theta, (n, len(theta))."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """A solved static problem."""
+    """A solved static problem: at its continuous minimum what `Inner` says, and the grid."""
 
     theta: Array
-    """The parameters at the continuous minimum, in the order of the problem's `names`."""
     cost: float
-    """J_s (10) there."""
     residuals: Array
-    """Measured minus modelled torque there, (n,)."""
     jacobian: Array
-    """Exact derivative of the modelled torque with respect to theta there, (n, len(theta))."""
+    at_bound: tuple[str, ...]
     base_costs: tuple[float, ...]
     """Per peak, the cost without it."""
     grid: Array
     """v_s, rad/s, (k,)."""
     profiles: tuple[Array, ...]
     """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
-    at_bound: tuple[str, ...]
-    """Parameters held at a physical bound."""
 
 
 def default_range(velocity: Array) -> tuple[float, float]:
@@ -136,134 +113,30 @@ def plain_grid(
     return values, costs, solve_at(problem, [float(values[costs.argmin()])]).theta
 
 
-def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
-    """Linear least squares (13) at given v_s, one per peak, bounded where the free solution breaks a bound."""
-    design, slopes = problem.columns(v_s)
-    solution = least_squares(design, problem.torque)
-    held: tuple[str, ...] = ()
-    if solution.min() <= 0:  # an extra regressor may well be negative; a friction parameter may not
-        lower = np.append(problem.lower, np.zeros(len(v_s)))
-        if (solution < lower).any():
-            solution = bounded_least_squares(design, problem.torque, lower)
-        held = tuple(name for name, x, low in zip(problem.names, solution, lower, strict=False) if x <= low)
-    residuals = problem.torque - design @ solution
-    peaks = len(v_s)
-    jacobian = np.concatenate([design, slopes * solution[solution.size - peaks :]], axis=1)
-    return Inner(np.array([*solution, *v_s]), float(residuals @ residuals), held, residuals, jacobian)
+def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, float], count: int = PLAIN_GRID) -> Array:
+    """`plain_grid`'s theta (p, sets) for torques (n, sets) at the problem's velocities: (13) at each value, for all sets in one matrix product.
 
-
-def subsets(items: Sequence[T]) -> list[tuple[T, ...]]:
-    """Every subset, the empty one first: the faces of what some bounds leave, by which of them hold."""
-    return list(chain.from_iterable(combinations(items, size) for size in range(len(items) + 1)))
-
-
-class Projected:
-    """A problem with its linear columns projected out."""
-
-    def __init__(self, problem: Regression) -> None:
-        """Factor the linear columns once."""
-        self.problem = problem
-        self.q, self.r_inverse = orthonormal(problem.linear)
-        self.torque_in_q = self.q.T @ problem.torque
-        self.rest = problem.torque - self.q @ self.torque_in_q
-        self.q_and_rest = np.concatenate([self.q.T, self.rest[None]])
-        self.rest_cost = float(self.rest @ self.rest)
-        self.lower = problem.lower
-        self.base_cost = self.rest_cost
-        if (self.back(self.torque_in_q) < self.lower).any():
-            broken = problem.torque - problem.linear @ bounded_least_squares(problem.linear, problem.torque, self.lower)
-            self.base_cost = float(broken @ broken)
-
-    def off(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
-        """Stribeck columns less their part in the linear ones (n, k), and their squared lengths (k,), inf where they vanish."""
-        shapes = self.problem.shapes(v_s, direction)
-        inside, _, length = self._split(shapes)
-        return shapes - self.q @ inside, length
-
-    def costs(self, v_s: Array) -> Array:
-        """J_s at each v_s (k,), with alpha_0, alpha_1, alpha_2 >= 0; one peak."""
-        shapes = self.problem.shapes(v_s)
-        alpha_1, along, broken = self._peak(shapes)
-        costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
-        if broken.size:
-            costs[broken] = self._bounded(shapes[:, broken])
-        return costs
-
-    def _bounded(self, shapes: Array) -> Array:
-        """J_s with each of some Stribeck columns (n, k), every bound kept: the least of what breaks none, with any friction columns dropped, (k,)."""
-        bounded = np.flatnonzero(np.isfinite(self.lower)).tolist()
-        least = np.full(shapes.shape[1], np.inf)
-        for dropped in subsets(bounded)[1:]:
-            keep = np.delete(np.arange(self.lower.size), dropped)
-            names = tuple(self.problem.linear_names[k] for k in keep)
-            face = Projected(replace(self.problem, linear=self.problem.linear[:, keep], linear_names=names))
-            alpha_1, along, broken = face._peak(shapes)
-            costs = np.maximum(face.rest_cost - alpha_1 * along, 0.0)
-            costs[broken] = np.inf
-            least = np.minimum(least, costs)
-        return least
-
-    def at(self, v_s: float) -> Inner:
-        """The problem at one v_s, from what is projected already; one peak."""
-        shape, slope = self.problem.slopes(np.array([v_s]))
-        inside = self.q.T @ shape
-        off = (shape - self.q @ inside)[:, 0]
-        length = float(off @ off)
-        if length > _FLAT * float(shape[:, 0] @ shape[:, 0]):
-            alpha_1 = float(self.rest @ off) / length
-            linear = self.back(self.torque_in_q - inside[:, 0] * alpha_1)
-            if alpha_1 > 0 and (linear > self.lower).all():
-                residuals = self.rest - off * alpha_1
-                jacobian = np.concatenate([self.problem.linear, shape, slope * alpha_1], axis=1)
-                return Inner(np.array([*linear, alpha_1, v_s]), float(residuals @ residuals), (), residuals, jacobian)
-        return solve_at(self.problem, [v_s])
-
-    def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
-        """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,), inf where nothing is."""
-        products = self.q_and_rest @ shapes
-        inside, along = products[:-1], products[-1]
-        total = np.einsum("nk,nk->k", shapes, shapes)
-        length = total - np.einsum("mk,mk->k", inside, inside)
-        length[length <= _FLAT * total] = np.inf
-        return inside, along, length
-
-    def _peak(self, shapes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-        """For one Stribeck column at a time: alpha_1 >= 0, s'r without it (k,), and which v_s break another bound."""
-        inside, along, length = self._split(shapes)
-        alpha_1 = np.maximum(along / length, 0.0)
-        below = self.back(self.torque_in_q[:, None] - inside * alpha_1) < self.lower[:, None]
-        broken: NDArray[np.intp] = np.flatnonzero(below.any(axis=0)) if below.any() else _NONE
-        return alpha_1, along, broken
-
-    def profile(self, v_s: Array, peak: int, others: Array) -> Array:
-        """J_s at each v_s (k,) of one peak, minimised over all else, the other peak's v_s over `others`."""
-        if len(self.problem.peaks) == 1:
-            return self.costs(v_s)
-        surface, _ = self.surface(v_s, others) if peak == 0 else self.surface(others, v_s)
-        lowest: Array = surface.min(axis=1 - peak)
-        return lowest
-
-    def surface(self, first_v_s: Array, second_v_s: Array) -> tuple[Array, tuple[float, float]]:
-        """J_s over v_s of two peaks, (k, l), with alpha_1 >= 0, and the least cost without each peak."""
-        (off_0, length_0), (off_1, length_1) = self.off(first_v_s, 0), self.off(second_v_s, 1)
-        along_0, along_1 = (self.rest @ off_0)[:, None], (self.rest @ off_1)[None, :]
-        length_0, length_1 = length_0[:, None], length_1[None, :]
-        across = off_0.T @ off_1
-        with np.errstate(invalid="ignore", divide="ignore"):  # where two peaks are one, and what follows is not taken
-            determinant = length_0 * length_1 - across**2
-            first = (along_0 * length_1 - along_1 * across) / determinant
-            second = (along_1 * length_0 - along_0 * across) / determinant
-            both = first * along_0 + second * along_1
-        alone_0 = np.maximum(along_0, 0.0) ** 2 / length_0
-        alone_1 = np.maximum(along_1, 0.0) ** 2 / length_1
-        inside = np.isfinite(determinant) & (determinant > 0) & (first > 0) & (second > 0)
-        gain = np.where(inside, both, np.maximum(alone_0, alone_1))
-        without = (self.rest_cost - float(alone_1.max()), self.rest_cost - float(alone_0.max()))
-        return np.maximum(self.rest_cost - gain, 0.0), without
-
-    def back(self, in_q: Array) -> Array:
-        """Linear parameters from their coefficients in Q, (m,) or (m, k)."""
-        return self.r_inverse @ in_q
+    A set whose free solution at the best value breaks a bound is solved by itself.
+    """
+    projected, values = Projected(problem), np.linspace(*v_s_range, count)
+    gain, best = np.full(torques.shape[1], -1.0), np.zeros(torques.shape[1], dtype=np.intp)
+    for first in range(0, count, _BLOCK):
+        off, length = projected.off(values[first : first + _BLOCK])
+        gains = np.maximum(off.T @ torques, 0.0) ** 2 / length[:, None]
+        lowest = gains.argmax(axis=0)
+        higher = np.take_along_axis(gains, lowest[None], axis=0)[0]
+        best = np.where(higher > gain, first + lowest, best)
+        gain = np.maximum(gain, higher)
+    v_s = values[best]
+    off, length = projected.off(v_s)
+    alpha_1 = np.maximum(np.einsum("ns,ns->s", off, torques), 0.0) / length
+    inside = projected.q.T @ problem.shapes(v_s)
+    linear = projected.back(projected.q.T @ torques - inside * alpha_1)
+    theta = np.vstack([linear, alpha_1, v_s])
+    for k in np.flatnonzero((linear <= projected.lower[:, None]).any(axis=0)).tolist():
+        own = replace(problem, torque=torques[:, k].copy(), memory={})
+        theta[:, k] = plain_grid(own, v_s_range, count)[2]
+    return theta
 
 
 def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
@@ -307,22 +180,10 @@ def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
 
 
 def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
-    """The continuous minimum over v_s of every direction; the slope by the envelope theorem, dJ/dv_s = -2 alpha_1 s'r."""
-
-    def cost_and_slope(u: Array) -> tuple[float, Array]:
-        """J_s and its slope at u = log(v_s), (2,), both over `scale`."""
-        inner = solve_at(problem, list(np.exp(u)))
-        return inner.cost / scale, -2 * (inner.jacobian[:, -len(v_s) :].T @ inner.residuals) * np.exp(u) / scale
-
-    if not v_s:  # no direction has a peak
-        return []
-    scale = solve_at(problem, v_s).cost or 1.0
-    found = minimize(
-        cost_and_slope,
-        np.log(v_s),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[tuple(np.log(v_s_range))] * len(v_s),
-        options={"ftol": 1e-14, "gtol": 1e-9},
-    )
-    return [float(x) for x in np.exp(found.x)]
+    """The v_s of every direction at the continuous minimum near some of them."""
+    posed = least_squares(problem, v_s_range)
+    start = posed.unknowns.scaled(dict(zip(problem.names, solve_at(problem, v_s).theta.tolist(), strict=True)))
+    with suppress(InputError):  # where nothing depends on v_s, they stay
+        lower, upper = posed.unknowns.lower, posed.unknowns.upper
+        start = minimise(posed.evaluate, start, lower, upper, settled=_SETTLED).x
+    return [float(x) for x in posed.unknowns.natural(start)[len(problem.names) - len(v_s) :]]

@@ -11,13 +11,15 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.linear import best_column_p_value
 from bristle.identification.identifiability import SEEN
 from bristle.identification.results import Estimate, Outcome, Profile
 from bristle.identification.static.doubts import fit_doubts, is_closed
-from bristle.identification.static.grid import Projected, Solution, descended, solve
+from bristle.identification.static.grid import Solution, descended, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.profiles import Profiled, others, profiled
+from bristle.identification.static.profiles import StaticProfiles, others, profiled
+from bristle.identification.static.projection import Projected
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
 
@@ -44,7 +46,7 @@ class Inferred:
     profiles: Mapping[str, Profile]
     dropped: Mapping[str, Diagnostic]
     """Directions without a Stribeck term, with the reason."""
-    profiled: Profiled
+    profiled: StaticProfiles
     student: Mapping[str, tuple[float, float]]
     """Intervals by the covariance, by name."""
 
@@ -65,8 +67,8 @@ def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: 
         solution = solve(problem, v_s_range, options.grid)
     stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     found = profiled(problem, solution, stretch)
-    if found.shape.better is not None:
-        solution = descended(problem, solution, found.shape.better.tolist(), v_s_range)
+    if found.better is not None:
+        solution = descended(problem, solution, found.better.tolist(), v_s_range)
         found, again = profiled(problem, solution, stretch), (Kind.REFITTED_FROM_GRID(),)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
@@ -118,7 +120,7 @@ def _unsupported(
         off, length = projected.off(solution.grid, k)
         gain = max(solution.base_costs[k] - solution.cost, 0.0)
         ratio = gain / (max(solution.cost, noise) or 1.0) / stretch  # a torque of zero throughout has neither
-        p = uncertainty.stribeck_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
+        p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
         why = None
         if p > SUPPORTED:
             why = Kind.LIKE_NOISE(percent=100 * p)

@@ -5,11 +5,11 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.block_bootstrap import FEW, SHOWN, block_bootstrap
+from bristle.estimation.bootstrap import FEW, SHOWN
 from bristle.identification.results import Uncertainty
 from bristle.identification.static import bootstrap
-from bristle.identification.static.grid import Projected
 from bristle.identification.static.profiles import others
+from bristle.identification.static.projection import Projected
 from bristle.identification.static.stribeck_test import Inferred
 
 _FEW = 8
@@ -29,10 +29,12 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
     n, names = found.problem.torque.size, found.problem.names
     spare = n - len(names)
     few = Kind.POINTS_FOR_PARAMETERS(points=n, parameters=len(names)) if spare < _FEW else None
-    out = {}
-    for name, (resampled, draws) in _resampled(found, v_s_range, seed).items():
-        at_bound = name in found.solution.at_bound
-        value = float(found.solution.theta[names.index(name)])
+    out, drawn = (
+        {},
+        bootstrap.resample(found.problem, found.solution, v_s_range, seed=seed, covariance=found.covariance),
+    )
+    for name, value, low, high, draws in zip(names, found.solution.theta.tolist(), *drawn[:3], strict=True):
+        at_bound, resampled = name in found.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
         covariance, profile = found.student[name], found.profiled.intervals[name]
         doubts = interval_comparison.doubts(value, covariance, profile, resampled, at_bound=at_bound, few=few)
         if at_bound:
@@ -50,59 +52,16 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
     return out
 
 
-def _resampled(
-    found: Inferred, v_s_range: tuple[float, float], seed: int
-) -> dict[str, tuple[tuple[float, float] | None, Array]]:
-    """Interval and draws of each parameter: points fitted again, moving data and two peaks by a step of Gauss and Newton."""
-    problem, solution = found.problem, found.solution
-    if problem.smooth is None and len(problem.peaks) < 2 and not problem.priors:
-        drawn = bootstrap.resample(problem, solution, v_s_range, seed=seed)
-        both = zip(drawn.low.tolist(), drawn.high.tolist(), strict=True)
-        return {name: (own, draws) for name, own, draws in zip(problem.names, both, drawn.draws, strict=True)}
-    keep = [k for k, name in enumerate(problem.names) if name not in solution.at_bound]
-    names = [problem.names[k] for k in keep]
-    # v_s is stepped by its logarithm
-    size = np.array([solution.theta[k] if problem.names[k].startswith("v_s") else 1.0 for k in keep])
-    J, out = solution.jacobian[:, keep] * size, dict[str, tuple[tuple[float, float] | None, Array]]()
-    if problem.smooth is None:
-        drawn = bootstrap.one_step(J, solution.residuals, problem.velocity, seed=seed)
-        intervals, steps = np.column_stack([drawn.low, drawn.high]), drawn.draws
-    else:
-        measured = problem.torque.size - problem.priors
-        sigma = float(np.sqrt(solution.cost / max(problem.torque.size - len(keep), 1)))
-        series = block_bootstrap(
-            -J[:measured], solution.residuals[:measured], priors=-J[measured:], sigma=sigma, seed=seed
-        )
-        if series.blocks < FEW:
-            return dict.fromkeys(problem.names, (None, np.zeros(0)))
-        errors = np.sqrt(np.diag(found.covariance)) / size
-        intervals = np.array([series.interval(k, error) for k, error in enumerate(errors.tolist())])
-        steps = series.steps.T
-    for name, interval, own in zip(names, intervals, steps, strict=True):
-        low, high = _moved(found, name, interval).tolist()
-        out[name] = (low, high), _moved(found, name, own)
-    return {name: out.get(name, (None, np.zeros(0))) for name in problem.names}
-
-
-def _moved(found: Inferred, name: str, steps: Array) -> Array:
-    """The estimate of a parameter moved by steps, of its logarithm for v_s; no friction parameter below zero."""
-    value = float(found.solution.theta[found.problem.names.index(name)])
-    if name.startswith("v_s"):
-        with np.errstate(over="ignore"):
-            return np.asarray(value * np.exp(steps), dtype=float)
-    return np.maximum(value + steps, 0.0) if name.startswith("alpha") else value + steps
-
-
 def _curve(found: Inferred, name: str, value: float) -> Array:
     """The profile of a parameter, as in `Uncertainty`."""
-    problem, (low, high) = found.profiled.shape.problem, found.profiled.intervals[name]
+    problem, (low, high) = found.profiled.problem, found.profiled.intervals[name]
     reach = found.student[name][1] - value
     open_ = not np.isfinite(high)
     high = value + 3 * reach if open_ else high
     if not np.isfinite([low, high]).all():  # nothing bounds it on a side that could be drawn
         return np.zeros((2, 0))
     if not name.startswith("v_s"):
-        curve = found.profiled.shape.curve(name, value, low, high)
+        curve = found.profiled.curve(name, value, low, high)
         # open alpha_1 goes on as v_s does, but it is drawn within the range searched
         return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
     grid = found.solution.grid

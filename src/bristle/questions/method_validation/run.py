@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation import covariance
+from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.batch import solve_batch
-from bristle.identification.static.grid import PLAIN_GRID, Projected, log_grid, plain_grid
+from bristle.identification.static.grid import PLAIN_GRID, log_grid, plain_grid
+from bristle.identification.static.projection import Projected
 from bristle.progress import Progress
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import CaseSet
@@ -181,7 +182,7 @@ def _method_result(case: Case, name: str, torques: Array, theta: Array, seconds:
     seen = theta.shape[1]
     cost = methods.costs(case, torques[:, :seen], theta)
     n, p = case.velocity.size, len(NAMES)
-    outside = ~(cost <= lowest[:seen] * covariance.profile_threshold(1.0, n, p))
+    outside = ~(cost <= lowest[:seen] * profile_threshold(1.0, n, p))
     return MethodResult(
         name=name,
         repetitions=seen,
@@ -231,7 +232,7 @@ def _outside_range(case: Case, starts: RandomStarts) -> NDArray[np.bool_]:
 
 def _cost_curve(case: Case, torque: Array, starts: RandomStarts) -> CostCurve:
     projected, coarse = Projected(case.problem(torque)), log_grid(case.v_s_range, _DRAWN)
-    threshold = covariance.profile_threshold(starts.best_cost, torque.size, len(NAMES))
+    threshold = profile_threshold(starts.best_cost, torque.size, len(NAMES))
     allowed = np.append(coarse[projected.costs(coarse) <= threshold], starts.best[3])
     step = coarse[1] / coarse[0]
     near = np.geomspace(allowed.min() / step, min(allowed.max() * step, case.v_s_range[1]), _DRAWN)

@@ -5,7 +5,7 @@ Local solvers see the same scaled variables, v_s by its logarithm, and stay with
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 
 import casadi as ca
@@ -14,10 +14,12 @@ from scipy.optimize import least_squares
 
 from bristle.arrays import Array
 from bristle.data.record import freeze
-from bristle.estimation.ipopt import solver
+from bristle.estimation.ipopt import ends, natural, solver
+from bristle.estimation.problem import Unknowns
 from bristle.identification.static import grid
 from bristle.identification.static.crosscheck import OPTIONS
 from bristle.identification.static.problem import Regression, from_points
+from bristle.identification.static.unknowns import unknowns_of
 from bristle.model import law
 from bristle.model.functions import steady_jacobian, steady_torque
 from bristle.model.parameters import Stribeck
@@ -31,8 +33,6 @@ _BEYOND = 1e3
 """How far beyond the grid's range v_s may go where it is set free, as a factor."""
 _TOLERANCE = 1e-12
 """Of SciPy's solver, so that it ends in a minimum and not before."""
-_BLOCK = 500
-"""Values of a plain grid worked on at a time."""
 
 Local = Callable[[Array, Array], Array]
 """From torques (n,) and a start theta (4,) to theta (4,)."""
@@ -64,10 +64,9 @@ class Case:
         return np.array([getattr(self.truth, name) for name in NAMES])
 
     @property
-    def scale(self) -> Array:
-        """A typical size of alpha_0, alpha_2, alpha_1: the largest torque over the column's largest entry, (3,)."""
-        top = float(np.abs(modelled(self, self.theta[:, None])).max())
-        return np.array([top, top / float(np.abs(self.velocity).max()), top])
+    def unknowns(self) -> Unknowns[str]:
+        """The parameters as local solvers see them, over sizes that go with the true torque."""
+        return unknowns_of(self.problem(modelled(self, self.theta[:, None])[:, 0]), self.v_s_range)
 
     def problem(self, torque: Array) -> Regression:
         """The static problem of one data set, torque (n,)."""
@@ -97,36 +96,15 @@ def jacobians(case: Case, theta: Array) -> Array:
 
 def random_starts(case: Case, count: int, rng: np.random.Generator) -> Array:
     """Starts anywhere within the grid's bounds, (count, 4): alphas uniform up to their typical sizes, v_s even in its logarithm."""
-    linear = rng.uniform(0.0, 1.0, (count, 3)) * case.scale
+    linear = rng.uniform(0.0, 1.0, (count, 3)) * case.unknowns.scale[:3]
     low, high = np.log(case.v_s_range)
     v_s = np.exp(rng.uniform(low, high, (count, 1)))
     return np.concatenate([linear, v_s], axis=1)
 
 
 def plain(case: Case, torques: Array, count: int) -> Array:
-    """`static.plain_grid` of `count` values for many sets: (13) at each value, for all sets in one matrix product.
-
-    A set whose free solution at the best value breaks a bound is solved by `static.plain_grid` itself.
-    """
-    projected = grid.Projected(case.problem(torques[:, 0]))
-    values = np.linspace(*case.v_s_range, count)
-    gain, best = np.full(torques.shape[1], -1.0), np.zeros(torques.shape[1], dtype=np.intp)
-    for first in range(0, count, _BLOCK):
-        off, length = projected.off(values[first : first + _BLOCK])
-        gains = np.maximum(off.T @ torques, 0.0) ** 2 / length[:, None]
-        lowest = gains.argmax(axis=0)
-        higher = np.take_along_axis(gains, lowest[None], axis=0)[0]
-        best = np.where(higher > gain, first + lowest, best)
-        gain = np.maximum(gain, higher)
-    v_s = values[best]
-    off, length = projected.off(v_s)
-    alpha_1 = np.maximum(np.einsum("ns,ns->s", off, torques), 0.0) / length
-    inside = projected.q.T @ projected.problem.shapes(v_s)
-    linear = projected.back(projected.q.T @ torques - inside * alpha_1)
-    theta = np.vstack([linear, alpha_1, v_s])
-    for k in np.flatnonzero((linear <= 0).any(axis=0)):
-        theta[:, k] = grid.plain_grid(case.problem(torques[:, k]), case.v_s_range, count)[2]
-    return theta
+    """`static.plain_grid` of `count` values for many sets."""
+    return grid.plain_grids(case.problem(torques[:, 0]), torques, case.v_s_range, count)
 
 
 def refined(case: Case, torques: Array) -> Array:
@@ -136,54 +114,51 @@ def refined(case: Case, torques: Array) -> Array:
 
 def ipopt(case: Case, *, free: bool = False) -> Local:
     """All parameters at once by CasADi and IPOPT, built once, each data set a parameter; `free`: v_s up to 1000 times beyond the grid's range."""
-    low, high = np.log(case.v_s_range) + np.log(_BEYOND) * np.array([-1.0, 1.0]) * free
-    scale, top = case.scale, float(case.scale[0])
-    x, torque = ca.SX.sym("x", 4), ca.SX.sym("torque", case.velocity.size)
-    a = [x[k] * float(scale[k]) for k in range(3)]
-    curve = law.steady_torque(ca.DM(case.velocity), Stribeck(a[0], a[2], a[1], ca.exp(x[3])))
+    unknowns = case.unknowns
+    beyond = np.where(unknowns.logarithmic, np.log(_BEYOND), 0.0) * free
+    unknowns = replace(unknowns, lower=unknowns.lower - beyond, upper=unknowns.upper + beyond)
+    x, torque, top = ca.SX.sym("x", 4), ca.SX.sym("torque", case.velocity.size), float(unknowns.scale[0])
+    alpha_0, alpha_2, alpha_1, v_s = natural(unknowns, x)
+    curve = law.steady_torque(ca.DM(case.velocity), Stribeck(alpha_0, alpha_1, alpha_2, v_s))
     residual = (torque - curve) / top
     full = solver("full", x, ca.dot(residual, residual), torque, **OPTIONS)
-    lower, upper = np.array([0.0, 0.0, 0.0, low]), np.array([np.inf, np.inf, np.inf, high])
 
     def fit(measured: Array, start: Array) -> Array:
         """Where IPOPT ends."""
-        x0 = np.append(start[:3] / scale, np.log(start[3]))
-        end = np.asarray(full(x0=x0, p=measured, lbx=lower, ubx=upper)["x"]).ravel()
-        return np.append(end[:3] * scale, np.exp(end[3]))
+        return unknowns.natural(ends(full, unknowns, [_scaled(unknowns, start)], p=measured)[0])
 
     return fit
 
 
 def trf(case: Case) -> Local:
     """SciPy's least_squares: trust region reflective within the bounds, exact Jacobian."""
-    scale, (low, high) = case.scale, np.log(case.v_s_range)
-    bounds = (np.array([0.0, 0.0, 0.0, low]), np.array([np.inf, np.inf, np.inf, high]))
-
-    def to_theta(x: Array) -> Array:
-        """Theta from the scaled variables."""
-        return np.append(x[:3] * scale, np.exp(x[3]))
+    unknowns = case.unknowns
+    lower, upper, top = unknowns.lower, unknowns.upper, float(unknowns.scale[0])
 
     def fit(measured: Array, start: Array) -> Array:
         """Where SciPy ends; residuals are scaled by the largest torque."""
-        problem, top = case.problem(measured), float(scale[0])
+        problem = case.problem(measured)
 
         def residuals(x: Array) -> Array:
             """Measured minus modelled torque, (n,)."""
-            return problem.residuals(to_theta(x)) / top
+            return problem.residuals(unknowns.natural(x)) / top
 
         def jacobian(x: Array) -> Array:
             """Its exact derivative with respect to x, (n, 4)."""
-            theta = to_theta(x)
-            slopes: Array = -problem.jacobian(theta) * np.append(scale, theta[3]) / top
+            slopes: Array = -problem.jacobian(unknowns.natural(x)) * unknowns.slopes(x) / top
             return slopes
 
-        x0 = np.append(start[:3] / scale, np.clip(np.log(start[3]), low, high))
+        x0 = np.clip(_scaled(unknowns, start), lower, upper)
         found = least_squares(
-            residuals, x0, jacobian, bounds, method="trf", ftol=_TOLERANCE, xtol=_TOLERANCE, gtol=_TOLERANCE
+            residuals, x0, jacobian, (lower, upper), method="trf", ftol=_TOLERANCE, xtol=_TOLERANCE, gtol=_TOLERANCE
         )
-        return to_theta(found.x)
+        return unknowns.natural(found.x)
 
     return fit
+
+
+def _scaled(unknowns: Unknowns[str], theta: Array) -> Array:
+    return unknowns.scaled(dict(zip(NAMES, theta.tolist(), strict=True)))
 
 
 def lmfit(case: Case) -> Local:

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.block_bootstrap import block_bootstrap, block_length, cells
+from bristle.estimation.bootstrap import block_bootstrap, block_length, cells
 
 
 def correlated(rho: float, n: int, seed: int) -> Array:

@@ -1,0 +1,285 @@
+"""Bootstrap of least squares: blocks of equations, or single residuals, drawn anew, and what that does to the estimate.
+
+Time series. A resample counts block b m_b times. Its minimum is, to first order and with the exact Jacobian, at
+
+    d = -(sum m_b G_b + P'P)**-1 (sum m_b s_b + P'e),    G_b = J_b'J_b,    s_b = J_b'r_b
+
+from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step has the bootstrap's accuracy); P are the rows of priors, whose means are
+drawn anew as well, e. Blocks overlap and wrap around within their stretch (Politis and Romano, 1992): each equation is drawn as often as any other.
+
+Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample, where blocks are independent, does
+not: the interval takes its shape from t = d / error in the resample, and its width from the fit's own error. Measured: over 120 simulated runs of
+gripper rotation, alone, 96 % of its intervals cover the truth, and 95 % by the draws' quantiles; for means of AR(1) noise (0.8) 94 % and 90 %.
+
+Points that err independently. Residuals are raised to the size that the fit took from them (their leverage), then drawn with replacement; where their
+variance differs from place to place each keeps its own and is given a random sign and size instead (the wild bootstrap, with Webb's six values). Each
+set is fitted again, by whatever fits it, and studentised.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.covariance import LEVEL
+from bristle.estimation.levenberg_marquardt import Minimum
+from bristle.estimation.linear import inverse_gram
+from bristle.estimation.problem import LeastSquares, Name, projected
+
+DRAWS, REFITS = 2000, 1999
+"""Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
+FEW = 8
+"""Blocks below which a bootstrap has little to draw from, and gives no interval."""
+ENOUGH = 20
+"""Blocks below which a bootstrap that parts from the other intervals is explained by them."""
+SHOWN = 500
+"""Draws kept of each unknown, to be drawn."""
+_OVERLAP = 4
+"""Cells in a block: blocks begin at each cell."""
+_CELLS = 2000
+"""At most; longer records have longer cells."""
+_TIMES = 4.0
+"""Integrated autocorrelation times in a block, at least."""
+_AT_ONCE = 4_000_000
+"""Scores of blocks in draws, computed together."""
+_SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
+_WEBB = np.concatenate([-_SIX, _SIX])
+"""Mean 0, variance 1, third moment 0 (Webb 2014)."""
+_UNEVEN = 0.01
+"""Significance at which variances differ."""
+_FULL = 1.0 - 1e-6
+"""A point with this leverage leaves no residual."""
+
+Refit = Callable[[Array, bool], tuple[Array, Array]]
+"""(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p, sets) each."""
+
+
+class Resampled(NamedTuple):
+    """What draws do to an estimate."""
+
+    steps: Array
+    """d, (B, p)."""
+    studentised: Array
+    """d over its standard error in its own resample, (B, p); not finite where that shows nothing of an unknown."""
+    blocks: int
+    """How many are drawn each time."""
+    wild: bool = False
+    """Whether the signs and sizes of residuals are drawn, not their places."""
+    rounded: bool = False
+    """Whether the ends of intervals are draws, the next ones outward."""
+
+    def interval(self, which: int, error: float) -> tuple[float, float]:
+        """The 95 % interval of one unknown about its estimate, by bootstrap-t, from the estimate's standard error."""
+        if error == 0 or not np.isfinite(error):
+            return (0.0, 0.0) if error == 0 else (-np.inf, np.inf)
+        t, tail = self.studentised[:, which], (1 - LEVEL) / 2
+        if not self.rounded:
+            least, most = np.quantile(t, [tail, 1 - tail])
+        else:  # a draw that shows nothing of an unknown may lie on either side
+            blind = ~np.isfinite(t)
+            most = np.quantile(np.where(blind, np.inf, t), 1 - tail, method="higher")
+            least = np.quantile(np.where(blind, -np.inf, t), tail, method="lower")
+        return -float(most) * error, -float(least) * error
+
+
+def residual_bootstrap(
+    jacobian: Array,
+    residuals: Array,
+    place: Array,
+    refit: Refit | None = None,
+    draws: int = REFITS,
+    seed: int = 0,
+) -> tuple[Resampled, Array]:
+    """The steps of an estimate from equations that err independently, and the standard errors of the estimate itself, (p,).
+
+    Args:
+        jacobian: of the model at the estimate, (n, p), of full rank.
+        residuals: measured less modelled, (n,).
+        place: what their variance may depend on, (n,), > 0.
+        refit: fits each set again; None: by one Gauss-Newton step.
+        draws: B, >= 40.
+        seed: of the generator.
+    """
+    rng, n = np.random.default_rng(seed), residuals.size
+    leverage = np.minimum(np.einsum("np,pq,nq->n", jacobian, inverse_gram(jacobian), jacobian), _FULL)
+    wild = variances_differ(residuals, place)
+    if wild:
+        noise = (residuals / (1 - leverage))[:, None] * rng.choice(_WEBB, (n, draws))
+    else:
+        even = residuals / np.sqrt(1 - leverage)
+        noise = (even - even.mean())[rng.integers(0, n, (n, draws))]
+    both = np.column_stack([residuals, noise])
+    steps, errors = refit(both, wild) if refit else linear_refit(jacobian, both, wild)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        studentised = steps[:, 1:] / errors[:, 1:]
+    return Resampled(steps[:, 1:].T, studentised.T, n, wild, rounded=True), errors[:, 0]
+
+
+def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:
+    """Coefficients of columns (n, p) that fit each of some values, (n, sets), and their standard errors, (p, sets) each; HC3 if uneven."""
+    inner = inverse_gram(columns)
+    weights = inner @ columns.T
+    theta = weights @ values
+    left = values - columns @ theta
+    if uneven:
+        kept = 1 - np.minimum(np.einsum("np,pn->n", columns, weights), _FULL)
+        return theta, np.sqrt(weights**2 @ (left / kept[:, None]) ** 2)
+    cost = np.einsum("ns,ns->s", left, left) / max(left.shape[0] - theta.shape[0], 1)
+    return theta, np.sqrt(np.diag(inner)[:, None] * cost)
+
+
+def variances_differ(residuals: Array, place: Array) -> bool:
+    """Whether the residuals' variance depends on the place (Koenker's test against a parabola over its logarithm, 1 %); never with few equations."""
+    x, square = np.log(np.abs(place)), residuals**2
+    if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
+        return False
+    s = 2 * (x - x.min()) / np.ptp(x) - 1
+    basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]
+    total = float(np.sum((square - square.mean()) ** 2))
+    share = float(np.sum((basis.T @ square) ** 2)) / total if total > 0 else 0.0
+    return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
+
+
+def bootstrap_at(
+    problem: LeastSquares[Name], minimum: Minimum, errors: Array, seed: int = 0
+) -> tuple[dict[Name, tuple[Array, Array]], int]:
+    """What resampled blocks, and blocks that err independently, say of a problem's shared unknowns at its minimum.
+
+    Args:
+        problem: the problem.
+        minimum: its minimum.
+        errors: standard errors of the scaled unknowns, (p,).
+        seed: of the generator.
+
+    Returns:
+        The ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound, in its unit, by name; what
+        leaves the bounds is open. And the number of blocks drawn.
+    """
+    x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
+    inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
+    which = problem.shared[inside[problem.shared]]
+    J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
+    starts = [block.rows.start for block in problem.blocks] if whole else problem.stretches
+    told, length = J[n:], n if whole else None
+    drawn = block_bootstrap(
+        J[:n], minimum.residuals[:n], starts, priors=told, sigma=problem.sigma, length=length, seed=seed
+    )
+    out: dict[Name, tuple[Array, Array]] = {}
+    for column, j in enumerate(which.tolist()):
+        box, ends = (unknowns.lower[j], unknowns.upper[j]), x[j] + np.array(drawn.interval(column, float(errors[j])))
+        closed = unknowns.natural_of(j, np.clip(ends, *box))
+        limited = np.where([ends[0] <= box[0], ends[1] >= box[1]], [unknowns.least[j], np.inf], closed)
+        out[unknowns.names[j]] = limited, unknowns.natural_of(j, np.clip(x[j] + drawn.steps[:, column], *box))
+    return out, drawn.blocks
+
+
+def block_bootstrap(
+    jacobian: Array,
+    residuals: Array,
+    starts: Sequence[int] = (0,),
+    *,
+    priors: Array | None = None,
+    sigma: float = 1.0,
+    instrument: Array | None = None,
+    length: int | None = None,
+    draws: int = DRAWS,
+    seed: int = 0,
+) -> Resampled:
+    """The steps of a least-squares estimate under resampled blocks of equations.
+
+    Args:
+        jacobian: of the residuals at the minimum, (n, p), of full rank together with the priors.
+        residuals: (n,), in whatever sign the Jacobian is of.
+        starts: first equation of each stretch; no block reaches over one.
+        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are none.
+        sigma: see there.
+        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
+        length: equations in a block; None: `block_length` of the scores.
+        draws: B.
+        seed: of the generator.
+    """
+    told = np.zeros((0, jacobian.shape[1])) if priors is None else priors
+    size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian) + np.einsum("mp,mp->p", told, told))
+    size[size == 0] = 1.0
+    J = jacobian / size
+    Z = J if instrument is None else instrument / np.linalg.norm(instrument)
+    length = length or block_length(Z * residuals[:, None])
+    edges, of_stretch = cells(residuals.size, starts, length)
+    grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
+    scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
+    found = _resample(grams, scores, of_stretch, told / size, sigma, draws, seed)
+    return found._replace(steps=found.steps / size)
+
+
+def block_length(scores: Array) -> int:
+    """Equations in a block: four integrated autocorrelation times of the most correlated column of scores, (n, p), and n**(1/3) at least."""
+    n = scores.shape[0]
+    times = max(inflation(score) for score in scores.T)
+    return int(min(max(ceil(_TIMES * times), ceil(n ** (1 / 3))), n))
+
+
+def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
+    """Quarters of blocks: the first equation of each and n, (C + 1,), and the number of the stretch that each lies in, (C,)."""
+    step = max(length / _OVERLAP, n / _CELLS)
+    firsts = [*starts, n]
+    counts = [max(round((stop - first) / step), 1) for first, stop in pairwise(firsts)]
+    inner = [
+        np.linspace(a, b, k, endpoint=False).astype(int) for (a, b), k in zip(pairwise(firsts), counts, strict=True)
+    ]
+    return np.append(np.concatenate(inner), n), np.repeat(np.arange(len(counts)), counts)
+
+
+def _resample(
+    grams: Array, scores: Array, of_stretch: Array, told: Array, sigma: float, draws: int, seed: int
+) -> Resampled:
+    """The steps where blocks of cells, (C, ...), are drawn, centred so that they vanish where each is drawn as often as any other."""
+    grams, scores, share = _blocks(grams, scores, of_stretch)
+    number = max(round(float(share.sum())), 1)
+    rng = np.random.default_rng(seed)
+    count, p = share.size, scores.shape[1]
+    drawn = rng.choice(count, (draws, number), p=share / share.sum()) + count * np.arange(draws)[:, None]
+    weight = float(share.sum()) / number
+    times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
+    gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + told.T @ told
+    inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
+    score = times @ scores
+    news = sigma * rng.standard_normal((draws, told.shape[0])) @ told
+    steps = -np.einsum("bij,bj->bi", inverse, score - share @ scores + news)
+    errors = [
+        _errors(
+            grams, scores, told, sigma, times[part] * weight * number / max(number - 1, 1), inverse[part], steps[part]
+        )
+        for part in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE))
+    ]
+    studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
+    return Resampled(steps, studentised, number)
+
+
+def _errors(
+    grams: Array, scores: Array, told: Array, sigma: float, times: Array, inverse: Array, steps: Array
+) -> Array:
+    """Standard errors of resampled estimates from the scores that blocks have left there, (b, p); `times` (b, C) counts squares."""
+    count, p = scores.shape
+    left = scores.T + (steps @ grams.transpose(1, 2, 0).reshape(p, -1)).reshape(-1, p, count)
+    influence = inverse @ left
+    squares = np.einsum("bic,bic,bc->bi", influence, influence, times)
+    by_priors = told @ inverse
+    errors: Array = np.sqrt(squares + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors))
+    return errors
+
+
+def _blocks(grams: Array, scores: Array, of_stretch: Array) -> tuple[Array, Array, Array]:
+    """Sums over the block that begins at each cell, and its weight: one over the number of blocks that each of its cells lies in."""
+    sizes = np.bincount(of_stretch)
+    first, size = (np.cumsum(sizes) - sizes)[of_stretch], sizes[of_stretch]
+    place = np.arange(of_stretch.size) - first
+    others = [first + (place + k) % size for k in range(_OVERLAP)]
+    inside = [(k < size).astype(float) for k in range(_OVERLAP)]
+    whole = sum(grams[o] * w[:, None, None] for o, w in zip(others, inside, strict=True))
+    total = sum(scores[o] * w[:, None] for o, w in zip(others, inside, strict=True))
+    return np.asarray(whole), np.asarray(total), 1 / np.minimum(size, _OVERLAP)

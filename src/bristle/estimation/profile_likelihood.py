@@ -1,0 +1,254 @@
+"""The profile of an unknown: the cost at a value of it, with all others fitted anew; its interval is where that stays below a threshold.
+
+Of n equations with p unknowns the threshold lies above the least cost by
+
+    d = S F J_min / (n - p),    F = F(0.95; 1, freedom),
+
+where S is by how much correlated residuals widen the unknown's variance: in a linear problem the interval is the covariance's.
+
+Here a profile is followed by descents. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is: where it crosses one is found in
+few steps. Each point starts from the one solved before it on the way from the estimate, moved along the others' linearised conditional mean. A
+problem that is linear once a few unknowns are given has an exact profile: see `conditional_profile`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import fdtri
+
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+from bristle.estimation.covariance import LEVEL, seen, student
+from bristle.estimation.levenberg_marquardt import Minimum, minimise
+from bristle.estimation.linear import inverse_gram
+from bristle.estimation.problem import LeastSquares, Name
+from bristle.progress import Progress
+
+_TRIES, _BUDGET = 12, 40
+"""Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth)."""
+_SETTLED = 1e-3
+"""Of d: a descent ends when a step would lower the cost by less."""
+_EXACT = 1e-3
+"""Of its distance from the estimate: how near to the crossing an end is sought."""
+_STRAIGHT = 1e-2
+"""This near to one, the statistic's root is a line from the estimate on."""
+BETTER = 1e-3
+"""Of d: a cost this much below the fit's is a better optimum."""
+_FAR, _GROWTH = 6, 4.0
+"""How often an end that is not reached is sought farther away, and by what factor at most."""
+_STEEP = 1e3
+"""Stands for the statistic's root where nothing can be computed."""
+
+
+class Profiled(NamedTuple):
+    """One unknown's profile, in its unit."""
+
+    interval: tuple[float, float]
+    """A side that the profile leaves open is infinite, or the least that the unknown may be."""
+    curve: Array
+    """Values, ascending, and (cost - least) / d there, (2, k): 0 at the estimate, 1 at the interval's ends."""
+    doubts: tuple[Diagnostic, ...] = ()
+
+
+def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
+    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d; S is the `inflation` of the variance."""
+    freedom = max(n / inflation - p, 1.0)
+    return cost * (1 + inflation * float(fdtri(1, freedom, LEVEL)) / max(n - p, 1))
+
+
+def interval_on_grid(
+    costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, most: float
+) -> tuple[float, float]:
+    """The interval of a positive unknown whose profile is known at once; 0 or inf where it stays below the threshold to the end of the grid.
+
+    Args:
+        costs: the profile as a function of the unknown, (k,) -> (k,).
+        grid: values of it, ascending, (k,).
+        profile: the profile on it, (k,).
+        best: where the profile is lowest.
+        most: the threshold.
+    """
+    inside = np.append(grid[profile <= most], best)
+
+    def crossing(outside: float, within: float) -> float:
+        """Where between two values the profile crosses the threshold; the inner one where it does not."""
+
+        def excess(u: float) -> float:
+            """The profile less the threshold at a logarithm."""
+            return float(costs(np.array([np.exp(u)]))[0]) - most
+
+        a, b = np.log(outside), np.log(within)
+        return within if excess(a) * excess(b) > 0 else float(np.exp(brentq(excess, a, b, xtol=1e-10)))
+
+    low, high = float(inside.min()), float(inside.max())
+    below, above = int(np.searchsorted(grid, low)), int(np.searchsorted(grid, high, side="right"))
+    lower = 0.0 if below == 0 else crossing(float(grid[below - 1]), low)
+    return lower, np.inf if above == grid.size else crossing(float(grid[above]), high)
+
+
+def profiles(
+    problem: LeastSquares[Name],
+    minimum: Minimum,
+    errors: Array,
+    freedom: float,
+    progress: Progress | None = None,
+    *,
+    stop_at_better: bool = True,
+) -> tuple[dict[Name, Profiled], Array | None]:
+    """The profile of each shared unknown of a problem, by name; those that have no influence at all are open.
+
+    Args:
+        problem: the problem.
+        minimum: its minimum.
+        errors: standard errors of the scaled unknowns, (p,).
+        freedom: their degrees of freedom.
+        progress: called with what is done, how much of it, and of how much.
+        stop_at_better: whether a better optimum found on the way ends the search.
+
+    Returns:
+        The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit must be done again.
+    """
+    unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)
+    naive = np.full(x.size, np.inf)  # the diagonal of (J'J)**-1
+    naive[known] = np.diag(inverse_gram(minimum.jacobian[:, known]))
+    first = x, minimum.jacobian.T @ minimum.jacobian
+    out: dict[Name, Profiled] = {}
+    for done, j in enumerate(problem.shared.tolist()):
+        name, value = unknowns.names[j], float(unknowns.natural(x)[j])
+        if progress:
+            progress(f"profile of {name}", done, problem.shared.size)
+        reach = student(freedom) * float(errors[j])
+        if reach**2 == 0:  # data without any noise
+            out[name] = Profiled((value, value), np.array([[value], [0.0]]))
+        elif not np.isfinite(reach):
+            whole = float(unknowns.least[j]), np.inf
+            out[name] = Profiled(whole, np.zeros((2, 0)), (Kind.PROFILE_UNSEEN(open=Kind.PROFILE_OPEN()),))
+        else:
+            high = reach**2 / float(naive[j])
+            path = _Path(problem, minimum, j, high, stop_at_better, [first], {float(x[j]): 0.0})
+            found = path.profiled(reach)
+            if path.better is not None:
+                return out, path.better
+            out[name] = found
+    return out, None
+
+
+class _Stop(Exception):  # noqa: N818  # a way out of a search: it found a better optimum, or its budget is spent
+    """A search along a profile ends before it found what it looked for."""
+
+
+@dataclass(slots=True)
+class _Path:
+    """The points solved for one unknown, the estimate first."""
+
+    problem: LeastSquares[Any]
+    minimum: Minimum
+    which: int
+    high: float
+    """d."""
+    stop_at_better: bool
+    points: list[tuple[Array, Array]]
+    """Scaled unknowns, (p,), and J'J, (p, p)."""
+    roots: dict[float, float]
+    """sqrt((J - J_min) / d) at scaled values of the unknown."""
+    spent: int = 0
+    better: Array | None = None
+    """Scaled unknowns at which a lower cost than the fit's was found."""
+    rough: bool = False
+    """Whether a descent did not settle, or a search was given up ..."""
+    lost: bool = False
+    """... without an end."""
+
+    def profiled(self, reach: float) -> Profiled:
+        """The profile, in the unknown's unit; its ends are first looked for `reach` away from the estimate."""
+        unknowns, j, x = self.problem.unknowns, self.which, self.minimum.x
+        limits = min(unknowns.lower[j], x[j]), max(unknowns.upper[j], x[j])
+        ends = [self._end(reach, float(limit)) if self.better is None else None for limit in limits]
+        low, high = (
+            limit if end is None else float(unknowns.natural_of(j, np.array(end)))
+            for end, limit in zip(ends, (float(unknowns.least[j]), np.inf), strict=True)
+        )
+        known = {at: root**2 for at, root in self.roots.items() if root < _STEEP}
+        known |= {end: 1.0 for end in ends if end is not None}
+        at, heights = np.array(sorted(known.items())).T
+        is_open = None in ends and (high == np.inf or low < 0 or bool(unknowns.logarithmic[j]))
+        doubts = [Kind.PROFILE_OPEN()] if is_open and not self.lost else []
+        if self.rough:
+            doubts.append(Kind.PROFILE_LOST() if self.lost else Kind.PROFILE_ROUGH())
+        return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(doubts))
+
+    def _end(self, reach: float, limit: float) -> float | None:
+        """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate; None where it does not."""
+        best, self.spent = float(self.minimum.x[self.which]), 0
+        side = float(np.sign(limit - best))
+        try:
+            return self._crossing(best, side, reach, abs(limit - best))
+        except _Stop:
+            self.rough = True
+            beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
+            self.lost |= not beyond
+            return max(beyond, key=lambda x: abs(x - best), default=None)  # the nearer ones may only look so high
+
+    def _crossing(self, best: float, side: float, reach: float, most: float) -> float | None:
+        inside, away = best, min(reach, most)
+        for _ in range(_FAR):
+            outside = best + side * away
+            root = self._root(outside)
+            if abs(root - 1) < _STRAIGHT:
+                return best + side * min(away / root, most)
+            if root > 1:
+                return float(brentq(lambda x: self._root(x) - 1, inside, outside, xtol=_EXACT * away))
+            if away == most:
+                return None
+            inside, away = outside, min(away * (_GROWTH if root * _GROWTH < 1 else 1.01 / root), most)
+        return None
+
+    def _root(self, value: float) -> float:
+        """The statistic's root at a scaled value of the unknown."""
+        if value not in self.roots:
+            j, best = self.which, float(self.minimum.x[self.which])
+            # next to the value on the way from the estimate: what lies beyond may be in another valley
+            inside = [point for point in self.points if 0 <= (point[0][j] - best) / (value - best) <= 1]
+            x, gram = max(inside, key=lambda point: abs(float(point[0][j]) - best))
+            tried = (self._solved(start, value) for start in (x + self._slope(x, gram) * (value - x[j]), x))
+            self.roots[value] = next((root for root in tried if root is not None), _STEEP)
+        return self.roots[value]
+
+    def _slope(self, x: Array, gram: Array) -> Array:
+        """Derivative of the others' linearised conditional mean by the unknown, (p,): 1 for itself, 0 at a bound."""
+        size, unknowns = np.sqrt(gram.diagonal()), self.problem.unknowns
+        free = (size > 0) & (x > unknowns.lower) & (x < unknowns.upper)
+        free[self.which] = False
+        inner = gram[np.ix_(free, free)] / np.outer(size[free], size[free])
+        out = np.zeros(x.size)
+        out[free] = -np.linalg.lstsq(inner, gram[free, self.which] / size[free], rcond=1e-12)[0] / size[free]
+        out[self.which] = 1.0
+        return out
+
+    def _solved(self, start: Array, value: float) -> float | None:
+        """The statistic's root of the fit with the unknown held at a value; None where nothing can be computed at the start."""
+        held, cost = np.arange(start.size) == self.which, self.minimum.cost
+        box = (self.problem.unknowns.lower, self.problem.unknowns.upper)
+        lower, upper = (np.where(held, value, bound) for bound in box)
+        settled = _SETTLED * self.high * self.minimum.residuals.size / cost
+        try:
+            found = minimise(self._evaluate, start, lower, upper, _TRIES, settled)
+        except InputError:
+            return None
+        excess = (found.cost - cost) / self.high
+        if self.stop_at_better and excess < -BETTER:
+            self.better = found.x
+            raise _Stop
+        self.rough |= not found.converged
+        self.points.append((found.x, found.jacobian.T @ found.jacobian))
+        return float(np.sqrt(max(excess, 0.0)))
+
+    def _evaluate(self, x: Array) -> tuple[Array, Array]:
+        self.spent += 1
+        if self.spent > _BUDGET:
+            raise _Stop
+        return self.problem.evaluate(x)

@@ -1,0 +1,168 @@
+"""A least-squares problem that knows no friction: in a linear one all intervals coincide, in others each ends where a fit of the rest says."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from bristle.arrays import Array
+from bristle.estimation.bootstrap import bootstrap_at
+from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
+from bristle.estimation.covariance import covariance, covariance_at, student
+from bristle.estimation.levenberg_marquardt import Minimum, minimise
+from bristle.estimation.multistart import solve_from_starts
+from bristle.estimation.problem import Block, LeastSquares, Unknowns
+from bristle.estimation.profile_likelihood import profile_threshold, profiles
+
+TIME = np.linspace(0.0, 3.0, 400)
+
+
+def unknowns(*names: str, logarithmic: tuple[str, ...] = ()) -> Unknowns[str]:
+    """Free unknowns; those of logarithms are positive."""
+    p, positive = len(names), np.array([name in logarithmic for name in names])
+    return Unknowns(
+        names=names,
+        logarithmic=positive,
+        scale=np.where(positive, 1.0, 2.0),
+        lower=np.full(p, -np.inf),
+        upper=np.full(p, np.inf),
+        least=np.where(positive, 0.0, -np.inf),
+    )
+
+
+def line(measured: Array, columns: Array) -> LeastSquares[str]:
+    """A linear problem in a, b and so on."""
+    known = unknowns(*"abcdef"[: columns.shape[1]])
+
+    def evaluate(x: Array) -> tuple[Array, Array]:
+        """Modelled less measured, and the columns."""
+        return columns @ known.natural(x) - measured, columns * known.slopes(x)
+
+    return LeastSquares(unknowns=known, evaluate=evaluate)
+
+
+def decay(measured: Array) -> LeastSquares[str]:
+    """Size and rate of an exponential decay."""
+    known = unknowns("size", "rate", logarithmic=("rate",))
+
+    def evaluate(x: Array) -> tuple[Array, Array]:
+        """Modelled less measured, and derivatives."""
+        size, rate = known.natural(x)
+        shape = np.exp(-rate * TIME)
+        return size * shape - measured, np.column_stack([shape, -size * TIME * shape]) * known.slopes(x)
+
+    return LeastSquares(unknowns=known, evaluate=evaluate)
+
+
+def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> Minimum:
+    """The minimum near some values."""
+    own = problem.unknowns
+    return minimise(problem.evaluate, own.scaled(values), own.lower, own.upper, settled=1e-14)
+
+
+@given(values=st.tuples(st.floats(-1e3, 1e3), st.floats(1e-6, 1e6)))
+def test_scaling_is_undone(values: tuple[float, float]) -> None:
+    """Scaled values come back by name and one by one; the slopes are those of differences."""
+    own = unknowns("a", "b", logarithmic=("b",))
+    x = own.scaled(dict(zip("ab", values, strict=True)))
+    assert list(own.values(x).values()) == pytest.approx(values, rel=1e-9)
+    assert [float(own.natural_of(j, x[j])) for j in range(2)] == pytest.approx(values, rel=1e-9)
+    slopes = (own.natural(x + 1e-6) - own.natural(x - 1e-6)) / 2e-6
+    assert own.slopes(x) == pytest.approx(slopes, rel=1e-6, abs=1e-6)
+
+
+def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None:
+    """White noise: errors are the textbook's to a tenth, profile ends are Student's with them, and bootstrap-t's to what chance leaves."""
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((3000, 2))
+    problem = line(columns @ [1.0, -2.0] + rng.standard_normal(3000), columns)
+    minimum = solved(problem, {"a": 0.0, "b": 0.0})
+    errors, matrix, freedom, widening = covariance_at(problem, minimum)
+    textbook, _ = covariance(columns, minimum.cost)
+    assert matrix == pytest.approx(textbook, rel=0.1, abs=0.1 * np.sqrt(textbook.diagonal().prod()))
+    assert widening == pytest.approx(1.0, abs=0.1)
+    found, better = profiles(problem, minimum, errors, freedom)
+    drawn, _ = bootstrap_at(problem, minimum, errors)
+    assert better is None
+    for j, name in enumerate(problem.unknowns.names):
+        value, reach = problem.unknowns.values(minimum.x)[name], student(freedom) * np.sqrt(matrix[j, j])
+        assert found[name].interval == pytest.approx((value - reach, value + reach), abs=1e-5 * reach)
+        assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
+
+
+def test_a_profile_followed_and_a_conditional_one_are_the_same() -> None:
+    """The size of a decay is linear once its rate is given: both routes end where the least cost over the rate is the threshold."""
+    measured = 2.0 * np.exp(-1.5 * TIME) + 0.2 * np.random.default_rng(1).standard_normal(TIME.size)
+    problem = decay(measured)
+    minimum = solved(problem, {"size": 1.0, "rate": 1.0})
+    plain, freedom = covariance(minimum.jacobian, minimum.cost)
+    followed, _ = profiles(problem, minimum, np.sqrt(plain.diagonal()), freedom)
+
+    def at(log_rate: Array) -> Conditional:
+        """The size at rates, (1, K, 1)."""
+        shape = np.exp(-np.exp(log_rate) * TIME)
+        square, along = (shape**2).sum(axis=2), shape @ measured
+        spread = (1 / square)[..., None, None]
+        return Conditional((along / square)[..., None], spread, measured @ measured - along**2 / square)
+
+    most = profile_threshold(minimum.cost, TIME.size, 2)
+    conditional = ConditionalProfiles(
+        free=at,
+        best=minimum.x[None, 1:],
+        threshold=np.array([most]),
+        box=minimum.x[1] + np.array([[[-0.5, 0.5]]]),
+        looks=Looks(65, 9, 4, 161),
+        cost=np.array([minimum.cost]),
+    )
+    ((ends,),) = conditional.intervals()
+    assert conditional.better is None
+
+    def least(size: float) -> float:
+        """The cost at a size, minimised over many rates, above the threshold."""
+        shapes = np.exp(-np.exp(minimum.x[1] + np.linspace(-0.5, 0.5, 4001)[:, None]) * TIME)
+        return float(((size * shapes - measured) ** 2).sum(axis=1).min()) - most
+
+    value = float(problem.unknowns.natural(minimum.x)[0])
+    exact = [brentq(least, value, value + side * 0.5) for side in (-1, 1)]
+    width = exact[1] - exact[0]
+    assert ends == pytest.approx(exact, abs=1e-4 * width)
+    assert followed["size"].interval == pytest.approx(exact, abs=1e-2 * width)
+    assert conditional.heights(0, ends, 0.0) == pytest.approx([1.0, 1.0], abs=1e-3)
+
+
+def test_blocks_that_err_together_widen_the_jackknife() -> None:
+    """A mean of 40 blocks, each with an offset of its own: the jackknife's error is that of the mean of 40 numbers."""
+    rng = np.random.default_rng(2)
+    offsets = np.repeat(rng.standard_normal(40), 25)
+    one = line(offsets, np.ones((1000, 1)))
+    blocks = tuple(Block(slice(25 * k, 25 * k + 25), []) for k in range(40))
+    problem = LeastSquares(unknowns=one.unknowns, evaluate=one.evaluate, blocks=blocks, independent=True)
+    found = covariance_at(problem, solved(problem, {"a": 1.0}))
+    assert np.sqrt(found.matrix[0, 0]) == pytest.approx(offsets.std() / np.sqrt(39), rel=1e-6)
+    assert found.freedom == 39
+    assert found.widening == pytest.approx(5.0, rel=0.05)
+
+
+def test_the_lowest_of_several_minima_is_kept() -> None:
+    """Of starts in three valleys the lowest end is the solution, and counted; a random start that shows nothing is passed over."""
+    known = unknowns("a")
+
+    def evaluate(x: Array) -> tuple[Array, Array]:
+        """A cost with minima near -1 and 1, the latter lower; flat at 50."""
+        a = float(known.natural(x)[0])
+        if a > 40:
+            return np.ones(3), np.zeros((3, 1))
+        return np.array([a * a - 1, 0.2 * (a - 1), 1.0]), np.array([[2 * a], [0.2], [0.0]]) * known.slopes(x)
+
+    problem = LeastSquares(unknowns=known, evaluate=evaluate)
+
+    def solve(a: float, most: int) -> tuple[LeastSquares[str], Minimum]:
+        """From a."""
+        return problem, minimise(evaluate, known.scaled({"a": a}), known.lower, known.upper, most)
+
+    found = solve_from_starts(solve, [-1.5], [1.5, 50.0, 0.5], lambda posed, minimum: (posed, minimum))
+    assert found.values["a"] == pytest.approx(1.0, abs=1e-3)
+    assert (found.starts, found.reached) == (4, 2)
