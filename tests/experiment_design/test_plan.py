@@ -378,7 +378,9 @@ def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     said = " ".join(map(str, found.assumptions))
     assert "Nothing is known of direction -" in said
     assert "Inertia: a guess" in said
-    assert np.isinf(found.standard_errors["now"][[found.start.names.index(ParameterName.parse(n)) for n in guessed]]).all()
+    assert np.isinf(
+        found.standard_errors["now"][[found.start.names.index(ParameterName.parse(n)) for n in guessed]]
+    ).all()
     assert "nan" not in found.text()
     assert all(np.isfinite(errors).all() for errors in (found.standard_errors["with motion"], found.start.estimate))
 

@@ -43,7 +43,7 @@ from bristle.identification.static import problem
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.moving_data import fit_moving
 from bristle.identification.static.problem import Regression
-from bristle.model.parameters import Direction, ParameterName
+from bristle.model.parameters import INERTIA, Direction, ParameterName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +128,7 @@ def identify_joint(
         )
         if timings is not None:
             timings["moving runs"] = perf_counter() - started
-        J = (both or alone).parameters.get(ParameterName.parse("inertia"))
+        J = (both or alone).parameters.get(INERTIA)
         if presliding is not None and experiment.inertia is None and J is not None and J.value:
             known = Level(J.value, J.standard_error or 0.0, "the moving runs")
             presliding = with_damping(presliding, known, experiment.joint.kind)

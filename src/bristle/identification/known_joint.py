@@ -16,7 +16,7 @@ from bristle.errors import InputError
 from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, in_direction
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, in_direction
 from bristle.model.vectorize import evaluate
 
 DRAWS = 60
@@ -28,7 +28,6 @@ INERTIAL = 0.1
 """Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
 _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
 """Drawn by their logarithms: they are positive."""
-_INERTIA = ParameterName("inertia", Direction.SHARED)
 
 
 class Source(StrEnum):
@@ -202,7 +201,7 @@ def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
     """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor; None where nothing tells it."""
     declared = experiment.inertia.value if experiment.inertia else None
     motor = experiment.motor_constants.inertia if experiment.motor_constants else None
-    found = [fit.known.get(_INERTIA) for fit in reversed(moving_fits(joint).values())]
+    found = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
     return next((J for J in (*found, declared, motor) if J is not None and J > 0), None)
 
 
@@ -239,6 +238,6 @@ def draws_of(joint: Joint, way: float, J: float) -> tuple[tuple[Pair[float], flo
     for row in drawn.tolist():
         estimates = {n: replace(fit.parameters[n], value=x) for n, x in zip(names, row, strict=True)}
         one = replace(known, estimates={**known.estimates, **estimates})
-        inertia = dict(zip(names, row, strict=True)).get(_INERTIA) or J
+        inertia = dict(zip(names, row, strict=True)).get(INERTIA) or J
         joints.append((one.pair(way, inertia), inertia))
     return tuple(joints)

@@ -14,7 +14,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.multistart import with_deflections
-from bristle.identification.dynamic.problem import Tracking, is_start, tracking
+from bristle.identification.dynamic.problem import Tracking, tracking
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.model_criteria import (
     APART,
@@ -33,6 +33,7 @@ from bristle.identification.results import ModelComparison, StaticFit, TrackingF
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
+from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
 
 HELD, LEFT_OUT = "held-out runs", "each point predicted from all others"
 _STEPS = 8
@@ -41,6 +42,7 @@ _DEPENDENT = 1e8
 """Condition number beyond which columns are told apart by rounding alone."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
 """(directions, regressors) -> the equations to fit, and those to predict."""
+_OFFSET = ParameterName("offset", Direction.SHARED)
 
 
 def of_points(
@@ -234,12 +236,12 @@ def _refitted(
     def posed(chosen: Sequence[Record]) -> Tracking:
         """The problem of some records, with what the experiment fixes."""
         whole = tracking(chosen, directions, asked, experiment.fit.decimation, fixed)
-        return replace(whole, fixed=_held(_carried(whole, _by_text(alone)), alone))
+        return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
 
     problem = posed(records)
-    start = {name: value for name, value in _carried(problem, _by_text(alone)).items() if name not in problem.fixed}
+    start = {name: value for name, value in _carried(problem, alone.known).items() if name not in problem.fixed}
     values, minimum = fit(problem, with_deflections(problem, start), _STEPS)
-    known = {name: value for name, value in values.items() if not is_start(name)}
+    known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
     return Candidate(
         model=LUGRE,
         directions=called,
@@ -250,37 +252,34 @@ def _refitted(
     )
 
 
-def _carried(problem: Tracking, known: Mapping[str, float]) -> dict[str, float]:
+def _carried(problem: Tracking, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
     """Values of one problem by the names of another: one set for both directions, or the geometric mean of two; 0 for what is not known.
 
     An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
     """
 
-    def value(name: str) -> float:
+    def value(name: str, direction: Direction) -> float:
         """Its own, or of both directions, or between those of each."""
-        both = [known[name + d] for d in "+-" if name + d in known]
-        own = known.get(name, known.get(name.rstrip("+-")))
-        return own if own is not None else (float(np.prod(both)) ** (1 / len(both)) if both else 0.0)
+        own = in_direction(known, name, direction)
+        each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
+        return own if own is not None else (float(np.prod(each)) ** (1 / len(each)) if each else 0.0)
 
-    found = {name: value(name) for name in (*problem.friction_names, *problem.extra_names)}
-    if "offset" in problem.extra_names and "alpha_0+" in known and "offset" not in known:
-        found["offset"] = (known["alpha_0+"] - known["alpha_0-"]) / 2
-    for d, sign in DIRECTIONS.items():
-        if f"alpha_0{d}" in found and f"alpha_0{d}" not in known:
-            found[f"alpha_0{d}"] = max(found[f"alpha_0{d}"] + sign * known.get("offset", 0.0), 1e-3 * known["alpha_0"])
+    found = {name: value(*name) for name in (*problem.friction_names, *problem.extra_names)}
+    Coulomb = [ParameterName("alpha_0", d) for d in SIGNED]
+    if _OFFSET in problem.extra_names and Coulomb[0] in known and _OFFSET not in known:
+        found[_OFFSET] = (known[Coulomb[0]] - known[Coulomb[1]]) / 2
+    for name, sign in zip(Coulomb, DIRECTIONS.values(), strict=True):
+        if name in found and name not in known:
+            both = known[name._replace(direction=Direction.BOTH)]
+            found[name] = max(found[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
     return found
 
 
-def _by_text(fit: TrackingFit) -> dict[str, float]:
-    return {str(name): value for name, value in fit.known.items()}
-
-
-def _held(carried: Mapping[str, float], alone: TrackingFit) -> dict[str, float]:
+def _held(carried: Mapping[ParameterName, float], alone: TrackingFit) -> dict[ParameterName, float]:
     """What was fixed in the fit, by its counterparts in other directions, with the values carried over."""
     fixed = {}
     for name, value in carried.items():
-        bare = name.rstrip("+-")
-        there = {name, bare, f"{bare}+", f"{bare}-"} & _by_text(alone).keys()
-        if there and not there & set(map(str, alone.names)):
+        there = {other for other in alone.known if other.name == name.name}
+        if there and not there & set(alone.names):
             fixed[name] = value
     return fixed

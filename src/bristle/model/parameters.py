@@ -90,6 +90,9 @@ class ParameterName(NamedTuple):
         return self.name + (self.direction if self.direction in SIGNED else "")
 
 
+INERTIA = ParameterName("inertia", Direction.SHARED)
+
+
 def in_direction(values: Mapping[ParameterName, T], name: str, direction: str) -> T | None:
     """What is known of a parameter in a direction: its own value, or else that of both directions, or the shared one; None where nothing is."""
     keys = (ParameterName(name, d) for d in (Direction(direction), Direction.BOTH, Direction.SHARED))

@@ -14,6 +14,7 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.dynamic.fit import Tracked
+from bristle.identification.dynamic.problem import Begin, Values
 from bristle.identification.results import Crosscheck
 from bristle.model import law
 from bristle.model.parameters import Lugre, pair_of
@@ -60,13 +61,14 @@ def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> C
 def _cost(found: Tracked, x: ca.MX) -> ca.MX:
     """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
     problem, unknowns = found.problem, found.judged.posed.unknowns
-    known: dict[str, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
-    p = ca.vertcat(*(known[problem.key(name, tag)] for tag in problem.tags for name in Lugre._fields))
-    slowest = min(v for n, v in {**problem.fixed, **found.values}.items() if n.startswith("v_s"))
+    known: dict[Any, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
+    p = ca.vertcat(*(known[problem.key(name, d)] for d in problem.directions for name in Lugre._fields))
+    numbers: Values = {**problem.fixed, **found.values}
+    slowest = min(v for n, v in numbers.items() if n.name == "v_s")
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)
     cost = ca.MX(0)
     for k, m in enumerate(problem.motions):
-        torque = _torque(m.velocity, m.step, p, len(problem.tags), known[f"z0[{k}]"], slowest)
+        torque = _torque(m.velocity, m.step, p, len(problem.directions), known[Begin("z0", k)], slowest)
         rest = ca.DM(m.torque) - torque - ca.mtimes(ca.DM(m.extra), extra)
         smooth = rest if m.smooth is None else ca.mtimes(ca.DM(m.smooth.tocsc()), rest)
         cost += m.weight**2 * ca.dot(smooth, smooth)

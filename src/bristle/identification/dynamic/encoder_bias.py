@@ -11,16 +11,17 @@ from bristle.data.differentiation import derivative, estimate_motion, smoothed, 
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.identification.dynamic.fit import Tracked
-from bristle.identification.dynamic.problem import Tracking, is_start, modelled
+from bristle.identification.dynamic.problem import Tracking, modelled
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.results import TrackingFit
+from bristle.model.parameters import ParameterName
 
 REPETITIONS = 6
 """Rest positions inside a count at which the motion is measured again."""
 _STEPS = 8
 """Steps from the estimate to where counting moves it: without noise the last digits would take many more."""
 _SEED = 0
-Pose = Callable[[Sequence[Record], Mapping[str, float]], Tracking]
+Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], Tracking]
 
 
 def without_count_bias(
@@ -48,7 +49,7 @@ def without_count_bias(
     priors = tuple(
         replace(prior, value=np.array([found.values[name] for name in prior.names])) for prior in found.problem.priors
     )
-    known = [name for name in found.problem.names if not is_start(name)]
+    known = [name for name in found.problem.names if isinstance(name, ParameterName)]
     ends = []
     for _ in range(REPETITIONS):
         counted = [_counted(r, T, cutoff, resolution, rng.uniform()) for r, T in zip(true, torques, strict=True)]
@@ -77,7 +78,7 @@ def _counted(record: Record, torque: Array, cutoff: float, resolution: float, ph
     )
 
 
-def _corrected(found: TrackingFit, moved: Mapping[str, Sequence[float]]) -> TrackingFit:
+def _corrected(found: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:
     """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`."""
     parameters, large = dict(found.parameters), []
     for name, e in found.parameters.items():

@@ -14,11 +14,11 @@ from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.missing_terms import lacking
 from bristle.identification.dynamic.multistart import equations_left, judge, with_deflections, without_deflections
-from bristle.identification.dynamic.problem import Tracking, is_start, parameters, residuals
+from bristle.identification.dynamic.problem import Tracking, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, fit
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
+from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import Lugre, is_passive, unit
 
 SEED = 0
 STARTS = 6
@@ -40,18 +40,18 @@ class Tracked(NamedTuple):
 
     fit: TrackingFit
     problem: Tracking
-    values: Mapping[str, float]
-    judged: MultistartSolution[str]
+    values: Values
+    judged: MultistartSolution[Unknown]
 
 
 def fit_tracking(
     problem: Tracking,
-    start: Mapping[str, float],
+    start: Values,
     kind: JointKind,
     held: Sequence[tuple[str, Tracking]] = (),
     starts: int = STARTS,
     seed: int = SEED,
-    others: Sequence[Mapping[str, float]] = (),
+    others: Sequence[Values] = (),
 ) -> Tracked:
     """All parameters of moving data with intervals and doubts.
 
@@ -105,8 +105,8 @@ def fit_tracking(
 
 
 def _settled(
-    problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]]
-) -> tuple[Tracking, MultistartSolution[str], dict[str, float]]:
+    problem: Tracking, start: Values, starts: int, seed: int, others: Sequence[Values]
+) -> tuple[Tracking, MultistartSolution[Unknown], dict[ParameterName, float]]:
     """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
     judged = judge(problem, start, starts, seed, others)
     problem, changed = _weighted(problem, judged)
@@ -121,25 +121,25 @@ def _settled(
 
 
 def _judged_estimates(
-    judged: MultistartSolution[str], kind: JointKind, bent: Mapping[str, float]
-) -> dict[str, Estimate]:
+    judged: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
+) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
     estimates = _estimates(judged, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
-    for name in (n.replace("alpha_1", "alpha_0") for n in bent if n.startswith("alpha_1")):
+    for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, Kind.ONLY_SUM_SEEN()))
     return estimates | {name: _without(estimates[name]) for name in _weak(estimates)}
 
 
-def _outcome(estimates: Mapping[str, Estimate], *, converged: bool) -> Diagnostic:
+def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Diagnostic:
     if not converged:
         return Kind.NOT_CONVERGED()
     bound = tuple(n for n, e in estimates.items() if any(d.kind is Kind.AT_BOUND for d in e.doubts))
     return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
 
 
-def _weighted(problem: Tracking, judged: MultistartSolution[str]) -> tuple[Tracking, bool]:
+def _weighted(problem: Tracking, judged: MultistartSolution[Unknown]) -> tuple[Tracking, bool]:
     """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
     rows = equations_left(problem, judged)
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
@@ -152,11 +152,11 @@ def _weighted(problem: Tracking, judged: MultistartSolution[str]) -> tuple[Track
     return replace(problem, motions=motions), True
 
 
-def _weak(estimates: Mapping[str, Estimate]) -> list[str]:
+def _weak(estimates: Mapping[ParameterName, Estimate]) -> list[ParameterName]:
     """What the motion does not show: what is too unsure by itself, v_s without its alpha_1, and sigma_1 without its sigma_0."""
     weak = {name for name, e in estimates.items() if _is_weak(e)}
     for first, second in (("alpha_1", "v_s"), ("sigma_0", "sigma_1")):
-        weak |= {name.replace(first, second) for name in weak if name.startswith(first)}
+        weak |= {name._replace(name=second) for name in weak if name.name == first}
     return [name for name in estimates if name in weak]
 
 
@@ -170,35 +170,32 @@ def _without(e: Estimate) -> Estimate:
     return replace(e, value=None, standard_error=None, doubts=said)
 
 
-def _bent(problem: Tracking, judged: MultistartSolution[str]) -> dict[str, float]:
+def _bent(problem: Tracking, judged: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
     """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
     values, upper = judged.values, judged.posed.unknowns.upper
     told = {name for prior in problem.priors for name in prior.names}
-    found: dict[str, float] = {}
+    found: dict[ParameterName, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
-        alpha_1 = name.replace("v_s", "alpha_1")
-        if (
-            name.startswith("v_s")
-            and alpha_1 in values
-            and not told & {name, alpha_1}
-            and np.log(values[name]) > most - _EDGE
-        ):
+        if not isinstance(name, ParameterName) or name.name != "v_s":
+            continue
+        alpha_1 = name._replace(name="alpha_1")
+        if alpha_1 in values and not told & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
             found |= {alpha_1: 0.0, name: values[name]}
     return found
 
 
-def _refused(name: str, kind: JointKind) -> Estimate:
+def _refused(name: ParameterName, kind: JointKind) -> Estimate:
     why = Kind.UNSEEN_BEND()
-    return Estimate(value=None, unit=unit(name.rstrip("+-"), kind), interval=(0.0, float("inf")), doubts=(why,))
+    return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), doubts=(why,))
 
 
-def _named(unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
+def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     said = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
     refused = any(doubt.kind is Kind.UNSEEN_BEND for e in unseen.values() for doubt in e.doubts)
     return [*said, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else said
 
 
-def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
+def relative_error(problem: Tracking, values: Values) -> float:
     """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
 
     Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start: that of each window,
@@ -213,7 +210,7 @@ def relative_error(problem: Tracking, values: Mapping[str, float]) -> float:
     return float(100 * np.linalg.norm(rows) / problem.extent)
 
 
-def _estimates(judged: MultistartSolution[str], kind: JointKind) -> dict[str, Estimate]:
+def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
     scale = judged.posed.unknowns.scale
     out = {}
@@ -221,9 +218,9 @@ def _estimates(judged: MultistartSolution[str], kind: JointKind) -> dict[str, Es
     for name, x, error, size in zip(
         judged.names, judged.minimum.x, judged.scaled_errors.tolist(), scale.tolist(), strict=True
     ):
-        if is_start(name):
+        if not isinstance(name, ParameterName):
             continue
-        bare, value = name.rstrip("+-"), judged.values[name]
+        bare, value = name.name, judged.values[name]
         doubts: list[Diagnostic] = []
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
@@ -250,7 +247,9 @@ def _estimates(judged: MultistartSolution[str], kind: JointKind) -> dict[str, Es
     return out
 
 
-def _doubts(judged: MultistartSolution[str], rows: Array, unseen: Mapping[str, Estimate]) -> tuple[Diagnostic, ...]:
+def _doubts(
+    judged: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
+) -> tuple[Diagnostic, ...]:
     found = []
     if judged.minimum.steps == 0:
         found.append(Kind.DID_NOT_MOVE())
@@ -263,12 +262,12 @@ def _doubts(judged: MultistartSolution[str], rows: Array, unseen: Mapping[str, E
     return (*found, *_unseen(judged, unseen))
 
 
-def _seen(judged: MultistartSolution[str]) -> list[int]:
+def _seen(judged: MultistartSolution[Unknown]) -> list[int]:
     """Columns of the parameters, starts of the motions apart, of which anything is seen."""
-    return [k for k, n in enumerate(judged.names) if not is_start(n) and judged.scaled_errors[k] < np.inf]
+    return [k for k, n in enumerate(judged.names) if isinstance(n, ParameterName) and judged.scaled_errors[k] < np.inf]
 
 
-def _unseen(judged: MultistartSolution[str], unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
+def _unseen(judged: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """The directions in parameter space that the data hardly see."""
     keep = _seen(judged)
     jacobian = judged.minimum.jacobian[:, keep]
@@ -280,12 +279,12 @@ def _unseen(judged: MultistartSolution[str], unseen: Mapping[str, Estimate]) -> 
             members = [
                 (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
-            if any(name in unseen or not name.startswith(("alpha", "v_s", "sigma")) for name, _ in members):
+            if any(name in unseen or name.name not in Lugre._fields for name, _ in members):
                 said.append(hardly_seen(members))
     said += [
         Kind.NOTHING_SEEN(name=n)
         for k, n in enumerate(judged.names)
-        if judged.scaled_errors[k] == np.inf and not is_start(n)
+        if judged.scaled_errors[k] == np.inf and isinstance(n, ParameterName)
     ]
     return said
 
@@ -301,12 +300,12 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
     return Kind.ONLY_AS_SUM(all=(*up, *down), up=tuple(up), down=tuple(down))
 
 
-def _physics(problem: Tracking, values: Mapping[str, float], unseen: Mapping[str, Estimate]) -> list[Diagnostic]:
+def _physics(problem: Tracking, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
     said = []
     p = parameters(problem, values)
-    sets = {"": p} if isinstance(p, Lugre) else dict(zip(problem.tags, p, strict=True))
-    J = {**problem.fixed, **values}.get("inertia")
+    sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))
+    J = values.get(INERTIA, problem.fixed.get(INERTIA))
     for d, own in sets.items():
         if not is_passive(own) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             least = own.sigma_1 * own.alpha_1 / own.alpha_0

@@ -10,9 +10,9 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.problem import Tracking, modelled
+from bristle.identification.dynamic.problem import Tracking, Unknown, modelled
+from bristle.model.parameters import INERTIA, unit
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
 
 _SURE = 4.0
 """Standard errors from zero, beyond which it is said."""
@@ -20,7 +20,7 @@ _SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
 
 
-def lacking(problem: Tracking, judged: MultistartSolution[str], kind: JointKind) -> list[Diagnostic]:
+def lacking(problem: Tracking, judged: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
     """What is doubted: a shift in time between torque and motion, and about an inertia that was given and not fitted.
 
     One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first order.
@@ -30,7 +30,7 @@ def lacking(problem: Tracking, judged: MultistartSolution[str], kind: JointKind)
     said, motions = [], problem.motions
     torque = modelled(problem, judged.values)
     wanted = {"delay": [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]}
-    if "inertia" not in problem.names:
+    if INERTIA not in problem.names:
         wanted["inertia"] = [np.gradient(m.velocity, m.time) for m in motions]
     found = {name: more for name, more in _wanted(problem, judged, wanted).items() if more.counts}
     if more := found.get("delay"):
@@ -58,7 +58,7 @@ class _More(NamedTuple):
 
 
 def _wanted(
-    problem: Tracking, judged: MultistartSolution[str], wanted: Mapping[str, Sequence[Array]]
+    problem: Tracking, judged: MultistartSolution[Unknown], wanted: Mapping[str, Sequence[Array]]
 ) -> dict[str, _More]:
     """Each column, given per motion as (N,), beside all the others and the Jacobian's."""
     jacobian, rest = judged.minimum.jacobian, judged.minimum.residuals

@@ -1,15 +1,15 @@
 """Moving data solved from several starts: where they lie, and what each motion begins with there."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation.multistart import MultistartSolution, solve_from_starts
-from bristle.identification.dynamic.problem import Tracking, is_start, parameters
+from bristle.identification.dynamic.problem import Begin, Tracking, Unknown, Values, parameters
 from bristle.identification.dynamic.unknowns import polished, solved
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Lugre, ParameterName
 from bristle.model.rollout import rollout
 
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
@@ -17,16 +17,16 @@ _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
 
 
 def judge(
-    problem: Tracking, start: Mapping[str, float], starts: int, seed: int, others: Sequence[Mapping[str, float]] = ()
-) -> MultistartSolution[str]:
+    problem: Tracking, start: Values, starts: int, seed: int, others: Sequence[Values] = ()
+) -> MultistartSolution[Unknown]:
     """The lowest minimum from several starts, and the covariance there."""
     rng = np.random.default_rng(seed)
-    moved = ({name: value * _factor(name, rng) for name, value in start.items()} for _ in range(starts - 1))
+    moved = ({name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1))
     first, random = with_deflections(problem, start), (with_deflections(problem, whole) for whole in moved)
     return solve_from_starts(partial(solved, problem), (first, *others), random, partial(polished, problem))
 
 
-def equations_left(problem: Tracking, judged: MultistartSolution[str]) -> Array:
+def equations_left(problem: Tracking, judged: MultistartSolution[Unknown]) -> Array:
     """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
     weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
     rows: Array = judged.minimum.residuals[: weight.size] / weight
@@ -34,11 +34,11 @@ def equations_left(problem: Tracking, judged: MultistartSolution[str]) -> Array:
 
 
 def _factor(name: str, rng: np.random.Generator) -> float:
-    reach = np.log(_APART.get(name.rstrip("+-"), 3.0))
-    return float(np.exp(rng.uniform(-reach, reach))) if name.startswith(("alpha", "v_s", "sigma")) else 1.0
+    reach = np.log(_APART.get(name, 3.0))
+    return float(np.exp(rng.uniform(-reach, reach))) if name in Lugre._fields else 1.0
 
 
-def with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str, float]:
+def with_deflections(problem: Tracking, start: Values) -> dict[Unknown, float]:
     """A start with what each motion begins with: the deflection that carries its first torque, within the steady one, and the first position.
 
     Where a motion goes on from the one before, the deflection is that to which the estimated velocity has brought it.
@@ -53,10 +53,10 @@ def with_deflections(problem: Tracking, start: Mapping[str, float]) -> dict[str,
             z0 = end
         end = float(rollout(m.velocity, m.step, p, z0).z[-1]) if problem.quantity == "position" else z0
         first = {"y0": float(m.measured[0]), "v0": float(m.velocity[0]), "z0": z0}
-        out |= {f"{name}[{k}]": first[name] for name in problem.begins}
+        out |= {Begin(name, k): first[name] for name in problem.begins}
     return out
 
 
-def without_deflections(values: Mapping[str, float]) -> dict[str, float]:
+def without_deflections(values: Values) -> dict[ParameterName, float]:
     """The values without the deflections at the start of each stretch."""
-    return {name: value for name, value in values.items() if not is_start(name)}
+    return {name: value for name, value in values.items() if isinstance(name, ParameterName)}

@@ -7,7 +7,7 @@ velocity and a deflection of its own, which are unknowns beside the parameters (
 CasADi differentiates it, and the sensitivities are stepped beside the state.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -20,14 +20,14 @@ from bristle.control.plant import THREADS, Current, State, plant_step
 from bristle.data.differentiation import stretches
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.identification.dynamic.problem import Motion, Tracking, by_name
+from bristle.identification.dynamic.problem import Begin, Motion, Tracking, Unknown, Values, by_name
 from bristle.model import motor
-from bristle.model.parameters import Lugre, Motor, pair_of
+from bristle.model.parameters import INERTIA, Direction, Lugre, Motor, ParameterName, pair_of
 
 _FREE = 16
 """Parameters by which the state is differentiated: a pair of sets, and the loads."""
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
-_LOADS = ("inertia", "offset", "gravity_sin", "gravity_cos")
+_LOADS = tuple(ParameterName(name, Direction.SHARED) for name in ("inertia", "offset", "gravity_sin", "gravity_cos"))
 _EQUATIONS = 4
 """In a window, at the least: its position, velocity and deflection at the start are unknown."""
 _SHORTEST = 16
@@ -56,8 +56,8 @@ class Simulated:
     """`motor.current` under a voltage, `motor.current_for` under a torque."""
 
     def __call__(
-        self, problem: Tracking, known: Mapping[str, float], _: Sequence[dict[str, Array]]
-    ) -> list[tuple[Array, dict[str, Array]]]:
+        self, problem: Tracking, known: Values, _: Sequence[dict[Unknown, Array]]
+    ) -> list[tuple[Array, dict[Unknown, Array]]]:
         """Of each window measured less simulated position, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
         windows = [m for m in problem.motions if isinstance(m, Window)]
         every = _every(windows, known)
@@ -65,9 +65,9 @@ class Simulated:
         alike: dict[int, list[int]] = {}
         for k, window in enumerate(windows):
             alike.setdefault(window.time.size, []).append(k)
-        found: dict[int, tuple[Array, dict[str, Array]]] = {}
+        found: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
         for size, own in alike.items():  # windows of one length go in one call
-            x0 = np.array([[known[f"{name}[{k}]"] for name in problem.begins] for k in own]).T
+            x0 = np.array([[known[Begin(name, k)] for name in problem.begins] for k in own]).T
             start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(own), axis=1)])
             inputs = np.concatenate([_inputs(windows[k], every) for k in own], axis=1)
             ends = _chain((size - 1) * every, every, self.current, len(own))(start, inputs, p)
@@ -76,15 +76,15 @@ class Simulated:
                 found[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
         return [found[k] for k in range(len(windows))]
 
-    def _by_name(self, problem: Tracking, k: int, by: Array) -> dict[str, Array]:
-        sets = by[3:15] if len(problem.tags) == 2 else by[3:9] + by[9:15]
+    def _by_name(self, problem: Tracking, k: int, by: Array) -> dict[Unknown, Array]:
+        sets = by[3:15] if len(problem.directions) == 2 else by[3:9] + by[9:15]
         slopes = by_name(problem, sets) | dict(zip(_LOADS, by[15:], strict=True))
-        return slopes | {f"{name}[{k}]": row for name, row in zip(problem.begins, by[:3], strict=True)}
+        return slopes | {Begin(name, k): row for name, row in zip(problem.begins, by[:3], strict=True)}
 
-    def _parameters(self, problem: Tracking, known: Mapping[str, float]) -> list[float]:
+    def _parameters(self, problem: Tracking, known: Values) -> list[float]:
         """What `_step` takes: a pair of sets, the loads, k_t and R."""
-        tags = problem.tags if len(problem.tags) == 2 else problem.tags * 2
-        friction = [known[problem.key(name, tag)] for tag in tags for name in Lugre._fields]
+        directions = problem.directions if len(problem.directions) == 2 else problem.directions * 2
+        friction = [known[problem.key(name, d)] for d in directions for name in Lugre._fields]
         return [*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R]
 
 
@@ -102,7 +102,7 @@ def simulation(
 
     Raises InputError where a record has no position, or nothing tells the inertia.
     """
-    if "inertia" not in posed.extra_names:
+    if INERTIA not in posed.extra_names:
         raise InputError(
             "fit.predict: position simulates the motor, which needs an inertia; give it as inertia, or among fit.regressors"
         )
@@ -156,10 +156,10 @@ def _means(samples: int, decimation: int) -> sparse.csr_array | None:
     return sparse.csr_array((weight, (block, np.arange(samples))))
 
 
-def _every(windows: Sequence[Window], known: Mapping[str, float]) -> int:
+def _every(windows: Sequence[Window], known: Values) -> int:
     """Steps of the plant between two samples."""
-    J = known["inertia"]
-    stiffest = max(value for name, value in known.items() if name.startswith("sigma_0"))
+    J = known[INERTIA]
+    stiffest = max(value for name, value in known.items() if name.name == "sigma_0")
     longest = max(float(window.step.max()) for window in windows)
     wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
     every: int = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST))))

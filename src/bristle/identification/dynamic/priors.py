@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,17 +17,16 @@ from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, Tracked, fit_tracking
 from bristle.identification.dynamic.multistart import judge, without_deflections
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import Prior, Tracking, tracking, with_priors
+from bristle.identification.dynamic.problem import Prior, Tracking, Unknown, Values, tracking, with_priors
 from bristle.identification.dynamic.uncertainty import explored, with_three_ways
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-T = TypeVar("T")
 _APART = 2.6
 """Combined standard errors by which two stages differ in one of a hundred cases."""
 _SURER = 1.5
@@ -76,17 +74,17 @@ def track(
     pose = partial(_driven if by_torque else _simulated, experiment, moving)
     count = resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
-    def fitted(posed: Tracking, starts: int, *others: Mapping[str, float]) -> tuple[Tracked, Mapping[str, Profiled]]:
+    def fitted(posed: Tracking, starts: int, *others: Values) -> tuple[Tracked, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
         found = fit_tracking(posed, start, kind, tests, starts=starts, others=others)
         if not uncertainty:
             return found, {}
         return explored(found, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress)
 
-    def finished(found: Tracked, profiles: Mapping[str, Profiled]) -> TrackingFit:
+    def finished(found: Tracked, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
         """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
         fit = without_count_bias(found, records, pose, options.position_cutoff, count) if count else found.fit
-        return _named(with_three_ways(found, fit, profiles) if uncertainty else fit)
+        return with_three_ways(found, fit, profiles) if uncertainty else fit
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
@@ -115,40 +113,20 @@ def track(
     return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree, slow
 
 
-def _named(fit: TrackingFit) -> TrackingFit:
-    """The fit with its parameters by identity, where the problem has them by text."""
-
-    def keyed(values: Mapping[Any, T]) -> dict[ParameterName, T]:
-        return {ParameterName.parse(str(name)): value for name, value in values.items()}
-
-    check = fit.check and replace(
-        fit.check, parameters=keyed(fit.check.parameters), difference_in_se=keyed(fit.check.difference_in_se)
-    )
-    return replace(
-        fit,
-        parameters=keyed(fit.parameters),
-        names=tuple(ParameterName.parse(str(name)) for name in fit.names),
-        fixed=keyed(fit.fixed),
-        bias=keyed(fit.bias),
-        uncertainty=keyed(fit.uncertainty),
-        check=check,
-    )
-
-
 def _simulated(
-    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[str, float]
+    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
 ) -> Tracking:
     """The same as `_driven` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
     known, _ = inertia(experiment)
     options, asked = experiment.fit, regressors(experiment)
     if known is not None:
-        asked, fixed = (*asked, "inertia"), {**fixed, "inertia": known}
+        asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
     posed = tracking(records, moving, asked, 1, None, fixed, options.shared)
     return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
 
 
 def _driven(
-    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[str, float]
+    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
 ) -> Tracking:
     """The problem that some records pose, with the experiment's options, in the directions `moving`."""
     known, _ = inertia(experiment)
@@ -156,24 +134,24 @@ def _driven(
     return tracking(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
 
 
-def _static_of(static: Mapping[str, StaticFit], tag: str) -> StaticFit | None:
-    return static.get(tag or "both") or static.get("both")
+def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticFit | None:
+    return static.get(direction) or static.get(Direction.BOTH)
 
 
-def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding | None) -> dict[str, float]:
+def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding | None) -> dict[ParameterName, float]:
     """A first guess of every parameter, from the stages where they have one."""
     torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
     speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions)
-    shared = {n: e for fit in static.values() for n, e in fit.parameters.items() if n in problem.extra_names}
-    extra = {name: _value(shared.get(name), 0.0) for name in problem.extra_names}
-    out: dict[str, float] = {}
-    for tag in problem.tags:
-        fit = _static_of(static, tag)
+    shared = {n: e for fit in static.values() for n, e in fit.parameters.items()}
+    extra = {name: _value(shared.get(name.name), 0.0) for name in problem.extra_names}
+    out: dict[ParameterName, float] = {}
+    for d in problem.directions:
+        fit = _static_of(static, d)
         known = fit.parameters if fit is not None else {}
         alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
-        sigma_0 = _value(_stiffness(slow, tag), alpha_0 / (_BENDS * travel))
-        inertia_guess = max(extra.get("inertia", 0.0), 1e-3 * torque / speed)
+        sigma_0 = _value(_stiffness(slow, d), alpha_0 / (_BENDS * travel))
+        inertia_guess = max(extra.get(INERTIA, 0.0), 1e-3 * torque / speed)
         (sigma_1, *_) = evaluate(functions.presliding_damping(), sigma_0, inertia_guess, DAMPING_RATIO)
         first = Lugre(
             alpha_0=alpha_0,
@@ -184,16 +162,16 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
             sigma_1=float(sigma_1),
         )
         for name, value in first._asdict().items():  # what both directions share starts at their mean
-            key = problem.key(name, tag)
+            key = problem.key(name, d)
             out[key] = (out[key] + value) / 2 if key in out else value
-    if extra.get("inertia", 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
-        extra["inertia"] = 1e-3 * torque / speed
+    if extra.get(INERTIA, 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
+        extra[INERTIA] = 1e-3 * torque / speed
     return out | extra
 
 
-def _stiffness(slow: Presliding | None, tag: str) -> Estimate | None:
+def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
     """sigma_0 from presliding of one direction, or of both by their inverse variances; None where there is none with an error."""
-    own = [fit.sigma_0 for d, fit in slow.fits.items() if tag in ("", d)] if slow else []
+    own = [fit.sigma_0 for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
     known = [(e.value, e.standard_error) for e in own if e.value and e.standard_error]
     if not known:
         return None
@@ -206,15 +184,15 @@ def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
 
 
-def _fixed(experiment: Experiment, problem: Tracking) -> dict[str, float]:
+def _fixed(experiment: Experiment, problem: Tracking) -> dict[ParameterName, float]:
     """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
     known = (*problem.friction_names, *problem.extra_names)
-    fixed: dict[str, float] = {}
+    fixed: dict[ParameterName, float] = {}
     for name, value in experiment.fit.fixed.items():
-        meant = [n for n in known if n == name or n.rstrip("+-") == name]
+        meant = [n for n in known if name in (str(n), n.name)]
         if not meant:
             raise InputError(
-                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(known)}"
+                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
             )
         fixed |= dict.fromkeys(meant, value)
     return fixed
@@ -225,8 +203,8 @@ def _priors(
 ) -> list[Prior]:
     """What static, presliding and the experiment file say, as normal distributions."""
     found = []
-    for tag in problem.tags:
-        fit = _static_of(static, tag)
+    for d in problem.directions:
+        fit = _static_of(static, d)
         if fit is not None:
             own = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
             # few degrees of freedom: a Student distribution scatters by more than its standard error
@@ -234,20 +212,20 @@ def _priors(
             if own and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in own], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
-                found.append(Prior("static", tuple(problem.key(fit.names[k], tag) for k in own), value, root))
-        bristle = _stiffness(slow, tag)
+                found.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in own), value, root))
+        bristle = _stiffness(slow, d)
         if bristle is not None:
             found.append(
-                _single("presliding", problem.key("sigma_0", tag), bristle.value or 0.0, bristle.standard_error or 1.0)
+                _single("presliding", problem.key("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0)
             )
     _, known = inertia(experiment)
-    if known is not None and "inertia" in problem.extra_names:
-        found.append(_single("experiment file", "inertia", known.value, known.standard_error or 0.0))
+    if known is not None and INERTIA in problem.extra_names:
+        found.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
     free = set(problem.names)
     return [prior for prior in found if free.issuperset(prior.names)]
 
 
-def _single(stage: str, name: str, value: float, error: float) -> Prior:
+def _single(stage: str, name: ParameterName, value: float, error: float) -> Prior:
     return Prior(stage, (name,), np.array([value]), np.array([[1 / error]]))
 
 
@@ -257,8 +235,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
         for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
-            parameter = ParameterName.parse(name)
-            own, both = alone.parameters[parameter], joint.parameters[parameter]
+            own, both = alone.parameters[name], joint.parameters[name]
             if own.value is None or own.standard_error is None:
                 verdict, difference = Kind.STAGE_UNSEEN(), None
             else:
@@ -268,7 +245,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                 )
             found.append(
                 Consistency(
-                    parameter=parameter,
+                    parameter=name,
                     stage=prior.stage,
                     stage_value=value,
                     stage_error=error,

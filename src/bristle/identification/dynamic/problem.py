@@ -8,7 +8,7 @@ Each stretch without a gap has a bristle deflection z0 of its own to begin with.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -20,10 +20,25 @@ from bristle.errors import InputError
 from bristle.estimation.problem import Block
 from bristle.identification.decimation import decimator
 from bristle.identification.moving_runs import extra_columns, inertial
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_into
 
 Quantity = Literal["torque", "position"]
+
+
+class Begin(NamedTuple):
+    """What a motion begins with, and which motion: an unknown of its own."""
+
+    name: str
+    motion: int
+
+    def __str__(self) -> str:
+        return f"{self.name}[{self.motion}]"
+
+
+Unknown = ParameterName | Begin
+Values = Mapping[Any, float]
+"""Of parameters, or of every unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +86,7 @@ class Prior:
 
     stage: str
     """`static`, `presliding` or `experiment file`."""
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     value: Array
     """(p,)."""
     root: Array
@@ -83,11 +98,11 @@ class Tracking:
     """The nonlinear least-squares problem of moving data."""
 
     motions: tuple[Motion, ...]
-    directions: tuple[str, ...]
-    """("both",) or ("+", "-")."""
-    extra_names: tuple[str, ...]
-    fixed: Mapping[str, float]
-    """Parameters that are not estimated, by name."""
+    directions: tuple[Direction, ...]
+    """`both`, or those of + and - in which there is motion."""
+    extra_names: tuple[ParameterName, ...]
+    fixed: Mapping[ParameterName, float]
+    """Parameters that are not estimated."""
     shared: tuple[str, ...] = ()
     """LuGre parameters that both directions have in common."""
     priors: tuple[Prior, ...] = ()
@@ -101,25 +116,20 @@ class Tracking:
     """The model."""
 
     @property
-    def friction_names(self) -> tuple[str, ...]:
-        """The LuGre parameters, a direction's sign appended where there are two."""
-        every = [self.key(name, tag) for tag in self.tags for name in Lugre._fields]
+    def friction_names(self) -> tuple[ParameterName, ...]:
+        """The LuGre parameters, direction by direction; those that both share stand once."""
+        every = [self.key(name, d) for d in self.directions for name in Lugre._fields]
         return tuple(dict.fromkeys(every))
 
-    @property
-    def tags(self) -> tuple[str, ...]:
-        """What a direction's sets are told apart by; one empty word where there is one set."""
-        return ("",) if self.directions == ("both",) else self.directions
-
-    def key(self, name: str, tag: str) -> str:
-        """How a LuGre parameter of one direction is named: bare where both directions share it."""
-        return name if name in self.shared else name + tag
+    def key(self, name: str, direction: Direction) -> ParameterName:
+        """Which LuGre parameter acts in a direction: its own, or the one that both directions share."""
+        return ParameterName(name, Direction.BOTH if name in self.shared else direction)
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[Unknown, ...]:
         """The free parameters: LuGre, extra regressors, then z0 of each stretch."""
         every = (*self.friction_names, *self.extra_names)
-        starts = (f"{name}[{k}]" for k in range(len(self.motions)) for name in self.begins)
+        starts = (Begin(name, k) for k in range(len(self.motions)) for name in self.begins)
         return (*(n for n in every if n not in self.fixed), *starts)
 
     @property
@@ -162,9 +172,7 @@ class Tracking:
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
 
 
-Equations = Callable[
-    [Tracking, Mapping[str, float], Sequence[dict[str, Array]]], Iterable[tuple[Array, dict[str, Array]]]
-]
+Equations = Callable[[Tracking, Values, Sequence[dict[Unknown, Array]]], Iterable[tuple[Array, dict[Unknown, Array]]]]
 """(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's derivatives by name, (N,) each.
 
 The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is returned.
@@ -177,7 +185,7 @@ def tracking(
     regressors: Sequence[str],
     decimation: int,
     inertia: float | None,
-    fixed: Mapping[str, float] | None = None,
+    fixed: Mapping[ParameterName, float] | None = None,
     shared: tuple[str, ...] = (),
 ) -> Tracking:
     """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `Tracking`.
@@ -213,23 +221,27 @@ def tracking(
                 )
             )
     return Tracking(
-        motions=tuple(motions), directions=directions, extra_names=names, fixed=dict(fixed or {}), shared=shared
+        motions=tuple(motions),
+        directions=tuple(map(Direction, directions)),
+        extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
+        fixed=dict(fixed or {}),
+        shared=shared,
     )
 
 
-def parameters(problem: Tracking, values: Mapping[str, float]) -> Lugre[float] | Pair[float]:
+def parameters(problem: Tracking, values: Values) -> Lugre[float] | Pair[float]:
     """The LuGre set, or pair of sets, among some values by name."""
-    known = {**problem.fixed, **values}
-    sets = [Lugre(*(known[problem.key(name, tag)] for name in Lugre._fields)) for tag in problem.tags]
+    known: Values = {**problem.fixed, **values}
+    sets = [Lugre(*(known[problem.key(name, d)] for name in Lugre._fields)) for d in problem.directions]
     return sets[0] if len(sets) == 1 else Pair(*sets)
 
 
-def residuals(problem: Tracking, values: Mapping[str, float], chain: Array | None = None) -> tuple[Array, Array]:
+def residuals(problem: Tracking, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
     """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
 
     `values` holds every name of `problem.names`; `chain` (p,) multiplies each derivative.
     """
-    known = {**problem.fixed, **values}
+    known: Values = {**problem.fixed, **values}
     names = problem.names
     row_of = {name: j for j, name in enumerate(names)}
     factor = (-np.ones(len(names)) if chain is None else -chain).tolist()
@@ -249,43 +261,42 @@ def residuals(problem: Tracking, values: Mapping[str, float], chain: Array | Non
 
 
 def driven(
-    problem: Tracking, known: Mapping[str, float], memory: Sequence[dict[str, Array]]
-) -> Iterator[tuple[Array, dict[str, Array]]]:
-    """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown's name."""
+    problem: Tracking, known: Values, memory: Sequence[dict[Unknown, Array]]
+) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
+    """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
-    keys = [problem.key(name, tag) for tag, name in product(problem.tags, Lugre._fields)]
+    keys = [problem.key(name, d) for d, name in product(problem.directions, Lugre._fields)]
     for k, m in enumerate(problem.motions):
-        own_memory = (memory[k].pop(key, None) for key in (*keys, f"z0[{k}]"))  # a shared parameter has it once
+        z0 = Begin("z0", k)
+        every: tuple[Unknown, ...] = (*keys, z0)
+        own_memory = (memory[k].pop(key, None) for key in every)  # a shared parameter has it once
         rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
-        rolled = rollout_into(rows, m.velocity, m.step, p, known[f"z0[{k}]"], m.rough)
+        rolled = rollout_into(rows, m.velocity, m.step, p, known[z0], m.rough)
         own = by_name(problem, rows[:-1])
-        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {f"z0[{k}]": rows[-1]}
+        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {z0: rows[-1]}
         yield m.torque - rolled.torque - m.extra @ extra, own
 
 
-def by_name(problem: Tracking, rows: Iterable[Array]) -> dict[str, Array]:
+def by_name(problem: Tracking, rows: Iterable[Array]) -> dict[Unknown, Array]:
     """The derivatives by each LuGre parameter, 6 or 12 of (N,), by name; those of a shared one are added up."""
-    own: dict[str, Array] = {}
-    for (tag, name), row in zip(product(problem.tags, Lugre._fields), rows, strict=True):
-        key = problem.key(name, tag)
+    own: dict[Unknown, Array] = {}
+    for (d, name), row in zip(product(problem.directions, Lugre._fields), rows, strict=True):
+        key = problem.key(name, d)
         own[key] = own[key] + row if key in own else row
     return own
 
 
-def modelled(problem: Tracking, values: Mapping[str, float]) -> list[Array]:
+def modelled(problem: Tracking, values: Values) -> list[Array]:
     """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
-    known = {**problem.fixed, **values}
+    known: Values = {**problem.fixed, **values}
     extra = np.array([known[name] for name in problem.extra_names])
     p = parameters(problem, values)
     return [
-        rollout(m.velocity, m.step, p, values[f"z0[{k}]"], m.rough).torque + m.extra @ extra + (m.measured - m.torque)
+        rollout(m.velocity, m.step, p, values[Begin("z0", k)], m.rough).torque
+        + m.extra @ extra
+        + (m.measured - m.torque)
         for k, m in enumerate(problem.motions)
     ]
-
-
-def is_start(name: str) -> bool:
-    """Whether an unknown is what a motion begins with, such as z0[3]."""
-    return name.endswith("]")
 
 
 def with_priors(problem: Tracking, priors: Sequence[Prior], sigma: float) -> Tracking:

@@ -15,16 +15,20 @@ from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.fit import SEED, Tracked
+from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.results import Estimate, TrackingFit, Uncertainty
+from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 
 _RESTARTS = 3
 
-Again = Callable[[Mapping[str, float]], Tracked]
+Again = Callable[[Values], Tracked]
 """The fit done again, also from a start with every unknown in it."""
 
 
-def explored(found: Tracked, again: Again, progress: Progress | None = None) -> tuple[Tracked, Mapping[str, Profiled]]:
+def explored(
+    found: Tracked, again: Again, progress: Progress | None = None
+) -> tuple[Tracked, Mapping[Unknown, Profiled]]:
     """The profile of each parameter, and the fit: done again, and saying so, where a profile found a better optimum."""
     said: tuple[Diagnostic, ...] = ()
     for refits in range(_RESTARTS + 1):
@@ -42,7 +46,7 @@ def explored(found: Tracked, again: Again, progress: Progress | None = None) -> 
 
 
 def with_three_ways(
-    found: Tracked, fit: TrackingFit, profiles: Mapping[str, Profiled], seed: int = SEED
+    found: Tracked, fit: TrackingFit, profiles: Mapping[Unknown, Profiled], seed: int = SEED
 ) -> TrackingFit:
     """The fit with each parameter's intervals three ways.
 
@@ -70,7 +74,7 @@ def with_three_ways(
 
 
 def _three(
-    found: Tracked, name: str, e: Estimate, profile: Profiled, drawn: tuple[Array, Array] | None, blocks: int
+    found: Tracked, name: ParameterName, e: Estimate, profile: Profiled, drawn: tuple[Array, Array] | None, blocks: int
 ) -> Uncertainty:
     """One parameter's intervals, and where they part; `drawn` are the ends of the bootstrap's interval, and its draws."""
     moved = _moved(found, name, e)
@@ -101,7 +105,7 @@ def _three(
     )
 
 
-def _moved(found: Tracked, name: str, e: Estimate) -> Callable[[Array], Array]:
+def _moved(found: Tracked, name: ParameterName, e: Estimate) -> Callable[[Array], Array]:
     """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
     value = found.values[name]
     limits = float(found.judged.posed.unknowns.least[found.problem.names.index(name)]), np.inf

@@ -1,6 +1,5 @@
 """The descent over the scaled unknowns of moving data: alpha_0, v_s and sigma_0 as logarithms, the others over a typical size."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from bristle.errors import InputError
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.problem import Evaluate, LeastSquares, Unknowns
 from bristle.estimation.separable import descend
-from bristle.identification.dynamic.problem import Motion, Tracking, modelled, residuals
+from bristle.identification.dynamic.problem import Motion, Tracking, Unknown, Values, modelled, residuals
 from bristle.identification.identifiability import SEEN
 
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
@@ -29,7 +28,7 @@ _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
 
 
-def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[dict[str, float], Minimum]:
+def fit(problem: Tracking, start: Values, most: int = 60) -> tuple[dict[Unknown, float], Minimum]:
     """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
 
     Raises InputError as `minimise` does.
@@ -38,7 +37,7 @@ def fit(problem: Tracking, start: Mapping[str, float], most: int = 60) -> tuple[
     return posed.unknowns.values(found.x), found
 
 
-def solved(problem: Tracking, start: Mapping[str, float], most: int) -> tuple[LeastSquares[str], Minimum]:
+def solved(problem: Tracking, start: Values, most: int) -> tuple[LeastSquares[Unknown], Minimum]:
     """The least-squares problem about a start, and its minimum near there."""
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
@@ -46,9 +45,7 @@ def solved(problem: Tracking, start: Mapping[str, float], most: int) -> tuple[Le
     return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most)
 
 
-def _brought_near(
-    problem: Tracking, unknowns: Unknowns[str], start: Mapping[str, float], most: int
-) -> Mapping[str, float]:
+def _brought_near(problem: Tracking, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
     """Where a quick descent over a few of many samples ends, if samples between those like it better than the start; else the start."""
     if problem.quantity == "position" or sum(m.time.size for m in problem.motions) < _LARGE:
         return start
@@ -70,7 +67,7 @@ def _thinned(motion: Motion, first: int) -> Motion:
     return replace(motion, smooth=None, rough=_ROUGH, **{name: getattr(motion, name)[first::_EVERY] for name in names})
 
 
-def polished(problem: Tracking, posed: LeastSquares[str], found: Minimum) -> tuple[LeastSquares[str], Minimum]:
+def polished(problem: Tracking, posed: LeastSquares[Unknown], found: Minimum) -> tuple[LeastSquares[Unknown], Minimum]:
     """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves; kept where it is lower."""
     if problem.quantity == "torque" or found.converged:
         return posed, found
@@ -80,7 +77,7 @@ def polished(problem: Tracking, posed: LeastSquares[str], found: Minimum) -> tup
     return (near, better) if better.cost <= found.cost else (posed, found)
 
 
-def unknowns_of(problem: Tracking, at: Mapping[str, float]) -> Unknowns[str]:
+def unknowns_of(problem: Tracking, at: Values) -> Unknowns[Unknown]:
     """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`; and bounds.
 
     What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest speed, nor one so near to it
@@ -89,8 +86,8 @@ def unknowns_of(problem: Tracking, at: Mapping[str, float]) -> Unknowns[str]:
     """
     torque, speed = (max(float(np.abs(getattr(m, x)).max()) for m in problem.motions) for x in ("torque", "velocity"))
     travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
-    known = {**problem.fixed, **at}
-    alpha_0, sigma_0 = ([x for n, x in known.items() if n.rstrip("+-") == name] for name in ("alpha_0", "sigma_0"))
+    known: Values = {**problem.fixed, **at}
+    alpha_0, sigma_0 = ([x for n, x in known.items() if n.name == name] for name in ("alpha_0", "sigma_0"))
     damping, position = torque / speed, max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
     columns = np.array([np.abs(m.extra).max(axis=0) for m in problem.motions]).max(axis=0)
     table = {  # typical size, and bounds of the scaled unknown
@@ -105,9 +102,9 @@ def unknowns_of(problem: Tracking, at: Mapping[str, float]) -> Unknowns[str]:
         "y0": (position, -np.inf, np.inf),
     }
     table |= {
-        name: (torque / (top or 1.0), -np.inf, np.inf) for name, top in zip(problem.extra_names, columns, strict=True)
+        n.name: (torque / (top or 1.0), -np.inf, np.inf) for n, top in zip(problem.extra_names, columns, strict=True)
     }
-    bare = [name.rstrip("+-").split("[")[0] for name in problem.names]
+    bare = [name.name for name in problem.names]
     scale, lower, upper = np.array([table[name] for name in bare]).T
     return Unknowns(
         names=problem.names,
@@ -119,7 +116,7 @@ def unknowns_of(problem: Tracking, at: Mapping[str, float]) -> Unknowns[str]:
     )
 
 
-def least_squares(problem: Tracking, at: Mapping[str, float]) -> LeastSquares[str]:
+def least_squares(problem: Tracking, at: Values) -> LeastSquares[Unknown]:
     """The problem over its scaled unknowns about some values; the rows of priors come last."""
     unknowns = unknowns_of(problem, at)
     return LeastSquares(
@@ -133,7 +130,7 @@ def least_squares(problem: Tracking, at: Mapping[str, float]) -> LeastSquares[st
     )
 
 
-def _evaluation(problem: Tracking, unknowns: Unknowns[str]) -> Evaluate:
+def _evaluation(problem: Tracking, unknowns: Unknowns[Unknown]) -> Evaluate:
     """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
     weights, sizes = [m.weight for m in problem.motions], [m.size for m in problem.motions]
     weight = np.repeat(weights, sizes) if any(one != 1 for one in weights) else None

@@ -16,7 +16,7 @@ from bristle.identification.limits import Limits
 from bristle.identification.results import Estimate, Joint, StaticFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, unit
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
 
 _PEAK = 0.1
@@ -32,7 +32,6 @@ _FAR = 1.5
 """A root mean square so many times the robust scatter is said."""
 _EXACT = 1e-6
 """Relative standard error of what is given as exact."""
-_INERTIA = ParameterName("inertia", Direction.SHARED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +108,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         sets[d], missing = _filled(own, limits, J)
         guessed += [ParameterName(name, d) for name in missing]
         said += [_guess(ParameterName(name, d), getattr(sets[d], name), joint) for name in missing]
-    names = (*(ParameterName(name, d) for d in directions for name in Lugre._fields), _INERTIA)
+    names = (*(ParameterName(name, d) for d in directions for name in Lugre._fields), INERTIA)
     values = np.array([x for d in directions for x in sets[d]] + [J])
     given, exact = _declared(measured, joint, names)
     if exact:
@@ -162,10 +161,10 @@ def _declared(
 ) -> tuple[Array, tuple[ParameterName, ...]]:
     """What the experiment file says of an inertia that no run was fitted for, as information, (p, p), and its name where it is exact."""
     given = measured.experiment.inertia
-    if given is None or (joint.moving is not None and _INERTIA in joint.moving.names):
+    if given is None or (joint.moving is not None and INERTIA in joint.moving.names):
         return np.zeros((len(names), len(names))), ()
-    matrix = embedded(names, [_INERTIA], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
-    return matrix, () if given.standard_error else (_INERTIA,)
+    matrix = embedded(names, [INERTIA], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
+    return matrix, () if given.standard_error else (INERTIA,)
 
 
 def _filled(own: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugre[float], list[str]]:
