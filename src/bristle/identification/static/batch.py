@@ -18,6 +18,7 @@ from bristle.identification.static.grid import log_grid, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled
 from bristle.identification.static.projection import Projected
+from bristle.model.parameters import Stribeck
 
 GRID = 96
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
@@ -167,7 +168,7 @@ class Batch:
         return replace(self.problem, torque=self.torques[:, k].copy(), memory={})
 
     def _floored(self, low: Array) -> Array:
-        bounded = np.array([name.startswith(("alpha", "v_s")) for name in self.problem.names])
+        bounded = np.array([name.name in Stribeck._fields for name in self.problem.names])
         floored: Array = np.where(bounded[:, None], np.maximum(low, 0.0), low)
         return floored
 

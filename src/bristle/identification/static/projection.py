@@ -15,6 +15,7 @@ from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional
 from bristle.estimation.linear import bounded_least_squares, least_squares, orthonormal
 from bristle.identification.static.problem import Regression
+from bristle.model.parameters import ParameterName
 
 T = TypeVar("T")
 _NONE = np.zeros(0, dtype=np.intp)
@@ -29,7 +30,7 @@ class Inner(NamedTuple):
     """The parameters, in the order of the problem's `names`."""
     cost: float
     """J_s (10)."""
-    at_bound: tuple[str, ...]
+    at_bound: tuple[ParameterName, ...]
     """Parameters held at a physical bound."""
     residuals: Array
     """Measured minus modelled torque, (n,)."""
@@ -45,7 +46,7 @@ class Projected:
         dropped: names of linear parameters, alpha_1 of a peak among them, that are left out: a face of the problem, on which they are zero.
     """
 
-    def __init__(self, problem: Regression, dropped: Sequence[str] = ()) -> None:
+    def __init__(self, problem: Regression, dropped: Sequence[ParameterName] = ()) -> None:
         """Factor the linear columns once."""
         names, m = problem.names[: len(problem.names) - len(problem.peaks)], len(problem.linear_names)
         kept = [k for k, name in enumerate(names) if name not in dropped]
@@ -186,7 +187,7 @@ def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
     """Linear least squares (13) at given v_s, one per peak, bounded where the free solution breaks a bound."""
     design, slopes = problem.columns(v_s)
     solution = least_squares(design, problem.torque)
-    held: tuple[str, ...] = ()
+    held: tuple[ParameterName, ...] = ()
     if solution.min() <= 0:  # an extra regressor may well be negative; a friction parameter may not
         lower = np.append(problem.lower, np.zeros(len(v_s)))
         if (solution < lower).any():

@@ -22,7 +22,7 @@ from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.unknowns import unknowns_of
 from bristle.model import law
 from bristle.model.functions import steady_jacobian, steady_torque
-from bristle.model.parameters import Stribeck
+from bristle.model.parameters import ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 
 NAMES = ("alpha_0", "alpha_2", "alpha_1", "v_s")
@@ -64,7 +64,7 @@ class Case:
         return np.array([getattr(self.truth, name) for name in NAMES])
 
     @property
-    def unknowns(self) -> Unknowns[str]:
+    def unknowns(self) -> Unknowns[ParameterName]:
         """The parameters as local solvers see them, over sizes that go with the true torque."""
         return unknowns_of(self.problem(modelled(self, self.theta[:, None])[:, 0]), self.v_s_range)
 
@@ -157,7 +157,7 @@ def trf(case: Case) -> Local:
     return fit
 
 
-def _scaled(unknowns: Unknowns[str], theta: Array) -> Array:
+def _scaled(unknowns: Unknowns[ParameterName], theta: Array) -> Array:
     return unknowns.scaled(dict(zip(NAMES, theta.tolist(), strict=True)))
 
 
