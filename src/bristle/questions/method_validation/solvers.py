@@ -158,7 +158,7 @@ def trf(case: Case) -> Local:
 
 
 def _scaled(unknowns: Unknowns[ParameterName], theta: Array) -> Array:
-    return unknowns.scaled(dict(zip(NAMES, theta.tolist(), strict=True)))
+    return unknowns.scaled(dict(zip(unknowns.names, theta.tolist(), strict=True)))
 
 
 def lmfit(case: Case) -> Local:
