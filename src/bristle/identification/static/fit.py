@@ -152,7 +152,10 @@ def _beside(
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
-    doubts = [*huber_doubts(core.problem, core.parameters, robust, errors, weight, tuple(map(str, where.segments))), *core.doubts]
+    doubts = [
+        *huber_doubts(core.problem, core.parameters, robust, errors, weight, tuple(map(str, where.segments))),
+        *core.doubts,
+    ]
     without: Mapping[ParameterName, Estimate] = {}
     if (sticks := where.stick_slip).any():
         rest = problem.rows(np.logical_not(sticks))
