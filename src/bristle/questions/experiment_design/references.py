@@ -5,15 +5,13 @@ them where it would not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import ceil
 from typing import Literal
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
-from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
 from bristle.model.parameters import Direction
@@ -39,7 +37,7 @@ _USED = 0.999
 Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class PlannedRun:
     """One run; what is not commanded is nan. Arrays of shape (n,), n >= 1."""
 
@@ -52,10 +50,6 @@ class PlannedRun:
     """rad/s."""
     torque: Array
     """N*m."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
 
 def ramp_time(velocity: float, limits: Limits) -> float:

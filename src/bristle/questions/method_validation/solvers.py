@@ -5,15 +5,14 @@ Local solvers see the same scaled variables, v_s by its logarithm, and stay with
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.util import find_spec
 
 import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, result
 from bristle.estimation.ipopt import ends, natural, solver
 from bristle.estimation.problem import Unknowns
 from bristle.identification.static import grid
@@ -38,7 +37,7 @@ Local = Callable[[Array, Array], Array]
 """From torques (n,) and a start theta (4,) to theta (4,)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Case:
     """What is simulated: one direction of a joint, measured at some velocities."""
 
@@ -53,10 +52,6 @@ class Case:
     """Standard deviation of a point's torque, N*m, > 0."""
     v_s_range: tuple[float, float]
     """Where v_s is searched, rad/s."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     @property
     def theta(self) -> Array:
