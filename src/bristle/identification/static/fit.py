@@ -220,7 +220,7 @@ def _static_fit(
         uncertainty={name.name: beside.three[name] for name in own},
         plain={name.name: x for name, x in beside.plain.items() if name in own},
         robust={name.name: x for name, x in beside.robust.items() if name in own},
-        without_stick_slip={name.name: e for name, e in beside.without.items()},
+        without_stick_slip={n.name: e for n, e in beside.without.items() if not two or n.direction is part},
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],
