@@ -27,9 +27,9 @@ from scipy.special import chdtrc
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL
-from bristle.estimation.levenberg_marquardt import Minimum
 from bristle.estimation.linear import inverse_gram
-from bristle.estimation.problem import LeastSquares, Name, projected
+from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.problem import Name, projected
 
 DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
@@ -145,21 +145,13 @@ def variances_differ(residuals: Array, place: Array) -> bool:
     return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
 
 
-def bootstrap_at(
-    problem: LeastSquares[Name], minimum: Minimum, errors: Array, seed: int = 0
-) -> tuple[dict[Name, tuple[Array, Array]], int]:
+def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dict[Name, tuple[Array, Array]], int]:
     """What resampled blocks, and blocks that err independently, say of a problem's shared unknowns at its minimum.
 
-    Args:
-        problem: the problem.
-        minimum: its minimum.
-        errors: standard errors of the scaled unknowns, (p,).
-        seed: of the generator.
-
-    Returns:
-        The ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound, in its unit, by name; what
-        leaves the bounds is open. And the number of blocks drawn.
+    Returns the ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound, in its unit, by name; what
+    leaves the bounds is open. And the number of blocks drawn. `seed` is the generator's.
     """
+    problem, minimum, errors = solution.posed, solution.minimum, solution.scaled_errors
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
     inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
     which = problem.shared[inside[problem.shared]]
