@@ -47,18 +47,17 @@ class Projected:
 
     def __init__(self, problem: Regression, dropped: Sequence[str] = ()) -> None:
         """Factor the linear columns once."""
-        names, m = problem.names[: len(problem.names) - len(problem.peaks)], len(problem.linear_names)
-        kept = [k for k, name in enumerate(names) if name not in dropped]
-        columns = [k for k in kept if k < m]
-        self.problem, self.size, self.kept = problem, len(names), kept
-        self.peaks = [k - m for k in kept if k >= m]
-        linear = problem.linear[:, columns] if dropped else problem.linear
+        m, self.problem, self.size = len(problem.linear_names), problem, len(problem.linear_names) + len(problem.peaks)
+        self.kept = [k for k in range(self.size) if not dropped or problem.names[k] not in dropped]
+        columns, self.peaks = [k for k in self.kept if k < m], [k - m for k in self.kept if k >= m]
+        linear, self.lower = problem.linear, problem.lower
+        if dropped:
+            linear, self.lower = linear[:, columns], self.lower[columns]
         self.q, self.r_inverse = orthonormal(linear)
         self.torque_in_q = self.q.T @ problem.torque
         self.rest = problem.torque - self.q @ self.torque_in_q
         self.q_and_rest = np.concatenate([self.q.T, self.rest[None]])
         self.rest_cost = float(self.rest @ self.rest)
-        self.lower = problem.lower[columns]
 
     @property
     def base_cost(self) -> float:
