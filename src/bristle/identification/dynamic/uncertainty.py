@@ -1,7 +1,8 @@
 """The 95 % intervals of a fit of moving data three ways: covariance, profile, bootstrap of blocks; and where they part.
 
-What encoder counts add is taken off after the fit (`counts`): the estimate is moved, and its error widened by a factor. The profile's ends and the
-bootstrap's draws, which know nothing of it, are moved and spread about the estimate in the same way; an end that is open stays so.
+What encoder counts add is taken off after the fit (`encoder_bias`): the estimate is moved, and its error widened by a
+factor. The profile's ends and the bootstrap's draws, which know nothing of it, are moved and spread about the estimate
+in the same way; an end that is open stays so.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,7 +1,7 @@
 """Variable projection: the static problem with everything but v_s solved exactly, for one or many v_s at once.
 
-With the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by (s'r)**2 / s's. Every grid
-over v_s, of one set of torques or of many, and every profile rests on it.
+With the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost
+by (s'r)**2 / s's. Every grid over v_s, of one set of torques or of many, and every profile rests on it.
 """
 
 from collections.abc import Sequence
