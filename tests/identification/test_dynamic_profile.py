@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
-from bristle.estimation.profile_likelihood import Profiled, profiles
+from bristle.estimation.profile_likelihood import profiles
 from bristle.identification.dynamic.fit import Tracked, fit_tracking
 from bristle.identification.dynamic.multistart import judge
 from bristle.identification.dynamic.problem import Motion, Prior, Tracking, tracking, with_priors
@@ -20,7 +20,6 @@ from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.results import Estimate, TrackingFit
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
-from bristle.progress import Progress
 
 from .conftest import GRIPPER
 
@@ -98,12 +97,6 @@ def solved(problem: Tracking, start: Mapping[str, float]) -> Tracked:
     return Tracked(found, problem, judged.values, judged)
 
 
-def profile_moving(found: Tracked, progress: Progress | None = None) -> tuple[dict[str, Profiled], Array | None]:
-    """The profiles of a fit's parameters."""
-    own = found.judged
-    return profiles(own.posed, own.minimum, own.scaled_errors, own.freedom, progress)
-
-
 def close(one: tuple[float, float] | None, other: tuple[float, float] | None, share: float) -> None:
     """Both ends agree to a share of the width."""
     assert one is not None
@@ -122,7 +115,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     rows = np.vstack([columns, [[10.0 * told, 0.0, 0.0]]])
     exact = np.linalg.lstsq(rows, np.append(torque, 11.0 * told))[0]
     found = solved(posed(columns, torque, priors), dict(zip("abc", exact.tolist(), strict=True)))
-    seen, better = profile_moving(found)
+    seen, better = profiles(found.judged)
     assert better is None
     three = with_three_ways(found, found.fit, seen).uncertainty
     for name in "abc":
@@ -134,7 +127,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
 
 def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: Tracked) -> None:
     """Each end, put in as a fixed value and all else fitted by the whole descent, costs J_min + (t error)**2 / (J'J)**-1_jj."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     problem, judged = gripper.problem, gripper.judged
     rows, jacobian = judged.minimum.residuals, judged.minimum.jacobian
     inverse = np.diag(np.linalg.inv(jacobian.T @ jacobian))
@@ -148,7 +141,7 @@ def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: T
 
 def test_a_curve_runs_from_end_to_end(gripper: Tracked) -> None:
     """It is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     for name, (interval, (values, height), doubts) in seen.items():
         assert not doubts
         assert (np.diff(values) > 0).all()
@@ -170,7 +163,7 @@ def test_few_evaluations_suffice(gripper: Tracked) -> None:
         return posed.evaluate(x)
 
     judged = gripper.judged._replace(posed=replace(posed, evaluate=counted))
-    profile_moving(gripper._replace(judged=judged), lambda *what: told.append(what))
+    profiles(judged, lambda *what: told.append(what))
     assert count[0] <= 30
     assert [done for _, done, _ in told] == list(range(7))
     assert {of for _, _, of in told} == {7}
@@ -199,7 +192,7 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     problem = two_minima()
     first = solved(problem, {"a": -1.0})
     assert first.values["a"] == pytest.approx(-1.0, abs=0.1)
-    assert profile_moving(first)[1] is not None
+    assert profiles(first.judged)[1] is not None
     again, seen = explored(first, lambda end: solved(problem, {"a": end["a"]}))
     assert again.values["a"] == pytest.approx(1.0, abs=1e-3)
     assert any(doubt.kind is Kind.REFITTED for doubt in again.fit.doubts)
@@ -248,7 +241,7 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
 
 def test_the_bias_of_counts_moves_all_three_alike(gripper: Tracked) -> None:
     """Where the estimate was moved and its error widened, ends and draws are moved and spread by the same; open ends stay."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     seen["alpha_1"] = seen["alpha_1"]._replace(interval=(0.0, np.inf))
     plain = with_three_ways(gripper, gripper.fit, seen).uncertainty
 
@@ -283,7 +276,7 @@ def test_intervals_hold_the_truth_and_agree() -> None:
             for n, s in errors.items()
         ]
         found = fitted(record(3e-4, seed), priors)
-        seen, better = profile_moving(found)
+        seen, better = profiles(found.judged)
         assert better is None
         three = with_three_ways(found, found.fit, seen).uncertainty
         for name, truth in TRUTH.items():
@@ -295,7 +288,7 @@ def test_intervals_hold_the_truth_and_agree() -> None:
 
 def test_the_seed_says_it_all(gripper: Tracked) -> None:
     """The same seed draws the same bytes, another one others; profiles have none."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     one, same, other = (
         with_three_ways(gripper, gripper.fit, seen, seed).uncertainty["v_s"].draws.tobytes() for seed in (0, 0, 1)
     )

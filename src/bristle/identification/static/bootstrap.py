@@ -41,8 +41,8 @@ def resample(
 ) -> StaticDraws:
     """Intervals of every parameter in the order of the problem's `names`.
 
-    Points of which each stands alone, with at most one peak, are fitted again; parameters of others go one step of Gauss and Newton, those at a
-    bound none, and none does where moving data leave too few blocks to draw.
+    Points of which each stands alone, with at most one peak, are fitted again; parameters of others go one step of
+    Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw.
 
     Args:
         problem: the equations.

@@ -1,7 +1,7 @@
 """The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once, from several starts.
 
-Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives are exact, variables
-are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
+Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols,
+derivatives are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
 from collections.abc import Sequence

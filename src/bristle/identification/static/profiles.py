@@ -1,6 +1,7 @@
 """The exact profile of every parameter of a static fit: where its cost, minimised over all other parameters, stays below a threshold.
 
-At given v_s the problem is linear, so that the profiles of the others follow no path: see `estimation.conditional_profile`; eta is log(v_s).
+At given v_s the problem is linear, so that the profiles of the others follow no path: see
+`estimation.conditional_profile`; eta is log(v_s).
 """
 
 from collections.abc import Iterator
@@ -63,7 +64,8 @@ class StaticProfiles(NamedTuple):
 def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> StaticProfiles:
     """The profiles of a problem's solution; `stretch` is by how much correlated residuals inflate the variance.
 
-    v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range; alpha_1 goes with it, and has no upper end then.
+    v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range; alpha_1 goes with it,
+    and has no upper end then.
     """
     threshold = profile_threshold(solution.cost, problem.torque.size, len(problem.names), stretch)
     few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem

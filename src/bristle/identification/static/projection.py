@@ -1,7 +1,7 @@
 """Variable projection: the static problem with everything but v_s solved exactly, for one or many v_s at once.
 
-With the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by (s'r)**2 / s's. Every grid
-over v_s, of one set of torques or of many, and every profile rests on it.
+With the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost
+by (s'r)**2 / s's. Every grid over v_s, of one set of torques or of many, and every profile rests on it.
 """
 
 from collections.abc import Sequence
@@ -48,18 +48,17 @@ class Projected:
 
     def __init__(self, problem: Regression, dropped: Sequence[ParameterName] = ()) -> None:
         """Factor the linear columns once."""
-        names, m = problem.names[: len(problem.names) - len(problem.peaks)], len(problem.linear_names)
-        kept = [k for k, name in enumerate(names) if name not in dropped]
-        columns = [k for k in kept if k < m]
-        self.problem, self.size, self.kept = problem, len(names), kept
-        self.peaks = [k - m for k in kept if k >= m]
-        linear = problem.linear[:, columns] if dropped else problem.linear
+        m, self.problem, self.size = len(problem.linear_names), problem, len(problem.linear_names) + len(problem.peaks)
+        self.kept = [k for k in range(self.size) if not dropped or problem.names[k] not in dropped]
+        columns, self.peaks = [k for k in self.kept if k < m], [k - m for k in self.kept if k >= m]
+        linear, self.lower = problem.linear, problem.lower
+        if dropped:
+            linear, self.lower = linear[:, columns], self.lower[columns]
         self.q, self.r_inverse = orthonormal(linear)
         self.torque_in_q = self.q.T @ problem.torque
         self.rest = problem.torque - self.q @ self.torque_in_q
         self.q_and_rest = np.concatenate([self.q.T, self.rest[None]])
         self.rest_cost = float(self.rest @ self.rest)
-        self.lower = problem.lower[columns]
 
     @property
     def base_cost(self) -> float:
