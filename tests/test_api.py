@@ -17,7 +17,7 @@ from bristle.simulation import edro
 
 from .conftest import FEW, speeds, write
 
-COLUMNS = ["joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "doubts"]
+COLUMNS = ["joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "warnings"]
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_joints_keep_their_order(tmp_path: Path) -> None:
     assert list(json.loads(results.to_json())["joints"]) == names
     assert list(results.to_frame()["joint"].unique()) == names
     assert re.findall(r"^\[\[(\w+)\]\]", results.fit_report(), re.MULTILINE) == names
-    assert list(dict.fromkeys(doubt.split()[0] for doubt in results.doubts)) == names
+    assert list(dict.fromkeys(where.split()[0] for where, _ in results.warnings)) == names
 
 
 def test_a_source_is_a_path_its_text_or_the_experiment(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_table_holds_every_estimate(clean: Results) -> None:
     """The table has a row for each joint, direction and parameter, in order, and the numbers of the estimates."""
     frame = clean.to_frame()
     rows = [
-        (joint.name, direction, name, e.value, e.unit, e.standard_error, *(e.interval or ()), "; ".join(map(str, e.doubts)))
+        (joint.name, direction, name, e.value, e.unit, e.standard_error, *(e.interval or ()), "; ".join(map(str, e.warnings)))
         for joint in clean.joints
         for direction, fit in joint.static.items()
         for name, e in fit.parameters.items()
@@ -97,14 +97,14 @@ def test_table_holds_every_estimate(clean: Results) -> None:
     assert (frame["value"] <= frame["upper"]).all()
 
 
-def test_what_is_missing_is_nan_with_a_doubt(tmp_path: Path) -> None:
-    """Where nothing can be estimated the table has the same rows, each nan and with a doubt that says why, and the JSON null."""
+def test_what_is_missing_is_nan_with_a_warning(tmp_path: Path) -> None:
+    """Where nothing can be estimated the table has the same rows, each nan and with a warning that says why, and the JSON null."""
     results = bristle.identify(write(tmp_path, FEW))
     frame = results.to_frame()
     assert list(frame.columns) == COLUMNS
     assert len(frame) == 8
     assert frame[["value", "standard_error", "lower", "upper"]].isna().all(axis=None)
-    assert frame["doubts"].str.contains("points for").all()
+    assert frame["warnings"].str.contains("points for").all()
     for fit in json.loads(results.to_json())["joints"]["wrist"]["static"].values():
         assert all(p["value"] is None and p["doubts"] for p in fit["parameters"].values())
 

@@ -434,16 +434,16 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     return folder, run("report", write(folder, speeds(both=False), joint=HOSTILE), "-o", folder / "out")
 
 
-def test_one_direction_is_a_doubt(hostile: tuple[Path, Ran]) -> None:
-    """One direction only is fitted, and said: exit 0, a fit of that direction alone, and the doubt in JSON and page."""
+def test_one_direction_is_a_warning(hostile: tuple[Path, Ran]) -> None:
+    """One direction only is fitted, and said: exit 0, a fit of that direction alone, and the warning in JSON and page."""
     folder, ran = hostile
     joint = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))["joints"][HOSTILE]
     assert ran.code == 0
     assert not ran.said
     assert list(joint["static"]) == ["+"]
-    (doubt,) = joint["doubts"]
-    assert "Nothing is known of direction -" in doubt
-    assert doubt in html.unescape((folder / "out" / "index.html").read_text(encoding="utf-8"))
+    (warning,) = joint["doubts"]
+    assert "Nothing is known of direction -" in warning
+    assert warning in html.unescape((folder / "out" / "index.html").read_text(encoding="utf-8"))
 
 
 def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
@@ -461,8 +461,8 @@ def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
     assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png)", name) for name in figures)
 
 
-def test_strict_ends_with_3_where_there_are_doubts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With --strict doubts are exit code 3 of every command that fits, and without it 0; the same result is written either way."""
+def test_strict_ends_with_3_where_there_are_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With --strict warnings are exit code 3 of every command that fits, and without it 0; the same result is written either way."""
     path = write(tmp_path, FEW)
     monkeypatch.chdir(tmp_path)
     assert run("identify", path, "-o", "free.json").code == 0
@@ -473,7 +473,7 @@ def test_strict_ends_with_3_where_there_are_doubts(tmp_path: Path, monkeypatch: 
     undrawn(monkeypatch)
     one = write(
         tmp_path / "one", speeds(both=False)
-    )  # the other direction is in doubt; of too few points there is nothing to validate
+    )  # the other direction is in warning; of too few points there is nothing to validate
     tried = run("validate", one, "-o", "tried", "--repetitions", "20", "--starts", "2", "--strict")
     assert tried.code == 3
     assert run("report", "wrist.yaml", "--strict").code == 3
@@ -481,7 +481,7 @@ def test_strict_ends_with_3_where_there_are_doubts(tmp_path: Path, monkeypatch: 
 
 
 def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
-    """Where nothing is in doubt --strict is 0; the JSON satisfies its schema, holds the truth within 5 standard errors, and is printed."""
+    """Where nothing is in warning --strict is 0; the JSON satisfies its schema, holds the truth within 5 standard errors, and is printed."""
     ran = run("identify", write(tmp_path, speeds()), "-o", tmp_path / "out.json", "--strict")
     assert ran.code == 0
     assert not ran.said
@@ -682,8 +682,8 @@ def test_help_waits_for_no_library() -> None:
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
 
 
-def test_doubts_of_segments_count(tmp_path: Path) -> None:
-    """Position and velocity that disagree by a unit are a doubt about the joint that names the unit, and --strict exits with 3."""
+def test_warnings_of_segments_count(tmp_path: Path) -> None:
+    """Position and velocity that disagree by a unit are a warning about the joint that names the unit, and --strict exits with 3."""
     time = np.arange(4000) / 100
     speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
     position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed

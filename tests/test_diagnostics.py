@@ -234,8 +234,8 @@ def test_what_is_read_from_a_results_file_is_what_was_written() -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        'doubt.startswith("The fit")',
-        'any("only a sum" in d for d in doubts)',
+        'warning.startswith("The fit")',
+        'any("only a sum" in d for d in warnings)',
         'x = d.endswith(("a b", "c"))',
         'd not in ("They agree.",)',
         'f"No bootstrap: {n}" in d',

@@ -44,7 +44,7 @@ def test_presliding_finds_the_stiffness(results: Results) -> None:
             fit = joint.presliding.fits[d]
             inside += holds(fit.edges, p.sigma_0) + holds(fit.samples, p.sigma_0)
             assert fit.edges.value == pytest.approx(p.sigma_0, rel=0.05)
-            assert fit.sigma_1.doubts[0].kind is Kind.PRIOR
+            assert fit.sigma_1.warnings[0].kind is Kind.PRIOR
     assert inside >= 12
 
 
@@ -66,8 +66,8 @@ def test_the_joint_fit_completes_table_1(results: Results) -> None:
 
 
 def test_cycles_close_or_are_said_to_drift(results: Results) -> None:
-    """Each joint's second slow cycle is a hysteresis loop, or a doubt says how far it drifts; at least two joints show a loop."""
+    """Each joint's second slow cycle is a hysteresis loop, or a warning says how far it drifts; at least two joints show a loop."""
     shown = [joint.presliding for joint in results.joints if joint.presliding]
     assert len(shown) == 4
-    assert all(bool(p.loops) != any(doubt.kind is Kind.OPEN_CYCLES for doubt in p.doubts) for p in shown)
+    assert all(bool(p.loops) != any(warning.kind is Kind.OPEN_CYCLES for warning in p.warnings) for p in shown)
     assert sum(bool(p.loops) for p in shown) >= 2

@@ -45,30 +45,25 @@ class Results:
     @property
     def warnings(self) -> tuple[tuple[str, Diagnostic], ...]:
         """Every diagnostic of every joint and its fits, each with the joint's name and the stage that it is about."""
-        of_joints = [(joint.name, doubt) for joint in self.joints for doubt in joint.doubts]
-        of_fits = [(f"{joint.name} {what}", doubt) for joint in self.joints for what, doubt in _of_fits(joint)]
+        of_joints = [(joint.name, warning) for joint in self.joints for warning in joint.warnings]
+        of_fits = [(f"{joint.name} {what}", warning) for joint in self.joints for what, warning in _of_fits(joint)]
         return (*of_joints, *of_fits)
 
     @property
     def serious(self) -> tuple[tuple[str, Diagnostic], ...]:
         """Those of `warnings` that are critical, or call for caution; notes are not."""
-        return tuple((where, doubt) for where, doubt in self.warnings if doubt.severity is not Severity.NOTE)
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """`warnings` as sentences."""
-        return tuple(f"{where}: {doubt}" for where, doubt in self.warnings)
+        return tuple((where, warning) for where, warning in self.warnings if warning.severity is not Severity.NOTE)
 
     def to_json(self) -> str:
         """`results.json` of schema bristle-results/1."""
         return results_file.to_json(self.joints)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per joint, direction and parameter: value, unit, standard error, interval, doubts."""
+        """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""
         return results_file.to_frame(self.joints)
 
     def uncertainty(self) -> "pd.DataFrame":
-        """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and what they let doubt."""
+        """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
         from bristle.questions.joint_report.interval_tables import uncertainty
 
         return uncertainty(self.joints)
@@ -101,13 +96,13 @@ class Results:
 
 
 def _of_fits(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
-    """Each doubt about a stage of a joint, with the stage's name."""
-    stages: dict[str, tuple[Diagnostic, ...]] = {d: fit.doubts for d, fit in joint.static.items()}
+    """Each warning about a stage of a joint, with the stage's name."""
+    stages: dict[str, tuple[Diagnostic, ...]] = {d: fit.warnings for d, fit in joint.static.items()}
     if joint.presliding is not None:
-        stages["presliding"] = joint.presliding.doubts
-        stages |= {f"presliding {d}": fit.doubts for d, fit in joint.presliding.fits.items()}
-    stages |= {FITS[kind]: fit.doubts for kind, fit in moving_fits(joint).items()}
-    yield from ((name, doubt) for name, doubts in stages.items() for doubt in doubts)
+        stages["presliding"] = joint.presliding.warnings
+        stages |= {f"presliding {d}": fit.warnings for d, fit in joint.presliding.fits.items()}
+    stages |= {FITS[kind]: fit.warnings for kind, fit in moving_fits(joint).items()}
+    yield from ((name, warning) for name, warnings in stages.items() for warning in warnings)
 
 
 def identify(

@@ -1,6 +1,6 @@
 """The command line: the only print, the only argv, the only exit code.
 
-0 a result was written, doubts included; 1 our own defect; 2 bad input; 3 critical warnings or cautions, with --strict; 130 interrupted.
+0 a result was written, warnings included; 1 our own defect; 2 bad input; 3 critical warnings or cautions, with --strict; 130 interrupted.
 """
 
 import io
@@ -141,8 +141,10 @@ def identify(
     _print([results.fit_report()])
     if uncertainty:
         frame = results.uncertainty()
-        _print([frame.drop(columns="doubts").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])
-        _print(f"{x.fit} {x.parameter} {x.direction}: {x.doubts}" for x in frame[frame["doubts"] != ""].itertuples())
+        _print([frame.drop(columns="warnings").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])
+        _print(
+            f"{x.fit} {x.parameter} {x.direction}: {x.warnings}" for x in frame[frame["warnings"] != ""].itertuples()
+        )
     if output is not None:
         _write(output, results.to_json())
         _print([f"Results: {output}"], done=True)

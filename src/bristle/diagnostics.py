@@ -160,7 +160,7 @@ class Kind(Enum):
         "At rest: the friction torque of a joint at rest is not a function of its velocity; leave such rows out.",
     )
 
-    # segments: what one that is kept lets doubt
+    # segments: what warns about one that is kept
     STICK_SLIP = (
         _CAUTION,
         (
@@ -432,7 +432,7 @@ class Kind(Enum):
     )
     STAGE_UNSEEN = _NOTE, "The moving data do not show it."
     STAGE_AGREES = _NOTE, "They agree."
-    STAGE_DIFFERS = _CAUTION, "They differ by more than chance, and neither is much surer: see the doubts of both."
+    STAGE_DIFFERS = _CAUTION, "They differ by more than chance, and neither is much surer: see the warnings of both."
     DISTRUST_MOVING = (
         _CAUTION,
         "They differ by more than chance; distrust the moving data first, which knows it less well.",
@@ -521,7 +521,7 @@ class Kind(Enum):
     LOOKS_LIKE = _CAUTION, " It looks like {what}."
     TORQUES_DOUBTED = (
         _CAUTION,
-        "{doubted} of {kept} kept segments have a torque to doubt; each says why in the list of segments.",
+        "{doubted} of {kept} kept segments have a torque in question; each says why in the list of segments.",
     )
     OFFSET_LEFT_OUT = (
         _NOTE,

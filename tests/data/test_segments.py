@@ -200,13 +200,13 @@ def test_creep_through_a_reversal_is_rejected() -> None:
     assert any(reason.kind is Kind.UNSETTLED for segment in found for reason in segment.reasons)
 
 
-def test_stick_slip_is_kept_with_its_doubt() -> None:
+def test_stick_slip_is_kept_with_its_warning() -> None:
     """A joint that rests half of the time and slips in between, many times at a steady mean, is one accepted segment, doubted."""
     slips = 0.08 * np.maximum(np.sin(2 * np.pi * 4 * T), 0.0) * (1 + 0.1 * np.sin(2 * np.pi * 0.9 * T))
     (segment,) = accepted(find_segments(motion(slips, 1.5 + 0.2 * np.cos(2 * np.pi * 4 * T)), Thresholds()))
     assert segment.stick_slip
     assert segment.velocity == pytest.approx(0.08 / np.pi, rel=0.05)
-    assert any(doubt.kind is Kind.STICK_SLIP for doubt in segment.doubts)
+    assert any(warning.kind is Kind.STICK_SLIP for warning in segment.warnings)
 
 
 def test_going_and_resting_is_not_stick_slip() -> None:

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
-from bristle.estimation.autocorrelation import autocorrelation, inflation, lag_one, residual_doubts, standard_error
+from bristle.estimation.autocorrelation import autocorrelation, inflation, lag_one, residual_warnings, standard_error
 
 EMPTY = np.zeros(0)
 
@@ -76,8 +76,8 @@ def test_a_planted_trend_or_ripple_is_told(axis: int, word: str) -> None:
     noise, velocity, time, position = rng.normal(size=(4, 200))
     signals = (noise, velocity, time, position)
     shape = np.sin(2 * np.pi * 7 * position / np.ptp(position)) if axis == 3 else signals[axis]
-    told = residual_doubts(noise + 1.2 * shape, velocity, time, position)
-    assert [word in str(doubt) for doubt in told] == [True]
+    told = residual_warnings(noise + 1.2 * shape, velocity, time, position)
+    assert [word in str(warning) for warning in told] == [True]
     assert "p = " in str(told[0])
 
 
@@ -86,25 +86,25 @@ def test_a_difference_between_directions_is_told() -> None:
     rng = np.random.default_rng(6)
     velocity, noise = rng.uniform(-1, 1, 200), rng.normal(size=200)
     for even in (np.ones(200), np.abs(velocity)):
-        told = residual_doubts(noise + even, velocity, EMPTY, EMPTY)
-        assert any(doubt.kind is Kind.DIRECTIONS_DIFFER for doubt in told)
-    told = residual_doubts(noise + velocity, velocity, EMPTY, EMPTY)
-    assert not any(doubt.kind is Kind.DIRECTIONS_DIFFER for doubt in told)
+        told = residual_warnings(noise + even, velocity, EMPTY, EMPTY)
+        assert any(warning.kind is Kind.DIRECTIONS_DIFFER for warning in told)
+    told = residual_warnings(noise + velocity, velocity, EMPTY, EMPTY)
+    assert not any(warning.kind is Kind.DIRECTIONS_DIFFER for warning in told)
 
 
 def test_noise_alone_is_rarely_told() -> None:
-    """White and correlated residuals without a trend give a doubt in no more than 2 % of cases, as the 1 % of the correction promises."""
+    """White and correlated residuals without a trend give a warning in no more than 2 % of cases, as the 1 % of the correction promises."""
     rng = np.random.default_rng(4)
     time = np.linspace(0, 1, 400)
     cases = [*rng.normal(size=(100, 400)), *ar1(0.7, (100, 400), seed=5)]
-    told = [bool(residual_doubts(x, rng.uniform(0, 1, 400), time, rng.uniform(0, 1, 400))) for x in cases]
+    told = [bool(residual_warnings(x, rng.uniform(0, 1, 400), time, rng.uniform(0, 1, 400))) for x in cases]
     assert np.mean(told) <= 0.03
 
 
 def test_unknown_axes_and_exact_fits_are_not_told() -> None:
-    """Axes that are empty, or constant, and residuals that are all zero, or fewer than eight, give no doubt."""
+    """Axes that are empty, or constant, and residuals that are all zero, or fewer than eight, give no warning."""
     x = np.linspace(0, 1, 30)
-    assert residual_doubts(x, EMPTY, EMPTY, EMPTY) == ()
-    assert residual_doubts(x, np.ones(30), np.ones(30), np.ones(30)) == ()
-    assert residual_doubts(np.zeros(30), x, x, x) == ()
-    assert residual_doubts(x[:7], x[:7], x[:7], x[:7]) == ()
+    assert residual_warnings(x, EMPTY, EMPTY, EMPTY) == ()
+    assert residual_warnings(x, np.ones(30), np.ones(30), np.ones(30)) == ()
+    assert residual_warnings(np.zeros(30), x, x, x) == ()
+    assert residual_warnings(x[:7], x[:7], x[:7], x[:7]) == ()

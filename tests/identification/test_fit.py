@@ -54,7 +54,7 @@ def test_no_peak_is_invented(speeds: Array) -> None:
     for name in ("alpha_1", "v_s"):
         estimate = fit.parameters[name]
         assert estimate.value is None
-        assert estimate.doubts[0].kind is Kind.NO_STRIBECK
+        assert estimate.warnings[0].kind is Kind.NO_STRIBECK
     for name, true in (("alpha_0", 0.02), ("alpha_2", 0.04)):
         low, high = fit.parameters[name].interval or (0.0, 0.0)
         assert low < true < high
@@ -66,8 +66,8 @@ def test_a_bend_over_all_speeds_is_not_called_stribeck() -> None:
     torque = 20 + 200 * velocity - 400 * velocity**2 + 0.02 * np.random.default_rng(4).standard_normal(40)
     fit = points(velocity, torque)
     assert fit.outcome is Outcome.NO_STRIBECK
-    said = [str(doubt) for doubt in fit.doubts]
-    assert any("bend over the whole range" in doubt or "noise alone" in doubt for doubt in said)
+    said = [str(warning) for warning in fit.warnings]
+    assert any("bend over the whole range" in warning or "noise alone" in warning for warning in said)
 
 
 def test_a_drop_that_viscous_friction_hides_is_found(gripper: Lugre[float], speeds: Array) -> None:
@@ -80,11 +80,11 @@ def test_a_drop_that_viscous_friction_hides_is_found(gripper: Lugre[float], spee
 
 
 def test_an_outlier_is_named(gripper: Lugre[float], speeds: Array) -> None:
-    """One bad point moves least squares and not Huber; the doubt names it."""
+    """One bad point moves least squares and not Huber; the warning names it."""
     torque = curve(speeds, gripper) + 2e-5 * np.random.default_rng(5).standard_normal(speeds.size)
     torque[15] += 2e-3
     fit = points(speeds, torque)
-    named = [str(doubt) for doubt in fit.doubts if doubt.kind is Kind.HUBER_DIFFERS]
+    named = [str(warning) for warning in fit.warnings if warning.kind is Kind.HUBER_DIFFERS]
     assert "run_15.csv rows 0-100" in named[0]
     assert abs(fit.robust["alpha_0"] - gripper.alpha_0) < abs(
         (fit.parameters["alpha_0"].value or 0.0) - gripper.alpha_0
@@ -98,7 +98,7 @@ def test_stick_slip_points_are_fitted_without_as_well(gripper: Lugre[float], spe
     fit = points(speeds, torque, flags)
     alone = points(speeds[~flags], torque[~flags])
     assert fit.without_stick_slip["alpha_0"].value == pytest.approx(alone.parameters["alpha_0"].value, rel=1e-5)
-    assert any(doubt.kind is Kind.STICK_SLIP_POINTS for doubt in fit.doubts)
+    assert any(warning.kind is Kind.STICK_SLIP_POINTS for warning in fit.warnings)
 
 
 @pytest.mark.parametrize(("count", "outcome"), [(1, Outcome.TOO_FEW), (2, Outcome.TOO_FEW), (4, Outcome.NO_STRIBECK)])
@@ -107,7 +107,7 @@ def test_few_points_give_few_parameters(count: int, outcome: Outcome, gripper: L
     velocity = np.linspace(0.05, 0.5, count)
     fit = points(velocity, curve(velocity, gripper))
     assert fit.outcome is outcome
-    assert all(estimate.value is not None or estimate.doubts for estimate in fit.parameters.values())
+    assert all(estimate.value is not None or estimate.warnings for estimate in fit.parameters.values())
 
 
 def test_one_speed_only_is_refused_with_the_reason(gripper: Lugre[float]) -> None:
@@ -115,18 +115,18 @@ def test_one_speed_only_is_refused_with_the_reason(gripper: Lugre[float]) -> Non
     velocity = np.full(10, 0.2)
     fit = points(velocity, curve(velocity, gripper))
     assert fit.outcome is Outcome.TOO_FEW
-    assert fit.doubts[0].kind is Kind.INDISTINCT
+    assert fit.warnings[0].kind is Kind.INDISTINCT
 
 
 def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> None:
-    """With no speed below v_s the Stribeck term is dropped, or its interval is open and a doubt asks for slower speeds."""
+    """With no speed below v_s the Stribeck term is dropped, or its interval is open and a warning asks for slower speeds."""
     velocity = np.geomspace(1.2 * gripper.v_s, 0.8, 14)
     torque = curve(velocity, gripper) + 2e-5 * np.random.default_rng(8).standard_normal(14)
     fit = points(velocity, torque)
     if fit.parameters["v_s"].value is None:
         assert fit.outcome is Outcome.NO_STRIBECK
     else:
-        assert any(doubt.kind is Kind.FEW_BELOW_V_S for doubt in fit.doubts)
+        assert any(warning.kind is Kind.FEW_BELOW_V_S for warning in fit.warnings)
 
 
 def test_huber_loss_is_the_huber_refit(gripper: Lugre[float], speeds: Array) -> None:
@@ -184,10 +184,10 @@ def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
 
 
 def test_a_range_of_v_s_that_was_given_is_named(gripper: Lugre[float], speeds: Array) -> None:
-    """Where the term is dropped within a range that the user set, the doubt says that only this range was searched."""
+    """Where the term is dropped within a range that the user set, the warning says that only this range was searched."""
     torque = curve(speeds, gripper) + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
     fits, _ = fit_static(
         from_points(speeds, torque, ("+",)), FitOptions(v_s_range=(20.0, 40.0)), "revolute", PointInfo()
     )
     assert fits["+"].outcome is Outcome.NO_STRIBECK
-    assert any("between 20 and 40 only" in str(doubt) for doubt in fits["+"].doubts)
+    assert any("between 20 and 40 only" in str(warning) for warning in fits["+"].warnings)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.estimation.interval_comparison import FACTOR, doubts
+from bristle.estimation.interval_comparison import FACTOR, warnings
 from bristle.identification.results import Uncertainty
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
@@ -27,9 +27,9 @@ def test_intervals_within_the_factor_are_not_doubted(value: float, below: float,
     """Equal intervals, and any whose reaches differ by less than the factor, say nothing, however skewed together."""
     own = (value - below, value + above)
     wider = (value - stretch * below, value + stretch * above)
-    assert doubts(value, own, own, own) == ()
-    assert doubts(value, own, wider, own) == ()
-    assert doubts(value, wider, None, own) == ()
+    assert warnings(value, own, own, own) == ()
+    assert warnings(value, own, wider, own) == ()
+    assert warnings(value, wider, None, own) == ()
 
 
 @given(value=st.floats(-1e3, 1e3), size=reach, stretch=st.floats(1.01 * FACTOR, 100.0), which=st.integers(0, 2))
@@ -41,9 +41,9 @@ def test_one_wider_than_the_factor_is_named_with_its_side(
     for side, (low, high) in sides.items():
         own = [(value - size, value + size)] * 3
         own[which] = (value - low * size, value + high * size)
-        (doubt,) = doubts(value, *own)
-        assert doubt.kind is Kind.INTERVALS_DIFFER
-        said = str(doubt)
+        (warning,) = warnings(value, *own)
+        assert warning.kind is Kind.INTERVALS_DIFFER
+        said = str(warning)
         assert said.startswith(f"The intervals part {side} the estimate (covariance ")
         assert said.count(" to ") >= 3
         assert "profile" in said
@@ -69,8 +69,8 @@ def test_the_reason_is_the_one_that_applies(
     profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: Diagnostic | None, reason: str
 ) -> None:
     """An open profile, a skewed one, few points, or uneven residuals: each has its own words, in that order."""
-    (doubt,) = doubts(10.0, PLAIN, profile, bootstrap, few=few)
-    said = str(doubt)
+    (warning,) = warnings(10.0, PLAIN, profile, bootstrap, few=few)
+    said = str(warning)
     assert reason in said
     assert "nan" not in said
     assert ("None" in said) is False
@@ -78,9 +78,9 @@ def test_the_reason_is_the_one_that_applies(
 
 def test_at_a_bound_and_alone_nothing_is_said() -> None:
     """An estimate at its bound has its own sentence, and one interval alone parts from none."""
-    assert doubts(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True) == ()
-    assert doubts(1.0, (0.0, 2.0), None, None) == ()
-    assert doubts(1.0, (1.0, 1.0), (1.0, 1.0 + 1e-12), (1.0, 1.0)) == ()
+    assert warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True) == ()
+    assert warnings(1.0, (0.0, 2.0), None, None) == ()
+    assert warnings(1.0, (1.0, 1.0), (1.0, 1.0 + 1e-12), (1.0, 1.0)) == ()
 
 
 def fitted(
@@ -119,12 +119,12 @@ def assert_sound(found: Inferred, three: dict[ParameterName, Uncertainty]) -> No
 
 
 def test_in_a_good_design_the_three_agree() -> None:
-    """40 speeds, 0.5 % noise: no doubt on any parameter in any of five sets, and all ends within a quarter of a width of the profile's."""
+    """40 speeds, 0.5 % noise: no warning on any parameter in any of five sets, and all ends within a quarter of a width of the profile's."""
     for seed in range(5):
         found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 40), 1e-4, seed)
         assert_sound(found, three)
         for own in three.values():
-            assert own.doubts == ()
+            assert own.warnings == ()
             assert own.profile is not None
             wide = own.profile[1] - own.profile[0]
             assert own.covariance == pytest.approx(own.profile, abs=0.25 * wide)
@@ -132,11 +132,11 @@ def test_in_a_good_design_the_three_agree() -> None:
 
 
 def test_two_directions_have_three_intervals_too() -> None:
-    """Points of both directions with a v_s each: eight parameters, sound, and with little noise without doubts."""
+    """Points of both directions with a v_s each: eight parameters, sound, and with little noise without warnings."""
     found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 24), 1e-4, 1, two=True)
     assert len(three) == 8
     assert_sound(found, three)
-    assert not [said for own in three.values() for said in own.doubts]
+    assert not [said for own in three.values() for said in own.warnings]
 
 
 def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
@@ -147,7 +147,7 @@ def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
         assert_sound(found, three)
         if found.problem.peaks:
             kept += 1
-            words = " ".join(str(doubt) for name in ("alpha_1", "v_s") for doubt in three[parse(name)].doubts)
+            words = " ".join(str(warning) for name in ("alpha_1", "v_s") for warning in three[parse(name)].warnings)
             said += "the profile is skewed" in words or "nothing limits" in words
             open_ += bool(np.isinf(three[parse("alpha_1")].profile or ()).any())
     assert kept >= 8
@@ -165,7 +165,7 @@ def test_at_a_bound_the_intervals_are_one_sided() -> None:
         if parse("alpha_2") in found.solution.at_bound:
             hits += 1
             assert [interval[0] for interval in (own.covariance, own.profile) if interval] == [0, 0]
-            assert own.doubts == (Kind.INTERVALS_AT_BOUND(),)
+            assert own.warnings == (Kind.INTERVALS_AT_BOUND(),)
     assert 1 <= hits <= 3
 
 
@@ -175,5 +175,5 @@ def test_few_points_are_called_few() -> None:
     for seed in range(10):
         found, three = fitted(np.geomspace(0.2 * GRIPPER.v_s, 0.8, 6), 5e-5, seed)
         assert_sound(found, three)
-        words += [str(doubt) for own in three.values() for doubt in own.doubts]
-    assert any("6 points for 4 parameters are few to resample" in doubt for doubt in words)
+        words += [str(warning) for own in three.values() for warning in own.warnings]
+    assert any("6 points for 4 parameters are few to resample" in warning for warning in words)

@@ -124,7 +124,7 @@ def test_within_one_count_there_is_a_bound_and_no_number() -> None:
         assert e.interval is not None
         assert 0 < e.interval[0] < GRIPPER.sigma_0
         assert e.interval[1] == np.inf
-        assert e.doubts[0].kind is Kind.WITHIN_NOISE
+        assert e.warnings[0].kind is Kind.WITHIN_NOISE
     assert fit.sigma_1.value is None
 
 
@@ -137,10 +137,10 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
     assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * fit.edges.value), rel=1e-12)
     assert fit.sigma_1.value is not None
     assert fit.sigma_1.standard_error == pytest.approx(0.05 * fit.sigma_1.value, rel=0.1)
-    assert fit.sigma_1.doubts[0].kind is Kind.PRIOR
+    assert fit.sigma_1.warnings[0].kind is Kind.PRIOR
     absent = fit_presliding(loadings, LEVEL, None, "revolute").sigma_1
     assert absent.value is None
-    assert absent.doubts[0] == Kind.NO_SIGMA_1(why=Kind.NO_INERTIA())
+    assert absent.warnings[0] == Kind.NO_SIGMA_1(why=Kind.NO_INERTIA())
 
 
 def slid(name: str, level: float) -> Record:
@@ -155,7 +155,7 @@ def test_an_outlier_among_breakaways_is_named() -> None:
     records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
     result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
     assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
-    assert str(next(d for d in result.doubts if d.kind is Kind.OUTLIER)).startswith("b.csv is an outlier")
+    assert str(next(d for d in result.warnings if d.kind is Kind.OUTLIER)).startswith("b.csv is an outlier")
     assert result.fits["+"].level_source.startswith("breakaway")
 
 
@@ -163,7 +163,7 @@ def test_without_a_level_there_is_no_sigma_0() -> None:
     """Below breakaway and with no other run, g0 is not known: no fit, and the sentence that says what to add."""
     result = identify_presliding([run(1e-5, 0.5)], {}, None, FitOptions(), 1e-5, "revolute")
     assert not result.fits
-    assert Kind.NO_SIGMA_0(direction="+") in result.doubts
+    assert Kind.NO_SIGMA_0(direction="+") in result.warnings
 
 
 def test_a_run_without_loading_is_refused() -> None:

@@ -57,7 +57,7 @@ def test_with_a_g0_that_is_known_the_profile_is_the_covariance() -> None:
     """At given g0 the line through the count edges is linear least squares: both intervals are the same to 1e-6 of the width."""
     three = three_ways(loadings(0), Level(G0, 0.0, ""), "edges")
     np.testing.assert_allclose(ends(three)[1], ends(three)[0], rtol=0, atol=1e-6 * widths(three)[0])
-    assert not three.doubts
+    assert not three.warnings
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -133,13 +133,13 @@ def test_a_lower_bound_is_all_there_is() -> None:
     own, level = loadings(0), Level(G0, 0.01 * G0, "")
     estimates = stiffness(own, level, "revolute")
     finer = Kind.WITHIN_NOISE(edges=Kind.ONE_EDGE(), least=2.0, unit="N*m/rad")
-    hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, doubts=(finer,))
-    bound = estimates["edges"].__class__(value=None, unit="", interval=(2.0, np.inf), doubts=hidden.doubts)
+    hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, warnings=(finer,))
+    bound = estimates["edges"].__class__(value=None, unit="", interval=(2.0, np.inf), warnings=hidden.warnings)
     three = stiffness_uncertainty(own, level, "edges", bound)
     assert three.profile == (2.0, np.inf)
     assert three.covariance is None
     assert three.bootstrap is None
-    assert three.doubts == hidden.doubts
+    assert three.warnings == hidden.warnings
     assert three.draws.size == 0
 
 

@@ -66,7 +66,7 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
         relative_error=float(100 * np.sqrt(cost) / np.linalg.norm(torque)),
         n=v.size,
         outcome=Outcome.CONVERGED,
-        doubts=(Kind.FEW_BELOW_V_S(below=2, points=14, direction="+"),) if direction == "+" else (),
+        warnings=(Kind.FEW_BELOW_V_S(below=2, points=14, direction="+"),) if direction == "+" else (),
         hold_out=(HoldOut(file="held.csv", relative_error=1.25),),
         names=NAMES,
         covariance=covariance,
@@ -103,7 +103,7 @@ def segments(fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
     kept = [
         Segment(
             file=f"run_{k}.csv", start=100, stop=900, velocity=float(v), torque=float(T), standard_error=NOISE if k else None,
-            accepted=True, stick_slip=k == 1, doubts=(Kind.STICK_SLIP(swing=0.4, resting=0.1),) if k == 1 else (), labels={"load": "1 kg"},
+            accepted=True, stick_slip=k == 1, warnings=(Kind.STICK_SLIP(swing=0.4, resting=0.1),) if k == 1 else (), labels={"load": "1 kg"},
         )
         for fit in fits.values()
         for k, (v, T) in enumerate(zip(fit.velocity, fit.torque, strict=True))
@@ -162,7 +162,7 @@ UNKNOWN_REST = Kind.WHOLE_COUNT()
 
 
 def outlier(file: str) -> Diagnostic:
-    """The doubt about a loading that breaks away too early."""
+    """The warning about a loading that breaks away too early."""
     return Kind.OUTLIER(file=file, torque=0.02, runs=2, direction="+", median=0.025)
 
 
@@ -181,17 +181,17 @@ def loading(direction: str, phase: float, file: str, breakaway: float | None = N
 
 def slow_fit(direction: str) -> PreslidingFit:
     """sigma_0 of one direction from three loadings, as if the edges had found the truth, the samples a little more, and (14) half of it."""
-    p, doubts = TABLE_1[direction], (UNKNOWN_REST,)
+    p, warnings = TABLE_1[direction], (UNKNOWN_REST,)
     s, half = p.sigma_0, p.sigma_0 / 2
     stiffness = Estimate(value=s, unit=unit("sigma_0"), standard_error=0.01 * s, interval=(0.98 * s, 1.02 * s))
-    first = Estimate(value=half, unit=unit("sigma_0"), interval=(0.9 * half, 10 * half), doubts=doubts)
+    first = Estimate(value=half, unit=unit("sigma_0"), interval=(0.9 * half, 10 * half), warnings=warnings)
     return PreslidingFit(
         direction=direction, printed=first, corrected=replace(first, value=1.1 * half), edges=stiffness, samples=replace(stiffness, value=1.05 * s),
-        sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), standard_error=1e-4, doubts=(PRIOR,)),
+        sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), standard_error=1e-4, warnings=(PRIOR,)),
         recommended="edges", level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source="the static fit", quantum=QUANTUM, counts=60,
         bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
         loadings=tuple(loading(direction, phase, f"slow_{k}.csv") for k, phase in enumerate((0.1, 0.45, 0.8))),
-        doubts=(FEW,) if direction == "+" else (),
+        warnings=(FEW,) if direction == "+" else (),
     )  # fmt: skip  # as above
 
 
@@ -212,7 +212,7 @@ def loaded(name: str = "gripper rotation", file: str = "slow_2.csv") -> Joint:
         breakaway={"+": torque},
         breakaways=(loading("+", 0.3, file, 0.02), loading("+", 0.6, "slow_3.csv", 0.025)),
         loops=tuple(closed_cycle(file, loss) for loss in (3e-5, 4e-5, 5e-5, 6e-5)),
-        doubts=(outlier(file),),
+        warnings=(outlier(file),),
     )
     return replace(gripper(name), presliding=slow)
 
@@ -226,21 +226,21 @@ def only(joint: Joint, **changes: Any) -> Joint:
 def nothing_seen(direction: str = "+") -> PreslidingFit:
     """A fit of data without encoder counts in which the joint did not move: no sigma_0, but a lower bound."""
     noise = Kind.WITHIN_NOISE(edges=Kind.EDGES(edges=0), least=12.5, unit="N*m/rad")
-    bound = Estimate(value=None, unit="N*m/rad", interval=(12.5, float("inf")), doubts=(noise,))
+    bound = Estimate(value=None, unit="N*m/rad", interval=(12.5, float("inf")), warnings=(noise,))
     return replace(
         slow_fit(direction), printed=bound, corrected=bound, edges=bound, samples=bound, recommended="samples",
-        sigma_1=Estimate(value=None, unit="N*m*s/rad", doubts=(Kind.NO_SIGMA_1(why=Kind.NO_STIFFNESS()),)), quantum=0.0, counts=0, doubts=(),
+        sigma_1=Estimate(value=None, unit="N*m*s/rad", warnings=(Kind.NO_SIGMA_1(why=Kind.NO_STIFFNESS()),)), quantum=0.0, counts=0, warnings=(),
     )  # fmt: skip  # a list of changes
 
 
 def bare() -> Joint:
     """A prismatic joint of which nearly nothing is known: no value, no error, infinite bounds, nan."""
-    doubts = (Kind.TOO_FEW_POINTS(points=0, parameters=2, least=3),)
-    missing = Estimate(value=None, unit="N", doubts=doubts)
+    warnings = (Kind.TOO_FEW_POINTS(points=0, parameters=2, least=3),)
+    missing = Estimate(value=None, unit="N", warnings=warnings)
     wide = Estimate(value=1.0, unit="N*s/m", standard_error=float("nan"), interval=(-float("inf"), float("inf")))
     nothing = StaticFit(
         direction="both", parameters={"alpha_0": missing, "alpha_1": missing, "alpha_2": wide, "v_s": replace(missing, unit="m/s")},
-        rms=None, relative_error=None, n=0, outcome=Outcome.TOO_FEW, doubts=doubts,
+        rms=None, relative_error=None, n=0, outcome=Outcome.TOO_FEW, warnings=warnings,
     )  # fmt: skip  # as above
     return Joint(
         name="slide", kind="prismatic", inputs=(), segments=(), static={"both": nothing}, crosscheck={},

@@ -72,7 +72,9 @@ def checked() -> Crosscheck:
 def without(fit: TrackingFit, *names: str) -> TrackingFit:
     """The fit where the motion does not show some parameters."""
     missing = {
-        (p := ParameterName.parse(name)): replace(fit.parameters[p], value=None, standard_error=None, doubts=(UNSEEN,))
+        (p := ParameterName.parse(name)): replace(
+            fit.parameters[p], value=None, standard_error=None, warnings=(UNSEEN,)
+        )
         for name in names
     }
     return replace(fit, parameters={**fit.parameters, **missing})
@@ -81,7 +83,7 @@ def without(fit: TrackingFit, *names: str) -> TrackingFit:
 def moving(name: str = "gripper rotation", file: str = "held.csv") -> Joint:
     """The gripper with every stage: alone the moving runs do not show alpha_1-, alpha_0- differs between stages, counts bias sigma_0+ alone."""
     held = (HoldOut(file=file, relative_error=1.5),)
-    alone = tracked(1.05, hold_out=held, doubts=(CORRELATED,), bias=named({"sigma_0+": -0.02, "sigma_0-": 1e-4}))
+    alone = tracked(1.05, hold_out=held, warnings=(CORRELATED,), bias=named({"sigma_0+": -0.02, "sigma_0-": 1e-4}))
     both = tracked(1.01, hold_out=held, starts=1, reached=1, relative_error=1.3, check=checked())
     return replace(
         loaded(name), tracking=without(alone, "alpha_1-"), joint_fit=both,

@@ -102,7 +102,7 @@ def test_frame_gains_rows_and_a_last_column(moved: Joint, joint: Joint) -> None:
     frame = results_file.to_frame([moved])
     old = list(results_file.to_frame([joint]).columns)
     assert list(frame.columns) == [*old, "source"]
-    assert old[-1] == "doubts"
+    assert old[-1] == "warnings"
     assert list(frame["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"]) + 13 * ["joint"]
     assert list(frame["direction"])[12:] == 6 * ["+"] + 6 * ["-"] + ["shared"]
     assert frame["value"].iloc[-1] == of(moved.joint_fit).parameters[ParameterName.parse("inertia")].value

@@ -68,7 +68,7 @@ def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
         assert set(fit.uncertainty) == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
         for name, own in fit.uncertainty.items():
             assert fit.parameters[name].interval == own.profile
-            assert set(own.doubts) <= set(fit.parameters[name].doubts)
+            assert set(own.warnings) <= set(fit.parameters[name].warnings)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
@@ -101,7 +101,7 @@ def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
     none = Kind.NO_BOOTSTRAP(few="<b>few</b> blocks", least=9)
-    joint = changed(open_, "alpha_0", bootstrap=None, doubts=(none,))
+    joint = changed(open_, "alpha_0", bootstrap=None, warnings=(none,))
     cells = {cell for row in interval_tables.section(joint)["tables"]["static"].rows for cell in row}
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)

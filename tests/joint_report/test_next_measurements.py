@@ -28,7 +28,7 @@ def moving(joint: Joint, **changes: Any) -> Joint:
     return changed(joint, {"value": 0.01, "standard_error": 0.01, "interval": (0.0, np.inf)}, velocity=v, **changes)
 
 
-def test_advice_follows_from_the_doubts(joint: Joint) -> None:
+def test_advice_follows_from_the_warnings(joint: Joint) -> None:
     """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
     one = replace(changed(joint, {"interval": (0.0, 0.1)}, hold_out=()), segments=joint.segments)
     text = "\n".join(next_measurements(one))
@@ -70,5 +70,5 @@ def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> No
 
 
 def test_what_is_clear_needs_nothing(joint: Joint) -> None:
-    """Without a doubt there is no advice about speeds."""
+    """Without a warning there is no advice about speeds."""
     assert ranges(replace(joint, segments=())) == []

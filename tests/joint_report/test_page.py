@@ -177,7 +177,7 @@ def test_any_parameter_has_a_symbol(name: str) -> None:
 def test_sections_and_simulated_notes(written: Path) -> None:
     """The page has each section of the report, and says SIMULATED at the top and in each caption of such a joint."""
     text = (written / "index.html").read_text(encoding="utf-8")
-    for heading in ("Verdict", "Contents", "Parameters", "Cross-check", "Doubts", "What to measure next", "Inputs", "Segments",
+    for heading in ("Verdict", "Contents", "Parameters", "Cross-check", "Warnings", "What to measure next", "Inputs", "Segments",
                     "Method", "Versions", "Hold-out", "Residuals", "Fig. 1"):  # fmt: skip  # words
         assert heading in text
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", text, flags=re.DOTALL)

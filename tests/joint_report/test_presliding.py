@@ -82,7 +82,7 @@ def test_json_without_presliding_runs_has_empty_entries(joint: Joint) -> None:
 
 
 def test_json_says_why_what_does_not_exist_is_null(slow: Joint) -> None:
-    """Without a sigma_0 the value and the bias of (14) are null with a doubt; the open bound is "inf"."""
+    """Without a sigma_0 the value and the bias of (14) are null with a warning; the open bound is "inf"."""
     found = read(only(slow, fits={"+": nothing_seen()}, breakaway={}))["presliding"]["+"]
     assert found["bias"] == {"on_edge": None, "mean": None, "spread": None}
     assert found["doubts"] == ["There is no bias: these data give none."]
@@ -90,8 +90,8 @@ def test_json_says_why_what_does_not_exist_is_null(slow: Joint) -> None:
     assert found["edges"]["doubts"]
 
 
-def test_json_holds_the_doubts_of_the_runs_as_a_whole(slow: Joint) -> None:
-    """What no direction owns stands among the joint's doubts."""
+def test_json_holds_the_warnings_of_the_runs_as_a_whole(slow: Joint) -> None:
+    """What no direction owns stands among the joint's warnings."""
     assert read(slow)["doubts"] == [str(outlier("slow_2.csv"))]
 
 
@@ -187,15 +187,15 @@ def test_a_joint_without_presliding_runs_has_no_section(joint: Joint, tmp_path: 
     }  # fmt: skip  # a list of names
 
 
-def test_every_doubt_is_listed_and_counted(slow: Joint) -> None:
-    """Doubts of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about; the verdict counts them."""
+def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
+    """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about; the verdict counts them."""
     part = sections.page([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}})["joints"][0]  # type: ignore[dict-item] # no drawing here
-    listed = {sentence: where for where, sentence in part["doubts"]}
+    listed = {sentence: where for where, sentence in part["warnings"]}
     assert listed[str(FEW)] == "presliding (+)"
     assert listed[str(outlier("slow_2.csv"))] == "presliding"
     assert listed[str(PRIOR)] == "presliding (+) sigma_1, presliding (−) sigma_1"
     assert "presliding (+) sigma_0 printed" in listed[str(UNKNOWN_REST)]
-    counts = {fit["direction"]: fit["doubts"] for fit in part["summary"]["fits"]}
+    counts = {fit["direction"]: fit["warnings"] for fit in part["summary"]["fits"]}
     assert counts == {"+": 1, "-": 0, "presliding (+)": 3, "presliding (−)": 2}
 
 
@@ -211,10 +211,10 @@ def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> Non
     assert not [x for x in next_measurements(alone) if "Hold back" in x]
 
 
-def test_nothing_but_a_doubt_still_makes_a_section(slow: Joint, tmp_path: Path) -> None:
+def test_nothing_but_a_warning_still_makes_a_section(slow: Joint, tmp_path: Path) -> None:
     """Runs that gave no fit, no breakaway and no loop say what is missing."""
     missing = Kind.NO_SIGMA_0(direction="+")
-    empty = Presliding(fits={}, breakaway={}, doubts=(missing,))
+    empty = Presliding(fits={}, breakaway={}, warnings=(missing,))
     text = written(replace(slow, presliding=empty), tmp_path / "out")
     assert text.count(str(missing)) == 3
     assert "Breakaway</h3>" not in text

@@ -48,7 +48,7 @@ def test_floats_come_back_exactly(joint: Joint) -> None:
             assert (read["value"], tuple(read["interval"])) == (estimate.value, estimate.interval)
 
 
-def test_what_does_not_exist_is_null_with_a_doubt_and_infinity_is_a_string(slide: Joint) -> None:
+def test_what_does_not_exist_is_null_with_a_warning_and_infinity_is_a_string(slide: Joint) -> None:
     """No value without a reason; open bounds are the strings of the schema."""
     fit = json.loads(results_file.to_json([slide]))["joints"]["slide"]["static"]["both"]
     assert fit["rms"] is None
@@ -63,7 +63,7 @@ def test_frame_is_tidy(joint: Joint, slide: Joint) -> None:
     """One row per joint, direction and parameter, with the columns that the API promises."""
     frame = results_file.to_frame([joint, slide])
     assert list(frame.columns) == [
-        "joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "doubts",
+        "joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "warnings",
     ]  # fmt: skip  # a list of words
     assert len(frame) == sum(len(fit.parameters) for j in (joint, slide) for fit in j.static.values())
     assert math.isinf(frame[frame["parameter"] == "alpha_2"]["upper"].iloc[-1])

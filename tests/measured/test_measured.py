@@ -65,7 +65,7 @@ def identified(folder: Path, text: str) -> Joint:
 
 
 def test_kinova_is_identified_as_it_is(measured_data: Path, tmp_path: Path) -> None:
-    """Ten constant-velocity runs, wrapped positions and inf rows included: the known curve, slow runs kept with a doubt, wide intervals."""
+    """Ten constant-velocity runs, wrapped positions and inf rows included: the known curve, slow runs kept with a warning, wide intervals."""
     assert measured_data.is_dir()
     joint = identified(tmp_path, KINOVA)
     fit = joint.static["+"]
@@ -99,7 +99,7 @@ def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
     assert moving.hold_out[0].relative_error <= static.hold_out[0].relative_error + 0.05
     unseen = [name for name, e in moving.parameters.items() if e.value is None]
     assert {name.name for name in unseen} >= {"alpha_1", "v_s"}
-    assert all(any(doubt.kind in NOT_IDENTIFIABLE for doubt in moving.parameters[name].doubts) for name in unseen)
+    assert all(any(warning.kind in NOT_IDENTIFIABLE for warning in moving.parameters[name].warnings) for name in unseen)
 
 
 def test_emps_symmetric_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
         for three in static[d].uncertainty.values():  # without a peak the problem is linear, and the first two are one
             assert three.profile == pytest.approx(three.covariance, rel=1e-9)
             assert three.bootstrap == pytest.approx(three.covariance, rel=0.02)
-            assert not three.doubts
+            assert not three.warnings
     (models,) = joint.models
     assert models.sentence.startswith("Use Coulomb + viscous, per direction")
 
@@ -210,11 +210,11 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
     assert static.relative_error is not None
     assert static.relative_error <= 2.5
     assert static.hold_out[0].relative_error <= 2.5
-    assert any(doubt.kind is Kind.SLOW_LEFT_OUT for doubt in joint.doubts)
+    assert any(warning.kind is Kind.SLOW_LEFT_OUT for warning in joint.warnings)
     slow = joint.presliding
     assert slow is not None
     assert slow.breakaway["+"].value == pytest.approx(0.0235, abs=0.0025)
-    outliers = [str(doubt.numbers["file"]) for doubt in slow.doubts if doubt.kind is Kind.OUTLIER]
+    outliers = [str(warning.numbers["file"]) for warning in slow.warnings if warning.kind is Kind.OUTLIER]
     assert outliers
     assert all("Fs_1" in file for file in outliers)
     assert [loop.file.rpartition("/")[2] for loop in slow.loops] == [
@@ -223,7 +223,7 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
     for loop in slow.loops:
         assert 4.9 < loop.slope < 5.7
         assert loop.slope < loop.secant < loop.inverse_slope
-    assert Kind.COARSE_LOOPS_BETWEEN(least=5, most=6) in slow.doubts
+    assert Kind.COARSE_LOOPS_BETWEEN(least=5, most=6) in slow.warnings
     assert joint.tracking is not None
     assert joint.tracking.relative_error < 10
     assert joint.tracking.hold_out[0].relative_error < 15

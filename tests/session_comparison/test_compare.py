@@ -280,11 +280,11 @@ def test_a_session_does_not_differ_from_itself() -> None:
     assert not any(c.changed for c in compared.changes)
     assert not any(x.changed for x in compared.sets)
     assert compared.sentence == "None of 2 parameters changed beyond its joint uncertainty."
-    (doubt,) = compared.doubts
-    assert "share data and are not independent: all of the files are the same in both" in doubt
+    (warning,) = compared.warnings
+    assert "share data and are not independent: all of the files are the same in both" in warning
     more = session(correlated(0.3), inputs=("abc", "def"))
-    assert "not independent: 1 of 2 of the files are the same" in compare(own, more).doubts[0]
-    assert not compare(own, session(correlated(0.3), inputs=("def",))).doubts
+    assert "not independent: 1 of 2 of the files are the same" in compare(own, more).warnings[0]
+    assert not compare(own, session(correlated(0.3), inputs=("def",))).warnings
 
 
 def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
@@ -319,7 +319,7 @@ def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
     bad = replace(moving, distrusted="The fit did not converge.")
     compared = compare(session(bad, points), session(moving, points))
     assert change(compared, "alpha_0").source == "static both"
-    assert any("did not converge" in x for x in compared.doubts)
+    assert any("did not converge" in x for x in compared.warnings)
     assert change(compare(session(bad), session(moving)), "alpha_0").source == "tracking"
 
 
@@ -327,8 +327,8 @@ def test_a_model_that_differs_between_sessions_is_doubted() -> None:
     """Where one session's fit has a Stribeck term and the other's has none, alpha_0 may differ without any change of the joint: said."""
     full = fit_of(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1+": estimate(1.0)})
     flat = fit_of(source="static +", parameters={"alpha_0+": estimate(2.0), "alpha_1+": estimate(None)})
-    (doubt,) = compare(session(full), session(flat)).doubts
-    assert "alpha_1+ is known of the first session alone" in doubt
+    (warning,) = compare(session(full), session(flat)).warnings
+    assert "alpha_1+ is known of the first session alone" in warning
 
 
 def test_one_share_of_all_torques_hints_at_their_scale() -> None:
@@ -466,7 +466,7 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: tuple[Path, P
 
 
 def test_one_file_twice_is_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
-    """The same file by any path: exit 2, one sentence and no page. A copy is another file, of the same data: compared, with the doubt."""
+    """The same file by any path: exit 2, one sentence and no page. A copy is another file, of the same data: compared, with the warning."""
     for path in (sessions[0], sessions[0].parent / "." / ".." / sessions[0].parent.name / sessions[0].name):
         code, _, said = run("compare", sessions[0], path, "-o", tmp_path / "out")
         assert (code, len(said)) == (2, 1)
@@ -716,7 +716,7 @@ COMPARED: dict[str, Spoil] = {
     "no name": lambda x: renamed(x, ""),
     "half a symbol": lambda x: renamed(x, "v_"),
     "template for a name": lambda x: renamed(x, r"\g<0>\q$\undefined{"),
-    "many doubts": lambda x: x.update(doubts=["The joint sticks."] * 100_000),
+    "many warnings": lambda x: x.update(warnings=["The joint sticks."] * 100_000),
     "as many parameters as can be": lambda x: many(x, 390),
 }
 

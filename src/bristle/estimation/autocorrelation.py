@@ -57,7 +57,7 @@ def standard_error(x: Array) -> float | None:
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
 
 
-def residual_doubts(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Diagnostic, ...]:
+def residual_warnings(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Diagnostic, ...]:
     """A diagnostic for each trend of the residuals over time or velocity, a ripple over position, a difference between directions: beyond noise.
 
     F tests against a constant, of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni

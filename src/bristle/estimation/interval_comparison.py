@@ -10,7 +10,7 @@ _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
 
 
-def doubts(
+def warnings(
     value: float,
     covariance: Interval,
     profile: Interval,

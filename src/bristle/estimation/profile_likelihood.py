@@ -54,7 +54,7 @@ class Profiled(NamedTuple):
     """A side that the profile leaves open is infinite, or the least that the unknown may be."""
     curve: Array
     """Values, ascending, and (cost - least) / d there, (2, k): 0 at the estimate, 1 at the interval's ends."""
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
@@ -171,10 +171,10 @@ class _Path:
         known |= {end: 1.0 for end in ends if end is not None}
         at, heights = np.array(sorted(known.items())).T
         is_open = None in ends and (high == np.inf or low < 0 or bool(unknowns.logarithmic[j]))
-        doubts = [Kind.PROFILE_OPEN()] if is_open and not self.lost else []
+        warnings = [Kind.PROFILE_OPEN()] if is_open and not self.lost else []
         if self.rough:
-            doubts.append(Kind.PROFILE_LOST() if self.lost else Kind.PROFILE_ROUGH())
-        return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(doubts))
+            warnings.append(Kind.PROFILE_LOST() if self.lost else Kind.PROFILE_ROUGH())
+        return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(warnings))
 
     def _end(self, reach: float, limit: float) -> float | None:
         """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate; None where it does not."""

@@ -89,7 +89,7 @@ def identify_joint(
     uncertainty: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Joint:
-    """Everything that an experiment tells of its joint, with intervals and doubts, cross-checked.
+    """Everything that an experiment tells of its joint, with intervals and warnings, cross-checked.
 
     Points at constant velocity give the static parameters where there are any, else the moving runs do, with their regressors; slow runs give the
     presliding ones; moving runs give all, alone and with the other stages as priors. Seconds spent are written into `timings` by name; they are no
@@ -144,7 +144,7 @@ def identify_joint(
         joint_fit=both,
         consistency=agree,
         models=_models(measured, points, static, alone, timings),
-        doubts=(*_joint_doubts(measured, static, bool(points)), *left_out),
+        warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
@@ -155,7 +155,7 @@ def identify_joint(
 def _static(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
-    """Static fits and their cross-checks from the points, or else from the moving runs; and doubts about what was left out."""
+    """Static fits and their cross-checks from the points, or else from the moving runs; and warnings about what was left out."""
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
         return *_fit_points(measured, points, timings), ()
@@ -374,37 +374,37 @@ def _input(record: Record) -> Input:
     )
 
 
-def _joint_doubts(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:
-    experiment, doubts = measured.experiment, []
+def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:
+    experiment, warnings = measured.experiment, []
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for found in measured.segments for s in found)
         why = Kind.NONE_KEPT(tried=tried) if tried else Kind.NOT_MEASURED()
-        doubts.append(Kind.DIRECTION_UNKNOWN(direction=other, why=why))
-    doubts += _segment_doubts(measured)
+        warnings.append(Kind.DIRECTION_UNKNOWN(direction=other, why=why))
+    warnings += _segment_warnings(measured)
     if not from_points and experiment.fit.directions == "separate":
-        doubts.append(Kind.OFFSET_LEFT_OUT())
+        warnings.append(Kind.OFFSET_LEFT_OUT())
     unused = [run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out]
     if unused:
-        doubts.append(Kind.HELD_OUT_UNUSED(files=tuple(unused)))
+        warnings.append(Kind.HELD_OUT_UNUSED(files=tuple(unused)))
     if experiment.truth and not experiment.simulated:
-        doubts.append(Kind.TRUTH_UNDECLARED())
-    return tuple(doubts)
+        warnings.append(Kind.TRUTH_UNDECLARED())
+    return tuple(warnings)
 
 
-def _segment_doubts(measured: Measured) -> list[Diagnostic]:
-    """What kept segments let doubt, counted: each is listed with its segment."""
+def _segment_warnings(measured: Measured) -> list[Diagnostic]:
+    """Warnings about kept segments, counted: each is listed with its segment."""
     kept = measured.points(hold_out=False)
-    doubts = []
-    differ = sum(any(d.kind is Kind.POSITION_DIFFERS for d in s.doubts) for s in kept)
+    warnings = []
+    differ = sum(any(d.kind is Kind.POSITION_DIFFERS for d in s.warnings) for s in kept)
     if differ:
         looks = Counter(filter(None, (unit_mistake(run.record) for run in measured.runs))).most_common(1)
         hint = Kind.LOOKS_LIKE(what=looks[0][0]) if looks else ""
-        doubts.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept), looks=hint))
-    others = sum(any(d.kind not in {Kind.POSITION_DIFFERS, Kind.STICK_SLIP} for d in s.doubts) for s in kept)
+        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept), looks=hint))
+    others = sum(any(d.kind not in {Kind.POSITION_DIFFERS, Kind.STICK_SLIP} for d in s.warnings) for s in kept)
     if others:
-        doubts.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
-    return doubts
+        warnings.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
+    return warnings
 
 
 def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:

@@ -152,7 +152,7 @@ def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept:
     shown = [r for r in rows if r.model == STRIBECK]
     if not kept and shown:
         gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
-        but = f", though it would lower the BIC by {gain:.1f} (the fit's doubts say why)" if gain > 0 else ""
+        but = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
         said.append(f"the Stribeck term is not identifiable from these data, as the fit found{but}")
     if kept and any(f.outcome == Outcome.STICK_SLIP for f in static.values()):
         said.append("but its Stribeck term rests on points that stick and slip")

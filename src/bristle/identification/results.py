@@ -1,4 +1,4 @@
-"""Results as values: an estimate, a fit, a cross-check; frozen, with every doubt listed singly."""
+"""Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -29,19 +29,19 @@ class Outcome(StrEnum):
 class Estimate:
     """One parameter: value, standard error and 95 % interval in `unit`.
 
-    What does not exist is None, with a doubt that says why; an interval that is open on a side has an infinite bound.
+    What does not exist is None, with a warning that says why; an interval that is open on a side has an infinite bound.
     """
 
     value: float | None
     unit: str
     standard_error: float | None = None
     interval: tuple[float, float] | None = None
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 @result
 class Uncertainty:
-    """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the doubts."""
+    """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the warnings."""
 
     covariance: tuple[float, float] | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
@@ -53,7 +53,7 @@ class Uncertainty:
     """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1 at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0))
     """The parameter in resampled data, (b,)."""
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 @result
@@ -100,7 +100,7 @@ class StaticFit:
     """100 * norm(residual) / norm(torque), percent."""
     n: int
     outcome: Outcome
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[str, ...] = ()
     """The free parameters, in the order of `covariance`."""
@@ -185,7 +185,7 @@ class PreslidingFit:
     bias_spread: float
     """Its standard deviation over them."""
     loadings: tuple[Loading, ...]
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """The recommended sigma_0's interval three ways, under `sigma_0`."""
 
@@ -205,7 +205,7 @@ class Presliding:
     breakaways: tuple[Loading, ...] = ()
     """The loadings that broke away."""
     loops: tuple[Loop, ...] = ()
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 @result
@@ -224,7 +224,7 @@ class TrackingFit:
     """How many starts ended within 1e-6 relative of the lowest cost."""
     condition: float
     """Of the Jacobian with columns of unit length."""
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[ParameterName, ...] = ()
     """The free parameters, in the order of `covariance`."""
@@ -353,7 +353,7 @@ class Joint:
     consistency: tuple[Consistency, ...] = ()
     models: tuple[ModelComparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""
     simulated: bool = False

@@ -18,7 +18,7 @@ class Table:
 def shown(frame: "pd.DataFrame") -> Table:
     """A frame of one joint, without its name and without columns that say nothing."""
     empty = [
-        c for c in ("doubts", "labels", "joint") if c in frame and (c == "joint" or not frame[c].astype(bool).any())
+        c for c in ("warnings", "labels", "joint") if c in frame and (c == "joint" or not frame[c].astype(bool).any())
     ]
     frame = frame.drop(columns=empty)
     rows = frame.astype(object).itertuples(index=False, name=None)

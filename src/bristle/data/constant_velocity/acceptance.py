@@ -45,8 +45,8 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
     return tuple(reason.but(alone=len(found) < 2) for reason in found)
 
 
-def doubts(e: Evidence) -> tuple[Diagnostic, ...]:
-    """What to doubt about a stretch that counts."""
+def warnings(e: Evidence) -> tuple[Diagnostic, ...]:
+    """Warnings about a stretch that counts."""
     found = []
     speed = abs(e.velocity)
     if sticks(e):

@@ -8,15 +8,15 @@ from itertools import pairwise
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.constant_velocity.acceptance import Thresholds, doubts, reasons, sticks
+from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
 from bristle.data.constant_velocity.changepoints import Stretch, stretches
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.estimation.autocorrelation import residual_doubts
+from bristle.estimation.autocorrelation import residual_warnings
 
-__all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_doubts"]
+__all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_warnings"]
 
 _MISTAKES = {
     "a velocity in deg/s read as rad/s (or a position in rad read as deg)": np.pi / 180,
@@ -49,7 +49,7 @@ class Segment:
     accepted: bool
     reasons: tuple[Diagnostic, ...] = ()
     """Why it was rejected, and what would have let it in."""
-    doubts: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     """Why it is kept but not trusted fully (stick-slip)."""
     stick_slip: bool = False
     time: float | None = None
@@ -155,7 +155,7 @@ def _segment(record: Record, stretch: Stretch, usual: Scale, thresholds: Thresho
         standard_error=e.torque_error,
         accepted=not against,
         reasons=against,
-        doubts=() if against else doubts(e),
+        warnings=() if against else warnings(e),
         stick_slip=not against and sticks(e),
         time=float(middle),
         position=None if record.position is None else float(record.position[stretch.start : stretch.stop].mean()),

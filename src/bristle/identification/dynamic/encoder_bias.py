@@ -94,5 +94,8 @@ def _corrected(found: TrackingFit, moved: Mapping[ParameterName, Sequence[float]
         parameters[name] = replace(e, value=new, standard_error=e.standard_error * wider, interval=ends)
     said = (Kind.COUNT_BIAS(names=tuple(large)),) if large else ()
     return replace(
-        found, parameters=parameters, bias={n: bias for n, (bias, _) in moved.items()}, doubts=(*found.doubts, *said)
+        found,
+        parameters=parameters,
+        bias={n: bias for n, (bias, _) in moved.items()},
+        warnings=(*found.warnings, *said),
     )

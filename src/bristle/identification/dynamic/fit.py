@@ -53,7 +53,7 @@ def fit_tracking(
     seed: int = SEED,
     others: Sequence[Values] = (),
 ) -> Tracked:
-    """All parameters of moving data with intervals and doubts.
+    """All parameters of moving data with intervals and warnings.
 
     Args:
         problem: the training runs.
@@ -73,9 +73,9 @@ def fit_tracking(
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in judged.names if n in estimates)
     rows = equations_left(problem, judged)
-    doubts = (
+    warnings = (
         *lacking(problem, judged, kind),
-        *_doubts(judged, rows, unseen),
+        *_warnings(judged, rows, unseen),
         *_physics(problem, judged.values, unseen),
         *_named(unseen),
     )
@@ -88,7 +88,7 @@ def fit_tracking(
         starts=judged.starts,
         reached=judged.reached,
         condition=condition(judged.minimum.jacobian[:, _seen(judged)]),
-        doubts=doubts,
+        warnings=warnings,
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
         names=free,
         covariance=judged.covariance[: len(free), : len(free)],
@@ -128,14 +128,14 @@ def _judged_estimates(
     estimates |= {name: _refused(name, kind) for name in bent}
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
-            estimates[name] = replace(estimates[name], doubts=(*estimates[name].doubts, Kind.ONLY_SUM_SEEN()))
+            estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, Kind.ONLY_SUM_SEEN()))
     return estimates | {name: _without(estimates[name]) for name in _weak(estimates)}
 
 
 def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Diagnostic:
     if not converged:
         return Kind.NOT_CONVERGED()
-    bound = tuple(n for n, e in estimates.items() if any(d.kind is Kind.AT_BOUND for d in e.doubts))
+    bound = tuple(n for n, e in estimates.items() if any(d.kind is Kind.AT_BOUND for d in e.warnings))
     return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
 
 
@@ -161,13 +161,13 @@ def _weak(estimates: Mapping[ParameterName, Estimate]) -> list[ParameterName]:
 
 
 def _is_weak(e: Estimate) -> bool:
-    return any(doubt.kind in NOT_IDENTIFIABLE for doubt in e.doubts)
+    return any(warning.kind in NOT_IDENTIFIABLE for warning in e.warnings)
 
 
 def _without(e: Estimate) -> Estimate:
     """What is left of an estimate that the motion does not show: its interval, and the reason."""
-    said = e.doubts if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
-    return replace(e, value=None, standard_error=None, doubts=said)
+    said = e.warnings if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
+    return replace(e, value=None, standard_error=None, warnings=said)
 
 
 def _bent(problem: Tracking, judged: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
@@ -186,12 +186,12 @@ def _bent(problem: Tracking, judged: MultistartSolution[Unknown]) -> dict[Parame
 
 def _refused(name: ParameterName, kind: JointKind) -> Estimate:
     why = Kind.UNSEEN_BEND()
-    return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), doubts=(why,))
+    return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), warnings=(why,))
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     said = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
-    refused = any(doubt.kind is Kind.UNSEEN_BEND for e in unseen.values() for doubt in e.doubts)
+    refused = any(warning.kind is Kind.UNSEEN_BEND for e in unseen.values() for warning in e.warnings)
     return [*said, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else said
 
 
@@ -221,7 +221,7 @@ def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[Par
         if not isinstance(name, ParameterName):
             continue
         bare, value = name.name, judged.values[name]
-        doubts: list[Diagnostic] = []
+        warnings: list[Diagnostic] = []
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
                 low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
@@ -234,20 +234,20 @@ def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[Par
             if bare.startswith(("alpha", "sigma", "inertia")):
                 low = max(low, 0.0)
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
-                doubts.append(Kind.AT_BOUND())
+                warnings.append(Kind.AT_BOUND())
         if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
-            doubts.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
+            warnings.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
         out[name] = Estimate(
             value=value,
             unit=unit(bare, kind),
             standard_error=se if np.isfinite(se) else None,
             interval=(low, high),
-            doubts=tuple(doubts),
+            warnings=tuple(warnings),
         )
     return out
 
 
-def _doubts(
+def _warnings(
     judged: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
 ) -> tuple[Diagnostic, ...]:
     found = []

@@ -100,7 +100,7 @@ def track(
     if second_route and by_torque:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
-        found = found._replace(fit=replace(found.fit, check=check, doubts=(*found.fit.doubts, *said)))
+        found = found._replace(fit=replace(found.fit, check=check, warnings=(*found.fit.warnings, *said)))
     alone = finished(found, profiles)
     if load and not static_is_apart:
         slow = load(alone)
@@ -110,7 +110,7 @@ def track(
     told, ended = with_priors(problem, priors, alone.rms), {**found.problem.fixed, **found.values}
     joint = finished(*fitted(told, 1, ended))
     agree = _consistency(priors, alone, joint)
-    return alone, replace(joint, doubts=(*joint.doubts, *_disagreements(agree, alone, joint))), agree, slow
+    return alone, replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint))), agree, slow
 
 
 def _simulated(
@@ -261,7 +261,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
 
 
 def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Diagnostic]:
-    """What the stages' disagreement lets doubt about the joint fit."""
+    """What the stages' disagreement warns of in the joint fit."""
     said = []
     apart = [c.parameter for c in agree if c.difference is not None and abs(c.difference) > _APART]
     if apart:

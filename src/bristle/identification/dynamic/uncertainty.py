@@ -40,7 +40,7 @@ def explored(
         found, said = again({**found.problem.fixed, **end}), (Kind.REFITTED(),)
     if refits == _RESTARTS:
         said = (*said, Kind.STILL_LOWER(fits=_RESTARTS))
-    return found._replace(fit=replace(found.fit, doubts=(*found.fit.doubts, *said))), seen
+    return found._replace(fit=replace(found.fit, warnings=(*found.fit.warnings, *said))), seen
 
 
 def with_three_ways(
@@ -60,13 +60,13 @@ def with_three_ways(
             three[name] = _three(found, name, e, profiles[name], drawn.get(name), blocks)
         else:
             three[name] = Uncertainty(
-                covariance=None, profile=None, bootstrap=None, doubts=(*e.doubts, Kind.NOT_FITTED())
+                covariance=None, profile=None, bootstrap=None, warnings=(*e.warnings, Kind.NOT_FITTED())
             )
     parameters = dict(fit.parameters)
     for name, e in fit.parameters.items():
         if e.value is not None:
-            new = (doubt for doubt in three[name].doubts if doubt not in e.doubts)
-            parameters[name] = replace(e, doubts=(*e.doubts, *new))
+            new = (warning for warning in three[name].warnings if warning not in e.warnings)
+            parameters[name] = replace(e, warnings=(*e.warnings, *new))
     return replace(fit, parameters=parameters, uncertainty=three)
 
 
@@ -80,15 +80,15 @@ def _three(
     bootstrap = None if ends is None else (ends[0], ends[1])
     at_bound = found.values[name] == 0
     few = Kind.RESIDUAL_BLOCKS(blocks=blocks)
-    doubts = profile.doubts
+    warnings = profile.warnings
     if at_bound:
-        doubts = (*doubts, Kind.NO_BOOTSTRAP_AT_BOUND())
+        warnings = (*warnings, Kind.NO_BOOTSTRAP_AT_BOUND())
     elif blocks < FEW:
-        doubts = (*doubts, Kind.NO_BOOTSTRAP(few=few, least=FEW))
+        warnings = (*warnings, Kind.NO_BOOTSTRAP(few=few, least=FEW))
     if e.value is not None:
-        doubts = (
-            *doubts,
-            *interval_comparison.doubts(
+        warnings = (
+            *warnings,
+            *interval_comparison.warnings(
                 e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
             ),
         )
@@ -98,7 +98,7 @@ def _three(
         bootstrap=bootstrap,
         curve=np.stack([moved(profile.curve[0]), profile.curve[1]]),
         draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]),
-        doubts=doubts,
+        warnings=warnings,
     )
 
 

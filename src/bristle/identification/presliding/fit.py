@@ -59,22 +59,22 @@ def identify_presliding(
             )
         found += own
     slid = [loading for loading in found if loading.breakaway is not None]
-    fits, breakaway, doubts = {}, {}, list[Diagnostic]()
+    fits, breakaway, warnings = {}, {}, list[Diagnostic]()
     for direction in ("+", "-"):
         own_slid = [x for x in slid if x.direction == direction]
         if own_slid:
             breakaway[direction], said = _breakaway(own_slid, direction, kind)
-            doubts += said
+            warnings += said
     for direction in sorted({loading.direction for loading in found}):
         level = levels.get(direction) or _from_breakaway(breakaway, direction)
         if level is None:
-            doubts.append(Kind.NO_SIGMA_0(direction=direction))
+            warnings.append(Kind.NO_SIGMA_0(direction=direction))
             continue
         fits[direction] = fit_presliding([x for x in found if x.direction == direction], level, inertia, kind)
     cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
-    doubts += _loop_doubts(loops, [drift for _, drifts in cycles for drift in drifts])
-    return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, doubts=tuple(doubts))
+    warnings += _loop_warnings(loops, [drift for _, drifts in cycles for drift in drifts])
+    return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, warnings=tuple(warnings))
 
 
 def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | None, kind: JointKind) -> PreslidingFit:
@@ -90,21 +90,21 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
     counts = count_edges(loadings, level)
     estimates = stiffness(loadings, level, kind)
     hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
-    doubts = list(estimates["samples"].doubts) if hidden else []
+    warnings = list(estimates["samples"].warnings) if hidden else []
     if 0 < counts < _FEW * len(loadings):
-        doubts.append(Kind.FEW_COUNTS(edges=counts, loadings=len(loadings)))
+        warnings.append(Kind.FEW_COUNTS(edges=counts, loadings=len(loadings)))
     first = estimates["corrected"]
     if first.interval and (estimates["edges"].value or np.inf) < first.interval[0] / _YIELDS:
-        doubts.append(Kind.YIELDS())
+        warnings.append(Kind.YIELDS())
     best = "edges" if quantum > 0 else "samples"
     sigma_0 = estimates[best]
     u = np.array([max((sigma_0.value or 0.0) * quantum / level.value, 1e-9)])
     on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
     three = stiffness_uncertainty(loadings, level, best, sigma_0)
-    doubts += [doubt for doubt in three.doubts if doubt.kind is Kind.INTERVALS_DIFFER]
+    warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
     reached = max(float(loading.torque.max()) for loading in loadings)
     if reached > level.value:
-        doubts.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
+        warnings.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
     return PreslidingFit(
         direction=loadings[0].direction,
         **estimates,
@@ -119,7 +119,7 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
         bias_mean=mean,
         bias_spread=spread,
         loadings=tuple(loadings),
-        doubts=tuple(doubts),
+        warnings=tuple(warnings),
         uncertainty={"sigma_0": three},
     )
 
@@ -135,10 +135,10 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
     if n == 1:
-        return Estimate(value=middle, unit=unit("torque", kind), doubts=(Kind.SINGLE_RUN(),)), []
+        return Estimate(value=middle, unit=unit("torque", kind), warnings=(Kind.SINGLE_RUN(),)), []
     error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
     reach = student(n - 1) * error
-    doubts = [
+    warnings = [
         Kind.OUTLIER(file=loading.file, torque=value, runs=n, direction=direction, median=middle)
         for loading, value in zip(slid, torque.tolist(), strict=True)
         if n > 2 and abs(value - middle) > _OUTLIER * middle
@@ -148,7 +148,7 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
         unit=unit("torque", kind),
         standard_error=error,
         interval=(max(middle - reach, 0.0), middle + reach),
-    ), doubts
+    ), warnings
 
 
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> Level | None:
@@ -161,7 +161,7 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> Level 
     return None
 
 
-def _loop_doubts(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagnostic]:
+def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagnostic]:
     said = []
     few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
     if few:
@@ -180,7 +180,7 @@ def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: JointKind) -> Estim
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
         why = Kind.NO_STIFFNESS() if known else Kind.NO_INERTIA()
-        return Estimate(value=None, unit=unit("sigma_1", kind), doubts=(Kind.NO_SIGMA_1(why=why),))
+        return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(Kind.NO_SIGMA_1(why=why),))
     value, by_sigma_0, by_J = (
         float(x) for x in evaluate(functions.presliding_damping(), sigma_0.value, inertia.value, DAMPING_RATIO)
     )
@@ -188,5 +188,5 @@ def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: JointKind) -> Estim
         value=value,
         unit=unit("sigma_1", kind),
         standard_error=float(np.hypot(by_sigma_0 * (sigma_0.standard_error or 0.0), by_J * inertia.standard_error)),
-        doubts=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),),
+        warnings=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),),
     )

@@ -129,14 +129,14 @@ def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: 
         absent = Estimate(
             value=None,
             unit=unit("sigma_0", kind),
-            doubts=(Kind.NO_COUNTS(),),
+            warnings=(Kind.NO_COUNTS(),),
         )
         samples = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
         return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
     bias, spread = by_phase(pieces, value, quantum)
     error = float(np.sqrt(error**2 + by_level**2 + spread**2))
-    doubts = (Kind.COUNTS_BIAS(share=bias / value),) if abs(bias) > error else ()
-    samples = _estimate(value, error, freedom, kind, doubts)
+    warnings = (Kind.COUNTS_BIAS(share=bias / value),) if abs(bias) > error else ()
+    samples = _estimate(value, error, freedom, kind, warnings)
     value, error, freedom = by_edges(pieces)
     by_level = (by_edges(more)[0] - by_edges(less)[0]) / (2 * width) * level.standard_error
     return {
@@ -148,7 +148,7 @@ def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: 
 
 
 def _estimate(
-    value: float, error: float, freedom: float, kind: JointKind, doubts: tuple[Diagnostic, ...] = ()
+    value: float, error: float, freedom: float, kind: JointKind, warnings: tuple[Diagnostic, ...] = ()
 ) -> Estimate:
     reach = student(freedom) * error
     wrong = () if value > 0 else (Kind.NOT_POSITIVE(),)
@@ -157,7 +157,7 @@ def _estimate(
         unit=unit("sigma_0", kind),
         standard_error=error,
         interval=(max(value - reach, 0.0), value + reach),
-        doubts=(*doubts, *wrong),
+        warnings=(*warnings, *wrong),
     )
 
 
@@ -167,7 +167,7 @@ def _first_count(
     """(14), or its inverse, averaged over the loadings; the interval is that of a rest position anywhere in the count, and of noise in U."""
     T = np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
     if T.size == 0:
-        return Estimate(value=None, unit=unit("sigma_0", kind), doubts=(Kind.NOTHING_BELOW_G0(),))
+        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
     U = _unbent(T, g0)
     half = LEVEL / 2 if T.size == 1 else min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
     off = 1.96 * noise / float(np.sqrt(T.size))
@@ -177,7 +177,7 @@ def _first_count(
         value=float(np.mean(U if corrected else T)) / quantum,
         unit=unit("sigma_0", kind),
         interval=(low, high),
-        doubts=(Kind.WHOLE_COUNT(),),
+        warnings=(Kind.WHOLE_COUNT(),),
     )
 
 
@@ -247,5 +247,5 @@ def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: JointKind) -> Es
         value=None,
         unit=unit("sigma_0", kind),
         interval=(least, float("inf")),
-        doubts=(Kind.WITHIN_NOISE(edges=edges, least=least, unit=unit("sigma_0", kind)),),
+        warnings=(Kind.WITHIN_NOISE(edges=edges, least=least, unit=unit("sigma_0", kind)),),
     )

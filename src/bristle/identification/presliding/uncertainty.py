@@ -79,7 +79,7 @@ def stiffness_uncertainty(
         seed: of the bootstrap.
     """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
-        return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, doubts=estimate.doubts)
+        return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
     inverse = estimator == "samples"
     pieces = [of_loading(loading, level.value) for loading in loadings]
     quantum = max(loading.quantum for loading in loadings)
@@ -92,7 +92,7 @@ def stiffness_uncertainty(
     few = (Kind.SAMPLE_BLOCKS if inverse else Kind.EDGE_BLOCKS)(blocks=drawn.blocks)
     bootstrap = _pair(_natural(line.at(0.0)[0] + np.array(drawn.interval(0, error)), inverse=inverse))
     bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
-    doubts = interval_comparison.doubts(
+    warnings = interval_comparison.warnings(
         estimate.value,
         estimate.interval,
         profile,
@@ -100,7 +100,7 @@ def stiffness_uncertainty(
         few=few if drawn.blocks < ENOUGH else None,
     )
     if bootstrap_or_none is None:
-        doubts = (*doubts, Kind.NO_BOOTSTRAP(few=few, least=FEW))
+        warnings = (*warnings, Kind.NO_BOOTSTRAP(few=few, least=FEW))
     values, shown = _natural(curve[0], inverse=inverse), _natural(draws, inverse=inverse)
     order = np.argsort(values)
     return Uncertainty(
@@ -109,7 +109,7 @@ def stiffness_uncertainty(
         bootstrap=bootstrap_or_none,
         curve=np.stack([values, curve[1]])[:, order[np.isfinite(values[order])]],
         draws=np.zeros(0) if bootstrap_or_none is None else shown[np.isfinite(shown)][:SHOWN],
-        doubts=doubts,
+        warnings=warnings,
     )
 
 

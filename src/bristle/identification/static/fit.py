@@ -1,4 +1,4 @@
-"""From a static problem to a `StaticFit`: the grid's answer with intervals, doubts, and what stands beside it."""
+"""From a static problem to a `StaticFit`: the grid's answer with intervals, warnings, and what stands beside it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,10 +12,10 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
-from bristle.estimation.autocorrelation import residual_doubts
+from bristle.estimation.autocorrelation import residual_warnings
 from bristle.identification.results import Crosscheck, Estimate, HoldOut, Outcome, StaticFit, Uncertainty
 from bristle.identification.static.crosscheck import crosscheck
-from bristle.identification.static.doubts import huber_doubts
+from bristle.identification.static.fit_warnings import huber_warnings
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
@@ -81,7 +81,7 @@ def fit_static(
         solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
         timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
     if not checked.agrees:
-        beside = replace(beside, doubts=(*beside.doubts, checked.verdict))
+        beside = replace(beside, warnings=(*beside.warnings, checked.verdict))
     return {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}, {label: checked}
 
 
@@ -108,7 +108,7 @@ def _too_few(problem: Regression) -> Diagnostic | None:
 def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Diagnostic) -> StaticFit:
     extra = problem.linear_names[2 * len(problem.directions) :]
     names = (*Stribeck._fields, *(name.name for name in extra))
-    parameters = {name: Estimate(value=None, unit=unit(name, kind), doubts=(why,)) for name in names}
+    parameters = {name: Estimate(value=None, unit=unit(name, kind), warnings=(why,)) for name in names}
     return StaticFit(
         direction=direction,
         parameters=parameters,
@@ -116,7 +116,7 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
         relative_error=None,
         n=problem.torque.size,
         outcome=Outcome.TOO_FEW,
-        doubts=(why,),
+        warnings=(why,),
         velocity=problem.velocity if problem.smooth is None else np.zeros(0),
         torque=problem.torque if problem.smooth is None else np.zeros(0),
         segments=where.segments,
@@ -131,7 +131,7 @@ class _Beside:
     robust: Mapping[ParameterName, float]
     without: Mapping[ParameterName, Estimate]
     three: Mapping[ParameterName, Uncertainty]
-    doubts: tuple[Diagnostic, ...]
+    warnings: tuple[Diagnostic, ...]
 
 
 def _beside(
@@ -152,25 +152,25 @@ def _beside(
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
-    doubts = [
-        *huber_doubts(core.problem, core.parameters, robust, errors, weight, tuple(map(str, where.segments))),
-        *core.doubts,
+    warnings = [
+        *huber_warnings(core.problem, core.parameters, robust, errors, weight, tuple(map(str, where.segments))),
+        *core.warnings,
     ]
     without: Mapping[ParameterName, Estimate] = {}
     if (sticks := where.stick_slip).any():
         rest = problem.rows(np.logical_not(sticks))
-        doubts.append(Kind.STICK_SLIP_POINTS(sticking=int(sticks.sum()), points=sticks.size))
+        warnings.append(Kind.STICK_SLIP_POINTS(sticking=int(sticks.sum()), points=sticks.size))
         if nothing := _too_few(rest):
-            doubts.append(Kind.NOTHING_WITHOUT(inner=nothing))
+            warnings.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
             alone = infer(rest, options, kind, options.v_s_range or default_range(rest.velocity))
             without = alone.parameters
-            doubts += [Kind.WITHOUT_STICK_SLIP(inner=doubt) for doubt in alone.doubts]
+            warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], _equation_velocity(problem)[measured]
-    doubts += residual_doubts(residuals, velocity, where.time, where.position)
+    warnings += residual_warnings(residuals, velocity, where.time, where.position)
     three = three_ways(core, v_s_range)
-    return _Beside(plain=plain, robust=robust, without=without, three=three, doubts=tuple(doubts))
+    return _Beside(plain=plain, robust=robust, without=without, three=three, warnings=tuple(warnings))
 
 
 def _equation_velocity(problem: Regression) -> Array:
@@ -192,10 +192,10 @@ def _static_fit(
     )
     rows[rows.size - problem.priors :] = False
     own = [name for name in problem.names if not two or name.direction is part]
-    parameters = {name.name: _with_doubts(core.parameters[name], beside.three[name]) for name in own}
+    parameters = {name.name: _with_warnings(core.parameters[name], beside.three[name]) for name in own}
     if part != "shared" and part in core.dropped:
         missing = {
-            n: Estimate(value=None, unit=_unit_like(core, n, part), doubts=(core.dropped[part],))
+            n: Estimate(value=None, unit=_unit_like(core, n, part), warnings=(core.dropped[part],))
             for n in ("alpha_1", "v_s")
         }
         parameters |= missing
@@ -211,7 +211,7 @@ def _static_fit(
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
         outcome=_outcome(core, part, beside),
-        doubts=beside.doubts,
+        warnings=beside.warnings,
         hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],
@@ -230,10 +230,10 @@ def _static_fit(
     )
 
 
-def _with_doubts(estimate: Estimate, three: Uncertainty) -> Estimate:
-    """The estimate with what its three intervals let doubt."""
-    at_bound = any(doubt.kind is Kind.AT_BOUND for doubt in estimate.doubts)
-    return estimate if at_bound else replace(estimate, doubts=(*estimate.doubts, *three.doubts))
+def _with_warnings(estimate: Estimate, three: Uncertainty) -> Estimate:
+    """The estimate with the warnings of its three intervals."""
+    at_bound = any(warning.kind is Kind.AT_BOUND for warning in estimate.warnings)
+    return estimate if at_bound else replace(estimate, warnings=(*estimate.warnings, *three.warnings))
 
 
 def _outcome(core: Inferred, part: Direction, beside: _Beside) -> Outcome:

@@ -21,7 +21,7 @@ from bristle.model.parameters import INERTIA, Stribeck
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
-    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid: fits, cross-checks, doubts.
+    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid: fits, cross-checks, warnings.
 
     Raises InputError where a run lacks a signal, is too short, or its torque opposes its velocity.
     """

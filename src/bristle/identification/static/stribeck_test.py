@@ -1,4 +1,4 @@
-"""One static problem solved and judged: which Stribeck terms the data support, and an interval and its doubts on each parameter."""
+"""One static problem solved and judged: which Stribeck terms the data support, and an interval and its warnings on each parameter."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import best_column_p_value
 from bristle.identification.identifiability import SEEN
 from bristle.identification.results import Estimate, Outcome, Profile
-from bristle.identification.static.doubts import fit_doubts, is_closed
+from bristle.identification.static.fit_warnings import fit_warnings, is_closed
 from bristle.identification.static.grid import Solution, descended, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
@@ -43,7 +43,7 @@ class Inferred:
     covariance: Array
     freedom: float
     outcome: Outcome
-    doubts: tuple[Diagnostic, ...]
+    warnings: tuple[Diagnostic, ...]
     profiles: Mapping[Direction, Profile]
     dropped: Mapping[Direction, Diagnostic]
     """Directions without a Stribeck term, with the reason."""
@@ -53,7 +53,7 @@ class Inferred:
 
 
 def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float]) -> Inferred:
-    """Solve, drop the Stribeck terms that the data do not support, and put an interval and its doubts on each parameter."""
+    """Solve, drop the Stribeck terms that the data do not support, and put an interval and its warnings on each parameter."""
     solution, again = None, tuple[Diagnostic, ...]()
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
@@ -80,7 +80,7 @@ def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: 
     v_s = {
         d: found.intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
     }
-    doubts = fit_doubts(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, stretch)
+    warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, stretch)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return Inferred(
         problem=problem,
@@ -90,7 +90,7 @@ def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: 
         covariance=covariance,
         freedom=freedom,
         outcome=outcome,
-        doubts=(*dropped.values(), *doubts, *again),
+        warnings=(*dropped.values(), *warnings, *again),
         profiles=profiles,
         dropped=dropped,
         profiled=found,
@@ -202,20 +202,20 @@ def _estimates(
     for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
         plain_name = name.name
         low, high = intervals[name]
-        doubts: tuple[Diagnostic, ...] = ()
+        warnings: tuple[Diagnostic, ...] = ()
         if name in solution.at_bound:
-            doubts = (Kind.AT_BOUND(),)
+            warnings = (Kind.AT_BOUND(),)
         if plain_name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
-            doubts = (*doubts, Kind.ALPHA_1_OPEN())
+            warnings = (*warnings, Kind.ALPHA_1_OPEN())
         if plain_name == "v_s" and not is_closed((low, high)):
-            doubts = (*doubts, Kind.V_S_OPEN_BELOW() if low == 0 else Kind.V_S_OPEN_ABOVE())
+            warnings = (*warnings, Kind.V_S_OPEN_BELOW() if low == 0 else Kind.V_S_OPEN_ABOVE())
         standard_error = None if name in solution.at_bound or not np.isfinite(error) else float(error)
         out[name] = Estimate(
             value=float(value),
             unit=unit(plain_name, kind),
             standard_error=standard_error,
             interval=(float(low), float(high)),
-            doubts=doubts,
+            warnings=warnings,
         )
     return out
 

@@ -39,18 +39,18 @@ def three_ways(
     for name, value, low, high, draws in zip(names, found.solution.theta.tolist(), *drawn[:3], strict=True):
         at_bound, resampled = name in found.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
         covariance, profile = found.student[name], found.profiled.intervals[name]
-        doubts = interval_comparison.doubts(value, covariance, profile, resampled, at_bound=at_bound, few=few)
+        warnings = interval_comparison.warnings(value, covariance, profile, resampled, at_bound=at_bound, few=few)
         if at_bound:
-            doubts = (Kind.INTERVALS_AT_BOUND(),)
+            warnings = (Kind.INTERVALS_AT_BOUND(),)
         elif resampled is None:
-            doubts = (*doubts, Kind.NO_BLOCKS(least=FEW))
+            warnings = (*warnings, Kind.NO_BLOCKS(least=FEW))
         out[name] = Uncertainty(
             covariance=(0.0, covariance[1]) if at_bound else covariance,
             profile=profile,
             bootstrap=resampled,
             curve=_curve(found, name, value),
             draws=draws[np.isfinite(draws)][:SHOWN],
-            doubts=doubts,
+            warnings=warnings,
         )
     return out
 

@@ -1,4 +1,4 @@
-"""Beyond the paper's experiments: where adaptation ends over rate, amplitude and frequency, drifting friction, other controllers, sampling, doubt."""
+"""Beyond the paper: where adaptation ends over rate, amplitude and frequency, drift, other controllers, sampling, uncertainty."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -11,23 +11,23 @@ from bristle.page.wording import FITS
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
 
-def doubts(count: int) -> str:
-    """So many doubts, in words."""
-    return f"{count} doubt{'' if count == 1 else 's'}"
+def warnings(count: int) -> str:
+    """So many warnings, in words."""
+    return f"{count} warning{'' if count == 1 else 's'}"
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """How each fit of each joint ended, and how many doubts it leaves."""
+    """How each fit of each joint ended, and how many warnings it has."""
     for joint in joints:
         for direction, fit in joint.static.items():
-            yield f"{joint.name} {direction}: {fit.outcome} {doubts(len(fit.doubts))}."
+            yield f"{joint.name} {direction}: {fit.outcome} {warnings(len(fit.warnings))}."
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             yield (
-                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {doubts(len(moving.doubts))}."
+                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {warnings(len(moving.warnings))}."
             )
-        if joint.doubts:
-            yield f"{joint.name}: {doubts(len(joint.doubts))} about the joint as a whole."
+        if joint.warnings:
+            yield f"{joint.name}: {warnings(len(joint.warnings))} about the joint as a whole."
 
 
 def checks(joint: Joint) -> Iterator[str]:
@@ -65,4 +65,4 @@ def segments(measured: Measured) -> Iterator[str]:
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
     error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
     yield f"  {'kept    ' if s.accepted else 'rejected'} {s.start}-{s.stop}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
-    yield from (f"           {reason}" for reason in (*s.reasons, *s.doubts))
+    yield from (f"           {reason}" for reason in (*s.reasons, *s.warnings))

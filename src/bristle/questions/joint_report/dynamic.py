@@ -1,4 +1,4 @@
-"""What is said of moving runs, in sentences that page, text and figures share; and which doubts they leave."""
+"""What is said of moving runs, in sentences that page, text and figures share; and their warnings."""
 
 from collections.abc import Iterator
 
@@ -52,16 +52,16 @@ def agreement(joint: Joint) -> str:
     return f"{said}; the largest difference is {number(known[largest], 2)} standard errors ({symbol(largest)}){rest}."
 
 
-def doubts(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
-    """Every doubt about the moving runs with what it is about: of the fits, of single parameters, and of stages that differ."""
+def warnings(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
+    """Every warning about the moving runs with what it is about: of the fits, of single parameters, and of stages that differ."""
     for kind, fit in moving_fits(joint).items():
-        yield from fit_doubts(FITS[kind], fit)
+        yield from fit_warnings(FITS[kind], fit)
     for x in differing(joint):
         yield f"{x.parameter} of {x.stage} stage and moving runs", x.verdict
 
 
-def fit_doubts(where: str, fit: TrackingFit) -> Iterator[tuple[str, Diagnostic]]:
-    """Doubts about one fit, then those about one parameter alone."""
-    yield from ((where, doubt) for doubt in fit.doubts)
+def fit_warnings(where: str, fit: TrackingFit) -> Iterator[tuple[str, Diagnostic]]:
+    """Warnings about one fit, then those about one parameter alone."""
+    yield from ((where, warning) for warning in fit.warnings)
     for name, e in fit.parameters.items():
-        yield from ((f"{where} {name}", doubt) for doubt in e.doubts if doubt not in fit.doubts)
+        yield from ((f"{where} {name}", warning) for warning in e.warnings if warning not in fit.warnings)

@@ -8,19 +8,19 @@ from bristle.model.parameters import ParameterName, unit
 from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
 from bristle.questions.joint_report import dynamic_tables
-from bristle.questions.joint_report.dynamic import bias_text, biased, fit_doubts, reached
+from bristle.questions.joint_report.dynamic import bias_text, biased, fit_warnings, reached
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
 
 
 def summary(joint: Joint) -> list[dict[str, Any]]:
-    """As for a static fit: per fit its outcome and how many doubts there are; the estimates of the better one alone."""
+    """As for a static fit: per fit its outcome and how many warnings there are; the estimates of the better one alone."""
     return [
         {
             "direction": FITS[kind],
             "outcome": fit.outcome,
             "n": f"{fit.n} equations",
             "relative_error": fit.relative_error,
-            "doubts": len({doubt for _, doubt in fit_doubts("", fit)}),
+            "warnings": len({warning for _, warning in fit_warnings("", fit)}),
             "estimates": [
                 (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
                 for name, e in (fit.parameters if fit is joint.moving else {}).items()

@@ -11,11 +11,11 @@ from bristle.model.parameters import Direction, Lugre
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = ("joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "doubts", "source")
+COLUMNS = ("joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "warnings", "source")
 
 
 def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
-    """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, doubts (joined by `; `).
+    """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings (joined by `; `).
 
     What does not exist is nan; a bound that is open is infinite. Where anything but the static fits was found, a last column `source` says
     which stage a row comes from: `static`, `presliding`, and `joint` (all runs at once) or, without a joint fit, `tracking` (the moving runs alone).
@@ -49,8 +49,8 @@ def _row(joint: str, row: Known) -> tuple[object, ...]:
     e, (name, direction) = row.estimate, row.parameter
     lower, upper = (math.nan, math.nan) if e.interval is None else e.interval
     value, error = (math.nan if x is None else x for x in (e.value, e.standard_error))
-    doubts = "; ".join(map(str, e.doubts))
-    return joint, str(direction), name, value, e.unit, error, lower, upper, doubts, str(row.source)
+    warnings = "; ".join(map(str, e.warnings))
+    return joint, str(direction), name, value, e.unit, error, lower, upper, warnings, str(row.source)
 
 
 def with_truth(frame: "pd.DataFrame", joints: Sequence[Joint], place: int) -> "pd.DataFrame":

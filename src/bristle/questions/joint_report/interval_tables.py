@@ -41,23 +41,23 @@ def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
     found = [
         (
             joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
-            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(map(str, x.three.doubts)),
+            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(map(str, x.three.warnings)),
         )
         for joint in joints
         for x in rows(joint)
     ]  # fmt: skip  # one row, one line
-    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "doubts"]
+    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "warnings"]
     return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
 
 
 def section(joint: Joint) -> dict[str, Any]:
     """What the template names: a table per fit with each interval in one cell, by the fit's name, and which fits have none."""
-    columns = ["parameter", "value", *WAYS, "unit", "doubts"]
+    columns = ["parameter", "value", *WAYS, "unit", "warnings"]
     found: dict[str, list[tuple[Any, ...]]] = {}
     for x in rows(joint):
         name = str(ParameterName(x.parameter, Direction(x.direction)))
         ends = (span(getattr(x.three, way)) for way in WAYS)
-        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(map(str, x.three.doubts)))
+        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(map(str, x.three.warnings)))
         found.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
     tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
     return {

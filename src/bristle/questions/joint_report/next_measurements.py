@@ -1,4 +1,4 @@
-"""What to measure next: what would remove the doubts, in speeds and files that a user can set."""
+"""What to measure next: what would remove the warnings, in speeds and files that a user can set."""
 
 from collections.abc import Iterator
 
@@ -29,7 +29,7 @@ _CLEAR = 1.1
 
 
 def next_measurements(joint: Joint) -> tuple[str, ...]:
-    """Sentences that say which runs would help most, each with its range; empty where nothing is in doubt."""
+    """Sentences that say which runs would help most, each with its range; empty where there is nothing to warn of."""
     advice = [f"{named(d)}: {text}" for d, fit in joint.static.items() if d != "shared" for text in _of_fit(joint, fit)]
     sticking = sorted({s.file for s in joint.segments if s.stick_slip})
     if sticking:
@@ -61,7 +61,7 @@ def _of_moving(joint: Joint) -> Iterator[str]:
         open_ones = [symbol(name) for name in names if name in wide]
         if open_ones:
             yield f"The moving runs leave {' and '.join(open_ones)} open: {how}."
-    if fit.quantity == "torque" and any(doubt.kind is Kind.COUNT_BIAS for doubt in fit.doubts):
+    if fit.quantity == "torque" and any(warning.kind is Kind.COUNT_BIAS for warning in fit.warnings):
         yield "Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."
 
 

@@ -1,4 +1,4 @@
-"""What is said of presliding, in sentences that page, text and figures share; and which doubts it leaves."""
+"""What is said of presliding, in sentences that page, text and figures share; and its warnings."""
 
 import math
 from collections.abc import Iterator
@@ -43,15 +43,15 @@ def bias(fit: PreslidingFit, kind: Kind) -> str:
     return f"{on_edge:+.1f} % where the joint rests on a count edge; {anywhere} (one count is {count}; noise in the torque comes on top)."
 
 
-def doubts(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str, Diagnostic]]:
-    """Every doubt about one direction, with what it is about: those about the fit, then those about one estimate alone."""
+def warnings(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str, Diagnostic]]:
+    """Every warning about one direction, with what it is about: those about the fit, then those about one estimate alone."""
     named = {f"sigma_0 {name}": e for name, e in methods(fit).items()} | {"sigma_1": fit.sigma_1}
     where = f"presliding {direction(fit.direction)}"
-    yield from ((where, doubt) for doubt in fit.doubts)
+    yield from ((where, warning) for warning in fit.warnings)
     for name, e in {**named, **({"breakaway": breakaway} if breakaway else {})}.items():
-        yield from ((f"{where} {name}", doubt) for doubt in e.doubts if doubt not in fit.doubts)
+        yield from ((f"{where} {name}", warning) for warning in e.warnings if warning not in fit.warnings)
 
 
-def whole_doubts(joint: Joint) -> tuple[Diagnostic, ...]:
-    """Doubts about the presliding runs as a whole."""
-    return joint.presliding.doubts if joint.presliding else ()
+def whole_warnings(joint: Joint) -> tuple[Diagnostic, ...]:
+    """Warnings about the presliding runs as a whole."""
+    return joint.presliding.warnings if joint.presliding else ()

@@ -7,19 +7,19 @@ from bristle.model.parameters import unit
 from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, measured, pretty, span
 from bristle.questions.joint_report import tables
-from bristle.questions.joint_report.presliding import bias, choice, doubts
+from bristle.questions.joint_report.presliding import bias, choice, warnings
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
 
 
 def summary(joint: Joint) -> list[dict[str, Any]]:
-    """As for a static fit: per direction which sigma_0 to use, the estimates, and how many doubts there are."""
+    """As for a static fit: per direction which sigma_0 to use, the estimates, and how many warnings there are."""
     slow = joint.presliding
     return [
         {
             "direction": f"presliding {direction(d)}",
             "outcome": choice(fit),
             "relative_error": None,
-            "doubts": len({doubt for _, doubt in doubts(fit, slow.breakaway.get(d))}),
+            "warnings": len({warning for _, warning in warnings(fit, slow.breakaway.get(d))}),
             "estimates": [
                 (name, measured(e.value, e.standard_error), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (("sigma_0", fit.sigma_0, ""), ("sigma_1", fit.sigma_1, " (a prior)"))
@@ -68,5 +68,5 @@ def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
         "sigma_1": None
         if prior.value is None
         else f"{measured(prior.value, prior.standard_error)} {pretty(prior.unit)}",
-        "prior": prior.doubts,
+        "prior": prior.warnings,
     }

@@ -45,7 +45,7 @@ from bristle.identification.results_schema import (
     UncertaintyJson,
 )
 from bristle.questions.joint_report.frame import to_frame
-from bristle.questions.joint_report.presliding import bias_known, whole_doubts
+from bristle.questions.joint_report.presliding import bias_known, whole_warnings
 from bristle.questions.joint_report.text import fit_report
 
 __all__ = ["fit_report", "schema", "to_frame", "to_json"]
@@ -60,7 +60,7 @@ def schema() -> dict[str, Any]:
 def to_json(joints: Sequence[Joint]) -> str:
     """`results.json` of schema bristle-results/1.
 
-    Floats keep every digit; an infinite bound is the string "inf" or "-inf"; what does not exist is null, with a doubt that says so.
+    Floats keep every digit; an infinite bound is the string "inf" or "-inf"; what does not exist is null, with a warning that says so.
     """
     results = ResultsJson(
         schema="bristle-results/1",
@@ -87,9 +87,9 @@ def _interval(ends: tuple[float, float] | None) -> tuple[Bound, Bound] | None:
     return None if ends is None or any(map(math.isnan, ends)) else (_bound(ends[0]), _bound(ends[1]))
 
 
-def _said(doubts: Iterable[Diagnostic], **values: object) -> list[str]:
-    """The doubts; and, where something is missing and no doubt says so, one that does."""
-    said = list(map(str, doubts))
+def _said(warnings: Iterable[Diagnostic], **values: object) -> list[str]:
+    """The warnings; and, where something is missing and no warning says so, one that does."""
+    said = list(map(str, warnings))
     missing = [name.replace("_", " ") for name, value in values.items() if value is None]
     return said or [f"There is no {name}: these data give none." for name in missing]
 
@@ -97,8 +97,8 @@ def _said(doubts: Iterable[Diagnostic], **values: object) -> list[str]:
 def _parameter(e: Estimate) -> ParameterJson:
     value, error = _finite(e.value), _finite(e.standard_error)
     interval = _interval(e.interval)
-    doubts = _said(e.doubts, value=value, standard_error=error, interval=interval)
-    return ParameterJson(value=value, unit=e.unit, standard_error=error, interval=interval, doubts=doubts)
+    warnings = _said(e.warnings, value=value, standard_error=error, interval=interval)
+    return ParameterJson(value=value, unit=e.unit, standard_error=error, interval=interval, doubts=warnings)
 
 
 def _fit(fit: StaticFit) -> FitJson:
@@ -109,7 +109,7 @@ def _fit(fit: StaticFit) -> FitJson:
         relative_error=relative,
         n=fit.n,
         outcome=fit.outcome.value,
-        doubts=_said(fit.doubts, rms=rms, relative_error=relative),
+        doubts=_said(fit.warnings, rms=rms, relative_error=relative),
         hold_out=_hold_out(fit.hold_out),
         degrees_of_freedom=fit.dof,
         free=list(fit.names),
@@ -125,7 +125,7 @@ def _three_ways(found: Mapping[Any, Uncertainty]) -> dict[str, UncertaintyJson]:
     return {
         str(name): UncertaintyJson(
             **{way: _interval(getattr(x, way)) for way in ("covariance", "profile", "bootstrap")},
-            doubts=list(map(str, x.doubts)),
+            doubts=list(map(str, x.warnings)),
         )
         for name, x in found.items()
     }
@@ -171,7 +171,7 @@ def _presliding(fit: PreslidingFit, breakaway: Estimate | None) -> PreslidingJso
         counts=fit.counts,
         bias=BiasJson(on_edge=on_edge, mean=mean, spread=spread),
         breakaway=None if breakaway is None else _parameter(breakaway),
-        doubts=_said(fit.doubts, bias=on_edge, standard_error_of_the_level=error),
+        doubts=_said(fit.warnings, bias=on_edge, standard_error_of_the_level=error),
         uncertainty=_three_ways(fit.uncertainty),
     )
 
@@ -185,7 +185,7 @@ def _tracking(fit: TrackingFit) -> TrackingJson:
         relative_error=relative,
         n=fit.n,
         outcome=str(fit.outcome),
-        doubts=_said(fit.doubts, rms=rms, relative_error=relative),
+        doubts=_said(fit.warnings, rms=rms, relative_error=relative),
         hold_out=_hold_out(fit.hold_out),
         starts=fit.starts,
         reached=fit.reached,
@@ -264,7 +264,7 @@ def _segment(s: Segment) -> SegmentJson:
         standard_error=error,
         accepted=s.accepted,
         reasons=list(map(str, s.reasons)),
-        doubts=_said(s.doubts, standard_error=error),
+        doubts=_said(s.warnings, standard_error=error),
         stick_slip=s.stick_slip,
         labels=dict(s.labels),
     )
@@ -277,7 +277,7 @@ def _joint(joint: Joint) -> JointJson:
         simulated=joint.simulated,
         assumptions=list(joint.assumptions),
         settings=dict(joint.settings),
-        doubts=list(map(str, (*joint.doubts, *whole_doubts(joint)))),
+        doubts=list(map(str, (*joint.warnings, *whole_warnings(joint)))),
         truth={d: _all_finite(p._asdict()) for d, p in joint.truth.items()},
         static={d: _fit(fit) for d, fit in joint.static.items()},
         crosscheck={d: _crosscheck(check, d) for d, check in joint.crosscheck.items()},

@@ -23,10 +23,10 @@ from bristle.questions.joint_report import (
 )
 from bristle.questions.joint_report.curves import band
 from bristle.questions.joint_report.dynamic import agreement
-from bristle.questions.joint_report.dynamic import doubts as moving_doubts
+from bristle.questions.joint_report.dynamic import warnings as moving_warnings
 from bristle.questions.joint_report.dynamic_tables import table_1
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.presliding import doubts, whole_doubts
+from bristle.questions.joint_report.presliding import warnings, whole_warnings
 
 
 def page(
@@ -67,7 +67,7 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "uncertainty": interval_tables.section(joint),
         "complete": _complete(joint),
         "shared": _shared(joint),
-        "doubts": _doubts(joint),
+        "warnings": _warnings(joint),
         "next": next_measurements(joint),
         "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > MOST_POINTS,
         "most_points": MOST_POINTS,
@@ -83,7 +83,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
             "outcome": fit.outcome.value,
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
-            "doubts": len(fit.doubts),
+            "warnings": len(fit.warnings),
             "estimates": [
                 (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
                 for name, e in fit.parameters.items()
@@ -158,27 +158,27 @@ def _shared(joint: Joint) -> dict[str, Any]:
     return {"extra": extra, "shared": "shared" in joint.static}
 
 
-def _doubts(joint: Joint) -> list[tuple[str, str]]:
-    """Each doubt once, with what it is about."""
+def _warnings(joint: Joint) -> list[tuple[str, str]]:
+    """Each warning once, with what it is about."""
     found: dict[str, list[str]] = {}
-    for where, doubt in _all_doubts(joint):
-        found.setdefault(str(doubt), []).append(where)
+    for where, warning in _all_warnings(joint):
+        found.setdefault(str(warning), []).append(where)
     return [(", ".join(dict.fromkeys(where)), sentence) for sentence, where in found.items()]
 
 
-def _all_doubts(joint: Joint) -> Iterable[tuple[str, Diagnostic]]:
-    yield from (("", doubt) for doubt in joint.doubts)
+def _all_warnings(joint: Joint) -> Iterable[tuple[str, Diagnostic]]:
+    yield from (("", warning) for warning in joint.warnings)
     for d, fit in joint.static.items():
-        yield from ((direction(d), doubt) for doubt in fit.doubts)
-        yield from _parameter_doubts(d, fit)
+        yield from ((direction(d), warning) for warning in fit.warnings)
+        yield from _parameter_warnings(d, fit)
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
-        yield from doubts(slow, joint.presliding.breakaway.get(d) if joint.presliding else None)
-    yield from (("presliding", doubt) for doubt in whole_doubts(joint))
-    yield from moving_doubts(joint)
-    yield from ((f"{s.file} rows {s.start}-{s.stop}", doubt) for s in joint.segments for doubt in s.doubts)
+        yield from warnings(slow, joint.presliding.breakaway.get(d) if joint.presliding else None)
+    yield from (("presliding", warning) for warning in whole_warnings(joint))
+    yield from moving_warnings(joint)
+    yield from ((f"{s.file} rows {s.start}-{s.stop}", warning) for s in joint.segments for warning in s.warnings)
 
 
-def _parameter_doubts(d: str, fit: StaticFit) -> Iterable[tuple[str, Diagnostic]]:
-    said = set(fit.doubts)
+def _parameter_warnings(d: str, fit: StaticFit) -> Iterable[tuple[str, Diagnostic]]:
+    said = set(fit.warnings)
     for name, e in fit.parameters.items():
-        yield from ((f"{direction(d)} {name}", doubt) for doubt in e.doubts if doubt not in said)
+        yield from ((f"{direction(d)} {name}", warning) for warning in e.warnings if warning not in said)

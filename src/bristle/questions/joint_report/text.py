@@ -29,7 +29,7 @@ _CORRELATED = 0.5
 
 
 def fit_report(joints: Sequence[Joint]) -> str:
-    """Per joint and direction: outcome, statistics, parameters with errors and 95 % intervals, correlations, doubts, cross-check.
+    """Per joint and direction: outcome, statistics, parameters with errors and 95 % intervals, correlations, warnings, cross-check.
 
     Then presliding, moving runs, and whether the stages agree.
     """
@@ -38,7 +38,7 @@ def fit_report(joints: Sequence[Joint]) -> str:
 
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
-    yield from _sentences("doubt", joint.doubts)
+    yield from _sentences(joint.warnings)
     for direction, fit in joint.static.items():
         yield from _fit(direction, fit)
         if direction in joint.crosscheck:
@@ -66,7 +66,7 @@ def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
     yield from _parameters("parameters", fit.parameters)
     yield from _correlations(fit.names, fit.covariance)
     yield from _parameters("without the points that stick and slip", fit.without_stick_slip)
-    yield from _sentences("doubt", fit.doubts)
+    yield from _sentences(fit.warnings)
 
 
 def _parameters(title: str, parameters: Mapping[Any, Estimate]) -> Iterator[str]:
@@ -75,7 +75,7 @@ def _parameters(title: str, parameters: Mapping[Any, Estimate]) -> Iterator[str]
     yield f"    [[{title}]]"
     for name, e in parameters.items():
         yield f"      {f'{name}:':<13}{_estimate(e)}"
-        yield from (f"        ({printable(str(doubt))})" for doubt in e.doubts)
+        yield from (f"        ({printable(str(warning))})" for warning in e.warnings)
 
 
 def _estimate(e: Estimate) -> str:
@@ -114,9 +114,9 @@ def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
     for d, fit in slow.fits.items():
         yield from _slow(joint, fit, slow.breakaway.get(d))
     yield from _hysteresis(joint, slow.loops)
-    if slow.doubts:
+    if slow.warnings:
         yield "  [[presliding as a whole]]"
-    yield from _sentences("doubt", slow.doubts)
+    yield from _sentences(slow.warnings)
 
 
 def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[str]:
@@ -127,12 +127,12 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
-        yield from (f"        ({printable(str(doubt))})" for doubt in breakaway.doubts)
+        yield from (f"        ({printable(str(warning))})" for warning in breakaway.warnings)
     yield from _parameters(
         "sigma_0", {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
     )
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1})
-    yield from _sentences("doubt", fit.doubts)
+    yield from _sentences(fit.warnings)
 
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
@@ -147,7 +147,7 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
     yield from _parameters("parameters", fit.parameters)
     yield from _count_bias(fit)
     yield from _correlations(fit.names, fit.covariance)
-    yield from _sentences("doubt", fit.doubts)
+    yield from _sentences(fit.warnings)
     if fit.check:
         yield from _check(fit.check, "this fit")
 
@@ -188,8 +188,8 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
         yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {x.counts} counts"
 
 
-def _sentences(label: str, doubts: Sequence[Diagnostic]) -> Iterator[str]:
-    yield from (f"    {label}: {printable(str(doubt))}" for doubt in doubts)
+def _sentences(warnings: Sequence[Diagnostic]) -> Iterator[str]:
+    yield from (f"    {warning.severity}: {printable(str(warning))}" for warning in warnings)
 
 
 def _torque_unit(fit: StaticFit) -> str:

@@ -8,8 +8,8 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.bootstrap import resample
-from bristle.identification.static.doubts import is_closed
 from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.fit_warnings import is_closed
 from bristle.identification.static.grid import solve
 from bristle.identification.static.problem import from_points
 from bristle.questions.method_validation import solvers as methods

@@ -17,7 +17,7 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.identification.results import Estimate
 from bristle.model.parameters import ParameterName
-from bristle.questions.session_comparison.explain import doubts, hints, incomparable, sentence, verdict
+from bristle.questions.session_comparison.explain import hints, incomparable, sentence, verdict, warnings
 from bristle.questions.session_comparison.results import (
     Change,
     Comparison,
@@ -66,7 +66,7 @@ def compare(first: Session, second: Session) -> Comparison:
         kinds={name: first[name].kind for name in shared},
         sentence=sentence(changes, sets),
         hints=tuple(hints(changes)),
-        doubts=tuple(doubts(first, second, shared)),
+        warnings=tuple(warnings(first, second, shared)),
         simulated=any(session[name].simulated for session in (first, second) for name in shared),
     )
 

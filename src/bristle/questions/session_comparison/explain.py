@@ -138,17 +138,17 @@ def _hints_of(own: Sequence[Change]) -> Iterator[str]:
             yield f"{name} {how}{everywhere}; {cause} may do that."
 
 
-def doubts(first: Session, second: Session, shared: Sequence[str]) -> Iterator[str]:
+def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[str]:
     """What limits the comparison."""
     for which, session, other in (("first", first, second), ("second", second, first)):
         alone = [name for name in session if name not in other]
         if alone:
             yield f"In the {which} session alone: {', '.join(alone)}."
     for name in shared:
-        yield from (f"{name}: {said}" for said in _doubts_of(first[name], second[name]))
+        yield from (f"{name}: {said}" for said in _warnings_of(first[name], second[name]))
 
 
-def _doubts_of(a: SessionJoint, b: SessionJoint) -> Iterator[str]:
+def _warnings_of(a: SessionJoint, b: SessionJoint) -> Iterator[str]:
     same = len(set(a.inputs) & set(b.inputs))
     if same:
         of = max(len(set(a.inputs)), len(set(b.inputs)))

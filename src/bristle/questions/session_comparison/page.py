@@ -143,7 +143,7 @@ def _text(compared: Comparison) -> Iterator[str]:
             for x in compared.sets
             if x.joint == joint
         )
-    yield from (f"doubt: {x}" for x in compared.doubts)
+    yield from (f"warning: {x}" for x in compared.warnings)
     yield compared.sentence
     yield from (f"perhaps: {x}" for x in compared.hints)
 

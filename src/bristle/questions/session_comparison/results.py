@@ -109,7 +109,7 @@ class Comparison:
     sentence: str
     hints: tuple[str, ...]
     """What such changes may come from: guesses."""
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     simulated: bool
 
 

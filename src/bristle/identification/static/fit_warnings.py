@@ -14,7 +14,7 @@ from bristle.identification.static.problem import Regression
 from bristle.model.parameters import Direction, ParameterName
 
 
-def fit_doubts(
+def fit_warnings(
     problem: Regression,
     solution: Solution,
     jacobian: Array,
@@ -23,7 +23,7 @@ def fit_doubts(
     v_s_range: tuple[float, float],
     stretch: float,
 ) -> tuple[Diagnostic, ...]:
-    """Each doubt about a fit as a whole.
+    """Each warning about a fit as a whole.
 
     Args:
         problem: as it was fitted.
@@ -34,9 +34,9 @@ def fit_doubts(
         v_s_range: that was searched, rad/s.
         stretch: inflation of the variance by correlated residuals.
     """
-    doubts = [Kind.BOUND(name=problem.text(name)) for name in solution.at_bound]
+    warnings = [Kind.BOUND(name=problem.text(name)) for name in solution.at_bound]
     for direction, profile in profiles.items():
-        doubts += _profile_doubts(direction, profile, intervals[direction], v_s_range)
+        warnings += _profile_warnings(direction, profile, intervals[direction], v_s_range)
         speed = np.abs(
             problem.velocity[problem.velocity * (-1 if direction == "-" else 1) > 0]
             if direction != "both"
@@ -44,35 +44,35 @@ def fit_doubts(
         )
         below = np.count_nonzero(speed < profile.best)
         if below < 3:
-            doubts.append(Kind.FEW_BELOW_V_S(below=below, points=speed.size, direction=direction))
+            warnings.append(Kind.FEW_BELOW_V_S(below=below, points=speed.size, direction=direction))
     condition = covariance.condition(jacobian)
     if condition > 1e3:
-        doubts.append(Kind.ILL_CONDITIONED(condition=condition))
+        warnings.append(Kind.ILL_CONDITIONED(condition=condition))
     if stretch > 2:
         residuals = problem.residuals(solution.theta)
-        doubts.append(Kind.CORRELATED(lag_one=lag_one(residuals), widened=np.sqrt(stretch)))
-    return tuple(doubts)
+        warnings.append(Kind.CORRELATED(lag_one=lag_one(residuals), widened=np.sqrt(stretch)))
+    return tuple(warnings)
 
 
-def _profile_doubts(
+def _profile_warnings(
     direction: str, profile: Profile, interval: tuple[float, float], v_s_range: tuple[float, float]
 ) -> list[Diagnostic]:
-    doubts = []
+    warnings = []
     if interval[0] == 0 and np.isinf(interval[1]):
-        doubts.append(Kind.FLAT_PROFILE(direction=direction))
+        warnings.append(Kind.FLAT_PROFILE(direction=direction))
     elif not is_closed(interval):
         side = "below" if interval[0] == 0 else "above"
-        doubts.append(Kind.ONE_SIDED_PROFILE(direction=direction, side=side))
+        warnings.append(Kind.ONE_SIDED_PROFILE(direction=direction, side=side))
     if not v_s_range[0] * 1.001 < profile.best < v_s_range[1] / 1.001:
-        doubts.append(Kind.AT_EDGE(direction=direction, low=v_s_range[0], high=v_s_range[1]))
+        warnings.append(Kind.AT_EDGE(direction=direction, low=v_s_range[0], high=v_s_range[1]))
     inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
     inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
     seconds = profile.v_s[inner & (profile.cost <= profile.threshold)]
-    doubts += [Kind.SECOND_MINIMUM(direction=direction, v_s=s) for s in seconds]
-    return doubts
+    warnings += [Kind.SECOND_MINIMUM(direction=direction, v_s=s) for s in seconds]
+    return warnings
 
 
-def huber_doubts(
+def huber_warnings(
     problem: Regression,
     parameters: Mapping[ParameterName, Estimate],
     robust: Mapping[ParameterName, float],
