@@ -24,7 +24,7 @@ from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.stribeck_test import infer
 from bristle.identification.static.uncertainty import three_ways
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.simulation import bench, edro
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
@@ -162,7 +162,7 @@ def _by_stage(joint: Joint, sign: str) -> Iterator[tuple[str, str, Estimate]]:
         yield "samples", "sigma_0", joint.presliding.fits[sign].samples
     for stage, fit in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
         if fit is not None:
-            yield from ((stage, name, fit.parameters[ParameterName.parse(name + sign)]) for name in Lugre._fields)
+            yield from ((stage, name, fit.parameters[ParameterName(name, Direction(sign))]) for name in Lugre._fields)
 
 
 def _joints(seeds: int) -> Iterator[Joint]:
