@@ -112,13 +112,14 @@ def designs(repetitions: int) -> None:
         for _ in range(repetitions):
             torque = bench.steady_points(P, velocities, noise, rng, 1)[0]
             found = infer(from_points(velocities, torque, ("+",)), FitOptions(), "revolute", v_s_range)
-            if "v_s" not in found.parameters:
+            v_s = found.parameters.get(ParameterName("v_s", Direction.POSITIVE))
+            if v_s is None:
                 continue
-            errors.append(found.parameters["v_s"].standard_error or np.inf)
+            errors.append(v_s.standard_error or np.inf)
             for name, three in three_ways(found, v_s_range).items():
                 for way in WAYS:
                     low, high = getattr(three, way) or (-np.inf, np.inf)
-                    hits[way][name] += low <= getattr(P, name) <= high
+                    hits[way][name.name] += low <= getattr(P, name.name) <= high
         spread = 100 * float(np.median(errors)) / P.v_s
         for way in WAYS:
             _row(

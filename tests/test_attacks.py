@@ -9,8 +9,6 @@ import pytest
 
 from bristle.data.units import to_si
 from bristle.errors import InputError
-from bristle.questions.experiment_design.references import hold_reference
-from bristle.simulation.references import Hold
 
 from .conftest import run
 from .fuzz.inputs import logs
@@ -148,8 +146,16 @@ def test_a_unit_has_no_error() -> None:
         to_si("1 kg*m**2 +/- 0 kg*m**2", "kg*m**2")
 
 
-def test_a_reference_has_a_length_that_can_be_played() -> None:
-    """A hold that would take more samples than a drive is given is refused, and no memory is asked for it."""
-    hold = Hold(run=1, velocity=1e-9, ramp=1.0, run_in=1e9, averaged=1.0)
-    with pytest.raises(InputError, match=r"takes 1e\+09 s, 1.0e\+11 samples; expected at most 1e\+07"):
-        hold_reference(hold, 0.0, 0.01)
+@pytest.mark.parametrize(
+    "options",
+    [
+        "position: [0 rad, 1e5 rad]",
+        "hold: 1e6 s, position: [-1e7 rad, 1e7 rad]",
+        "rate: 100 kHz",
+        "acceleration: 1e-6 rad/s**2, position: [-1e7 rad, 1e7 rad]",
+    ],
+)
+def test_a_plan_has_a_length_that_can_be_played(here: Path, options: str) -> None:
+    """References of more samples than are written are refused before any is sampled: a long way, long holds, a fast rate, slow starts."""
+    (here / "e.yaml").write_text(f"{POINTS}plan: {{{options}}}\n", encoding="utf-8")
+    refused("plan", "e.yaml", "-o", "next.csv", "--velocities", 4, says="a plan within these limits takes ")

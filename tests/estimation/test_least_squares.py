@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 from bristle.arrays import Array
 from bristle.estimation.bootstrap import bootstrap_at
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
-from bristle.estimation.covariance import covariance, covariance_at, student
+from bristle.estimation.covariance import covariance, student
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
-from bristle.estimation.multistart import solve_from_starts
+from bristle.estimation.multistart import MultistartSolution, solve_from_starts
 from bristle.estimation.problem import Block, LeastSquares, Unknowns
 from bristle.estimation.profile_likelihood import profile_threshold, profiles
 
@@ -57,10 +57,15 @@ def decay(measured: Array) -> LeastSquares[str]:
     return LeastSquares(unknowns=known, evaluate=evaluate)
 
 
-def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> Minimum:
-    """The minimum near some values."""
+def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> MultistartSolution[str]:
+    """The solution near some values."""
     own = problem.unknowns
-    return minimise(problem.evaluate, own.scaled(values), own.lower, own.upper, settled=1e-14)
+
+    def solve(at: Mapping[str, float], most: int) -> tuple[LeastSquares[str], Minimum]:
+        """The problem and its minimum."""
+        return problem, minimise(problem.evaluate, own.scaled(at), own.lower, own.upper, most, settled=1e-14)
+
+    return solve_from_starts(solve, [values], [], lambda posed, minimum: (posed, minimum))
 
 
 @given(values=st.tuples(st.floats(-1e3, 1e3), st.floats(1e-6, 1e6)))
@@ -79,16 +84,16 @@ def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((3000, 2))
     problem = line(columns @ [1.0, -2.0] + rng.standard_normal(3000), columns)
-    minimum = solved(problem, {"a": 0.0, "b": 0.0})
-    errors, matrix, freedom, widening = covariance_at(problem, minimum)
-    textbook, _ = covariance(columns, minimum.cost)
+    solution = solved(problem, {"a": 0.0, "b": 0.0})
+    matrix, freedom = solution.covariance, solution.freedom
+    textbook, _ = covariance(columns, solution.minimum.cost)
     assert matrix == pytest.approx(textbook, rel=0.1, abs=0.1 * np.sqrt(textbook.diagonal().prod()))
-    assert widening == pytest.approx(1.0, abs=0.1)
-    found, better = profiles(problem, minimum, errors, freedom)
-    drawn, _ = bootstrap_at(problem, minimum, errors)
+    assert solution.stretch == pytest.approx(1.0, abs=0.1)
+    found, better = profiles(solution)
+    drawn, _ = bootstrap_at(solution)
     assert better is None
     for j, name in enumerate(problem.unknowns.names):
-        value, reach = problem.unknowns.values(minimum.x)[name], student(freedom) * np.sqrt(matrix[j, j])
+        value, reach = solution.values[name], student(freedom) * np.sqrt(matrix[j, j])
         assert found[name].interval == pytest.approx((value - reach, value + reach), abs=1e-5 * reach)
         assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
 
@@ -97,9 +102,10 @@ def test_a_profile_followed_and_a_conditional_one_are_the_same() -> None:
     """The size of a decay is linear once its rate is given: both routes end where the least cost over the rate is the threshold."""
     measured = 2.0 * np.exp(-1.5 * TIME) + 0.2 * np.random.default_rng(1).standard_normal(TIME.size)
     problem = decay(measured)
-    minimum = solved(problem, {"size": 1.0, "rate": 1.0})
+    solution = solved(problem, {"size": 1.0, "rate": 1.0})
+    minimum = solution.minimum
     plain, freedom = covariance(minimum.jacobian, minimum.cost)
-    followed, _ = profiles(problem, minimum, np.sqrt(plain.diagonal()), freedom)
+    followed, _ = profiles(solution._replace(scaled_errors=np.sqrt(plain.diagonal()), freedom=freedom))
 
     def at(log_rate: Array) -> Conditional:
         """The size at rates, (1, K, 1)."""
@@ -140,10 +146,10 @@ def test_blocks_that_err_together_widen_the_jackknife() -> None:
     one = line(offsets, np.ones((1000, 1)))
     blocks = tuple(Block(slice(25 * k, 25 * k + 25), []) for k in range(40))
     problem = LeastSquares(unknowns=one.unknowns, evaluate=one.evaluate, blocks=blocks, independent=True)
-    found = covariance_at(problem, solved(problem, {"a": 1.0}))
-    assert np.sqrt(found.matrix[0, 0]) == pytest.approx(offsets.std() / np.sqrt(39), rel=1e-6)
+    found = solved(problem, {"a": 1.0})
+    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(offsets.std() / np.sqrt(39), rel=1e-6)
     assert found.freedom == 39
-    assert found.widening == pytest.approx(5.0, rel=0.05)
+    assert found.stretch == pytest.approx(5.0, rel=0.05)
 
 
 def test_the_lowest_of_several_minima_is_kept() -> None:

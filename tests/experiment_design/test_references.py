@@ -34,7 +34,7 @@ def played(velocities: list[float], limits: Limits, deflection: float) -> list[P
     found, at = [], sum(limits.position) / 2
     for where, hold in reference.ordered(holds, limits):
         found += [
-            reference.move_reference(at, where, limits, STEP),
+            reference.move_reference(reference.move_within(at, where, limits), STEP),
             reference.hold_reference(hold, where, STEP),
         ]
         at = where + hold.travel

@@ -1,5 +1,6 @@
 """Inputs that a hostile or an unlucky user gives: experiment files, logs and results, well formed in part, as Hypothesis strategies."""
 
+import copy
 import io
 import json
 from collections.abc import Mapping
@@ -334,7 +335,7 @@ def results(draw: Draw, whole: str) -> bytes:
             key = draw(st.sampled_from(keys))
             if not isinstance(node[key], dict | list) or draw(st.integers(0, 9)) == 0:
                 if draw(st.booleans()):
-                    node[key] = draw(JSON)
+                    node[key] = copy.deepcopy(draw(JSON))  # a later mutation must not reach what others draw
                 elif isinstance(node, dict):
                     node[draw(NAMES)] = node.pop(key)
                 else:

@@ -12,7 +12,9 @@ from bristle.estimation.bootstrap import residual_bootstrap, variances_differ
 from bristle.identification.static.bootstrap import StaticDraws, resample
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
+from bristle.model.parameters import Direction
 
+from ..names import parse
 from .conftest import GRIPPER, curve
 
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
@@ -34,7 +36,12 @@ def location(torque: Array) -> Regression:
     velocity = np.full(torque.size, 1.0)
     columns = np.ones((torque.size, 1))
     return Regression(
-        directions=("both",), peaks=(), velocity=velocity, torque=torque, linear=columns, linear_names=("offset",)
+        directions=(Direction.BOTH,),
+        peaks=(),
+        velocity=velocity,
+        torque=torque,
+        linear=columns,
+        linear_names=(parse("offset"),),
     )
 
 

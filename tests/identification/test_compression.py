@@ -11,7 +11,9 @@ from bristle.data.record import Record
 from bristle.identification.static.compression import reduced
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
+from bristle.model.parameters import Direction
 
+from ..names import parse
 from .conftest import GRIPPER, curve
 
 
@@ -28,7 +30,7 @@ def moving(directions: tuple[str, ...], *, decimation: int = 10, weighted: bool 
     if weighted:
         problem = problem.weighted(rng.uniform(0.2, 1, problem.torque.size))
     name = "alpha_0" if len(directions) == 1 else "alpha_0-"
-    return problem if weighted else with_prior(problem, name, 0.02, 1e-3, 5e-4)
+    return problem if weighted else with_prior(problem, parse(name), 0.02, 1e-3, 5e-4)
 
 
 CASES = {
@@ -87,8 +89,8 @@ def test_one_speed_is_enough() -> None:
     raw = from_points(velocity, curve(velocity, GRIPPER), ("both",))
     smooth = sparse.csr_array(sparse.kron(sparse.eye_array(40), np.full((1, 10), 0.1)))
     problem = Regression(
-        directions=("both",), peaks=("both",), velocity=velocity, torque=smooth @ raw.torque, linear=smooth @ raw.linear,
-        linear_names=raw.linear_names, smooth=smooth,
+        directions=(Direction.BOTH,), peaks=(Direction.BOTH,), velocity=velocity, torque=smooth @ raw.torque,
+        linear=smooth @ raw.linear, linear_names=raw.linear_names, smooth=smooth,
     )  # fmt: skip  # a list of fields
     theta = np.array([0.01, 0.02, 0.003, 0.1])
     expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, reduced(problem, (0.1, 0.3))))

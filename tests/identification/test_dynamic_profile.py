@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
-from bristle.estimation.profile_likelihood import Profiled, profiles
+from bristle.estimation.profile_likelihood import profiles
 from bristle.identification.dynamic.fit import Tracked, fit_tracking
 from bristle.identification.dynamic.multistart import judge
 from bristle.identification.dynamic.problem import Motion, Prior, Tracking, Unknown, Values, tracking, with_priors
@@ -20,7 +20,6 @@ from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.results import Estimate, TrackingFit
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
-from bristle.progress import Progress
 
 from ..names import named, parse
 from .conftest import GRIPPER
@@ -101,12 +100,6 @@ def solved(problem: Tracking, start: Values) -> Tracked:
     return Tracked(found, problem, judged.values, judged)
 
 
-def profile_moving(found: Tracked, progress: Progress | None = None) -> tuple[dict[Unknown, Profiled], Array | None]:
-    """The profiles of a fit's parameters."""
-    own = found.judged
-    return profiles(own.posed, own.minimum, own.scaled_errors, own.freedom, progress)
-
-
 def close(one: tuple[float, float] | None, other: tuple[float, float] | None, share: float) -> None:
     """Both ends agree to a share of the width."""
     assert one is not None
@@ -125,7 +118,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     rows = np.vstack([columns, [[10.0 * told, 0.0, 0.0]]])
     exact = np.linalg.lstsq(rows, np.append(torque, 11.0 * told))[0]
     found = solved(posed(columns, torque, priors), dict(zip((A, B, C), exact.tolist(), strict=True)))
-    seen, better = profile_moving(found)
+    seen, better = profiles(found.judged)
     assert better is None
     three = with_three_ways(found, found.fit, seen).uncertainty
     for name in (A, B, C):
@@ -137,7 +130,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
 
 def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: Tracked) -> None:
     """Each end, put in as a fixed value and all else fitted by the whole descent, costs J_min + (t error)**2 / (J'J)**-1_jj."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     problem, judged = gripper.problem, gripper.judged
     rows, jacobian = judged.minimum.residuals, judged.minimum.jacobian
     inverse = np.diag(np.linalg.inv(jacobian.T @ jacobian))
@@ -152,7 +145,7 @@ def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: T
 
 def test_a_curve_runs_from_end_to_end(gripper: Tracked) -> None:
     """It is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     for name, (interval, (values, height), doubts) in seen.items():
         assert not doubts
         assert (np.diff(values) > 0).all()
@@ -174,7 +167,7 @@ def test_few_evaluations_suffice(gripper: Tracked) -> None:
         return posed.evaluate(x)
 
     judged = gripper.judged._replace(posed=replace(posed, evaluate=counted))
-    profile_moving(gripper._replace(judged=judged), lambda *what: told.append(what))
+    profiles(judged, lambda *what: told.append(what))
     assert count[0] <= 30
     assert [done for _, done, _ in told] == list(range(7))
     assert {of for _, _, of in told} == {7}
@@ -203,7 +196,7 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     problem = two_minima()
     first = solved(problem, {A: -1.0})
     assert first.values[A] == pytest.approx(-1.0, abs=0.1)
-    assert profile_moving(first)[1] is not None
+    assert profiles(first.judged)[1] is not None
     again, seen = explored(first, lambda end: solved(problem, {A: end[A]}))
     assert again.values[A] == pytest.approx(1.0, abs=1e-3)
     assert any(doubt.kind is Kind.REFITTED for doubt in again.fit.doubts)
@@ -252,7 +245,7 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
 
 def test_the_bias_of_counts_moves_all_three_alike(gripper: Tracked) -> None:
     """Where the estimate was moved and its error widened, ends and draws are moved and spread by the same; open ends stay."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     alpha_1 = parse("alpha_1")
     seen[alpha_1] = seen[alpha_1]._replace(interval=(0.0, np.inf))
     plain = with_three_ways(gripper, gripper.fit, seen).uncertainty
@@ -288,7 +281,7 @@ def test_intervals_hold_the_truth_and_agree() -> None:
             for n, s in errors.items()
         ]
         found = fitted(record(3e-4, seed), priors)
-        seen, better = profile_moving(found)
+        seen, better = profiles(found.judged)
         assert better is None
         three = with_three_ways(found, found.fit, seen).uncertainty
         for name, truth in TRUTH.items():
@@ -300,7 +293,7 @@ def test_intervals_hold_the_truth_and_agree() -> None:
 
 def test_the_seed_says_it_all(gripper: Tracked) -> None:
     """The same seed draws the same bytes, another one others; profiles have none."""
-    seen, _ = profile_moving(gripper)
+    seen, _ = profiles(gripper.judged)
     one, same, other = (
         with_three_ways(gripper, gripper.fit, seen, seed).uncertainty[parse("v_s")].draws.tobytes()
         for seed in (0, 0, 1)

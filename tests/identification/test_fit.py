@@ -16,17 +16,20 @@ from .conftest import GRIPPER, curve
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 
+def segments_of(velocity: Array, torque: Array, stick_slip: NDArray[np.bool_] | None = None) -> tuple[Segment, ...]:
+    """The segments behind points, a run each."""
+    return tuple(
+        Segment(
+            file=f"run_{k}.csv", start=0, stop=100, velocity=v, torque=T, standard_error=None, accepted=True,
+            stick_slip=stick_slip is not None and bool(stick_slip[k]),
+        )
+        for k, (v, T) in enumerate(zip(velocity.tolist(), torque.tolist(), strict=True))
+    )  # fmt: skip  # a list of values
+
+
 def points(velocity: Array, torque: Array, stick_slip: NDArray[np.bool_] | None = None) -> StaticFit:
     """The fit of points at positive velocities."""
-    where = PointInfo(
-        segments=tuple(
-            Segment(
-                file=f"run_{k}.csv", start=0, stop=100, velocity=v, torque=T, standard_error=None, accepted=True,
-                stick_slip=stick_slip is not None and bool(stick_slip[k]),
-            )
-            for k, (v, T) in enumerate(zip(velocity.tolist(), torque.tolist(), strict=True))
-        )
-    )  # fmt: skip  # a list of values
+    where = PointInfo(segments=segments_of(velocity, torque, stick_slip))
     return fit_static(from_points(velocity, torque, ("+",)), FitOptions(), "revolute", where)[0]["+"]
 
 
@@ -151,6 +154,22 @@ def test_a_peak_that_rests_on_stick_slip_is_called_so(gripper: Lugre[float]) -> 
     assert fit.parameters["alpha_1"].value is not None
     assert fit.without_stick_slip["alpha_0"].value is not None
     assert fit.outcome is Outcome.STICK_SLIP
+
+
+def test_each_direction_has_its_own_fit_without_stick_slip(gripper: Lugre[float], speeds: Array) -> None:
+    """Where two directions share a regressor, what is left without the points that stick is each direction's own, not the other's."""
+    v = np.concatenate([speeds, -speeds])
+    torque = np.concatenate([curve(speeds, gripper), -0.5 * curve(speeds, gripper)])
+    torque = torque + 1e-5 * np.random.default_rng(2).standard_normal(v.size)
+    q = np.random.default_rng(3).uniform(0.0, 3.0, v.size)
+    problem = from_points(
+        v, torque + 0.01 * np.sin(q), ("+", "-"), {"gravity_sin": np.sin(q), "gravity_cos": np.cos(q)}
+    )
+    where = PointInfo(segments=segments_of(v, torque, np.arange(v.size) % 5 == 1))
+    fits, _ = fit_static(problem, FitOptions(), "revolute", where)
+    for d, share in (("+", 1.0), ("-", 0.5)):
+        assert fits[d].without_stick_slip["alpha_0"].value == pytest.approx(share * gripper.alpha_0, rel=0.1)
+    assert set(fits["shared"].without_stick_slip) == {"gravity_sin", "gravity_cos"}
 
 
 def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:

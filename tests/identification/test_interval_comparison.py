@@ -14,8 +14,9 @@ from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.stribeck_test import Inferred, infer
 from bristle.identification.static.uncertainty import three_ways
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Lugre, ParameterName, Stribeck
 
+from ..names import parse
 from .conftest import GRIPPER, curve
 
 reach = st.floats(1e-3, 1e6)
@@ -84,7 +85,7 @@ def test_at_a_bound_and_alone_nothing_is_said() -> None:
 
 def fitted(
     velocity: Array, noise: float, seed: int, truth: Lugre[float] = GRIPPER, *, two: bool = False
-) -> tuple[Inferred, dict[str, Uncertainty]]:
+) -> tuple[Inferred, dict[ParameterName, Uncertainty]]:
     """A fit of simulated points with its three intervals."""
     if two:
         velocity = np.concatenate([velocity, -velocity])
@@ -95,7 +96,7 @@ def fitted(
     return found, three_ways(found, v_s_range)
 
 
-def assert_sound(found: Inferred, three: dict[str, Uncertainty]) -> None:
+def assert_sound(found: Inferred, three: dict[ParameterName, Uncertainty]) -> None:
     """Each parameter has three intervals about its estimate, never nan, and a curve below one inside the profile's interval alone."""
     assert tuple(three) == found.problem.names
     for name, own in three.items():
@@ -106,7 +107,7 @@ def assert_sound(found: Inferred, three: dict[str, Uncertainty]) -> None:
         assert own.profile is not None
         assert own.profile[0] <= value * (1 + 1e-9)
         assert value <= own.profile[1] * (1 + 1e-9)
-        assert not name.startswith(("alpha", "v_s")) or min(own.profile[0], *(own.covariance or (0,))) >= 0
+        assert name.name not in Stribeck._fields or min(own.profile[0], *(own.covariance or (0,))) >= 0
         values, heights = own.curve
         assert np.isfinite(own.curve).all()
         assert (np.diff(values) > 0).all()
@@ -146,9 +147,9 @@ def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
         assert_sound(found, three)
         if found.problem.peaks:
             kept += 1
-            words = " ".join(str(doubt) for name in ("alpha_1", "v_s") for doubt in three[name].doubts)
+            words = " ".join(str(doubt) for name in ("alpha_1", "v_s") for doubt in three[parse(name)].doubts)
             said += "the profile is skewed" in words or "nothing limits" in words
-            open_ += bool(np.isinf(three["alpha_1"].profile or ()).any())
+            open_ += bool(np.isinf(three[parse("alpha_1")].profile or ()).any())
     assert kept >= 8
     assert open_ >= 1
     assert said >= 0.9 * kept
@@ -160,8 +161,8 @@ def test_at_a_bound_the_intervals_are_one_sided() -> None:
     for seed in range(4):
         found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16), 4e-4, seed, GRIPPER._replace(alpha_2=0.0))
         assert_sound(found, three)
-        own = three["alpha_2"]
-        if "alpha_2" in found.solution.at_bound:
+        own = three[parse("alpha_2")]
+        if parse("alpha_2") in found.solution.at_bound:
             hits += 1
             assert [interval[0] for interval in (own.covariance, own.profile) if interval] == [0, 0]
             assert own.doubts == (Kind.INTERVALS_AT_BOUND(),)

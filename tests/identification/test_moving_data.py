@@ -8,8 +8,9 @@ from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Lugre, ParameterName
 
+from ..names import parse
 from .conftest import curve
 
 STRONG = Lugre(0.02, 0.03, 0.04, 0.15, 1.0, 0.0)
@@ -34,7 +35,7 @@ def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -
 
 def values(
     record: Record, directions: tuple[str, ...], regressors: tuple[str, ...], **known: float
-) -> dict[str, float]:
+) -> dict[ParameterName, float]:
     """The grid's answer for one record, by name."""
     problem, _, _ = from_records([record], directions, regressors, 10, **known)
     return dict(zip(problem.names, solve(problem, default_range(problem.velocity)).theta, strict=True))
@@ -43,34 +44,34 @@ def values(
 def test_inertia_and_friction_are_told_apart() -> None:
     """From moving data the same solve gives inertia, offset (zero) and all four static parameters, within 2 % of the truth."""
     found = values(moving(), ("both",), ("inertia", "offset"))
-    assert found["inertia"] == pytest.approx(INERTIA, rel=0.01)
-    assert found["offset"] == pytest.approx(0.0, abs=1e-4)
+    assert found[parse("inertia")] == pytest.approx(INERTIA, rel=0.01)
+    assert found[parse("offset")] == pytest.approx(0.0, abs=1e-4)
     for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
-        assert found[name] == pytest.approx(getattr(STRONG, name), rel=0.02)
+        assert found[parse(name)] == pytest.approx(getattr(STRONG, name), rel=0.02)
 
 
 def test_filtering_both_sides_is_unbiased() -> None:
     """sgn(v) and the Stribeck shape are formed before the filter, so noise-free data give back the exact parameters although both are smoothed."""
     found = values(moving(noise=0.0), ("+", "-"), ("inertia",))
-    assert found["inertia"] == pytest.approx(INERTIA, rel=1e-5)
+    assert found[parse("inertia")] == pytest.approx(INERTIA, rel=1e-5)
     for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
-        assert [found[name + "+"], found[name + "-"]] == pytest.approx([getattr(STRONG, name)] * 2, rel=1e-4)
+        assert [found[parse(name + sign)] for sign in "+-"] == pytest.approx([getattr(STRONG, name)] * 2, rel=1e-4)
 
 
 def test_a_known_inertia_is_taken_off() -> None:
     """With the inertia fixed the rest comes out as when it is estimated, and it is no parameter any more."""
     fixed = values(moving(), ("both",), ("offset",), inertia=INERTIA)
     free = values(moving(), ("both",), ("inertia", "offset"))
-    assert "inertia" not in fixed
-    assert fixed["alpha_2"] == pytest.approx(free["alpha_2"], rel=0.01)
+    assert parse("inertia") not in fixed
+    assert fixed[parse("alpha_2")] == pytest.approx(free[parse("alpha_2")], rel=0.01)
 
 
 def test_a_prior_pulls_as_its_standard_error_says() -> None:
     """An absurdly tight prior decides the inertia; a loose one leaves it alone."""
     problem, _, _ = from_records([moving()], ("both",), ("inertia",), 10)
-    position = problem.names.index("inertia")
-    tight = with_prior(problem, "inertia", 0.005, 1e-9, 1e-4)
-    loose = with_prior(problem, "inertia", 0.005, 1.0, 1e-4)
+    position = problem.names.index(parse("inertia"))
+    tight = with_prior(problem, parse("inertia"), 0.005, 1e-9, 1e-4)
+    loose = with_prior(problem, parse("inertia"), 0.005, 1.0, 1e-4)
     v_s_range = default_range(problem.velocity)
     assert solve(tight, v_s_range).theta[position] == pytest.approx(0.005, rel=1e-4)
     assert solve(loose, v_s_range).theta[position] == pytest.approx(solve(problem, v_s_range).theta[position], rel=1e-5)

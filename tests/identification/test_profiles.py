@@ -17,14 +17,15 @@ from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.problem import Regression, from_points, with_prior
 from bristle.identification.static.profiles import StaticProfiles, profiled
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Direction, Lugre, ParameterName
 
+from ..names import named, parse
 from .conftest import GRIPPER, curve
 
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
 
 
-def least(problem: Regression, v_s: Array, name: str = "", held: float = 0.0) -> float:
+def least(problem: Regression, v_s: Array, name: ParameterName | None = None, held: float = 0.0) -> float:
     """The cost at given v_s with a linear parameter held at a value, minimised over the others by non-negative least squares.
 
     A parameter that may be negative is the difference of two that may not.
@@ -33,12 +34,12 @@ def least(problem: Regression, v_s: Array, name: str = "", held: float = 0.0) ->
     design = problem.design(v_s)
     rest = problem.torque - (held * design[:, names.index(name)] if name else 0.0)
     columns = [design[:, k] for k in range(len(names)) if names[k] != name]
-    columns += [-design[:, k] for k in range(len(names)) if names[k] != name and not names[k].startswith("alpha")]
+    columns += [-design[:, k] for k in range(len(names)) if names[k] != name and not names[k].name.startswith("alpha")]
     scaled = np.array([c / np.linalg.norm(c) for c in columns if c.any()]).T
     return float(nnls(scaled, rest)[1]) ** 2
 
 
-def brute(problem: Regression, solution: Solution, name: str = "", held: float = 0.0) -> float:
+def brute(problem: Regression, solution: Solution, name: ParameterName | None = None, held: float = 0.0) -> float:
     """The same minimised over v_s as well: the best of a dense grid over the range, refined by a simplex that stays within it."""
     if not problem.peaks:
         return least(problem, np.zeros(0), name, held)
@@ -65,12 +66,12 @@ def assert_exact(problem: Regression, solution: Solution, found: StaticProfiles,
     for name, value in zip(names, solution.theta, strict=False):
         for end in found.intervals[name]:
             beyond = end + 0.02 * (end - value)
-            if np.isfinite(end) and (beyond > 0 or not name.startswith("alpha")):
+            if np.isfinite(end) and (beyond > 0 or not name.name.startswith("alpha")):
                 assert brute(problem, solution, name, beyond) > found.threshold, (name, beyond)
 
 
 def assert_ends(
-    problem: Regression, solution: Solution, found: StaticProfiles, names: tuple[str, ...], rel: float = 1e-5
+    problem: Regression, solution: Solution, found: StaticProfiles, names: tuple[ParameterName, ...], rel: float = 1e-5
 ) -> None:
     """Each end costs the threshold by brute force, or is a bound of zero that costs no more; an open end is alpha_1's."""
     room = found.threshold - solution.cost
@@ -79,10 +80,10 @@ def assert_ends(
         low, high = found.intervals[name]
         assert low <= value * (1 + 1e-9)
         assert value <= high * (1 + 1e-9)
-        assert np.isfinite(high) or name.startswith("alpha_1")
+        assert np.isfinite(high) or name.name == "alpha_1"
         for end in (low, high) if np.isfinite(high) else (low,):
             above = brute(problem, solution, name, end) - found.threshold
-            if end == 0 and name.startswith("alpha"):
+            if end == 0 and name.name.startswith("alpha"):
                 assert above <= rel * room, name
             else:
                 assert above == pytest.approx(0, abs=rel * room), (name, end)
@@ -103,7 +104,7 @@ def without_peak(velocity: Array, torque: Array, extra: dict[str, Array] | None 
     """Coulomb and viscous friction alone."""
     problem = from_points(velocity, torque, ("both",), extra)
     return Regression(
-        directions=("both",),
+        directions=(Direction.BOTH,),
         peaks=(),
         velocity=velocity,
         torque=torque,
@@ -137,12 +138,13 @@ def test_at_a_bound_the_profile_is_that_of_non_negative_least_squares(seed: int)
     problem = without_peak(velocity, 0.02 + 0.001 * rng.uniform(-1, 1) * velocity + 1e-3 * rng.standard_normal(12))
     solution, found = solved(problem)
     assert_exact(problem, solution, found, rel=1e-7)
-    if "alpha_2" in solution.at_bound:
-        assert found.intervals["alpha_2"][0] == 0
+    alpha_0, alpha_2 = parse("alpha_0"), parse("alpha_2")
+    if alpha_2 in solution.at_bound:
+        assert found.intervals[alpha_2][0] == 0
         # the other is then alone, and its lower end has the other's free value: alpha_0 falls where alpha_2 rises
-        low = found.intervals["alpha_0"][0]
+        low = found.intervals[alpha_0][0]
         assert brentq(
-            lambda c: least(problem, np.zeros(0), "alpha_0", c) - found.threshold, 0, solution.theta[0], xtol=1e-14
+            lambda c: least(problem, np.zeros(0), alpha_0, c) - found.threshold, 0, solution.theta[0], xtol=1e-14
         ) == pytest.approx(low, rel=1e-7)
 
 
@@ -169,7 +171,7 @@ def test_bounds_within_the_interval_are_kept() -> None:
         problem = from_points(SPEEDS, measured(truth, SPEEDS, 4e-4, seed), ("both",))
         solution, found = solved(problem)
         assert_exact(problem, solution, found)
-        assert found.intervals["alpha_0"][0] == 0
+        assert found.intervals[parse("alpha_0")][0] == 0
 
 
 @pytest.mark.parametrize(("viscous", "seed"), [(1.0, 1), (0.0, 2)])
@@ -183,8 +185,8 @@ def test_two_peaks_end_where_brute_force_does(viscous: float, seed: int) -> None
     extra = {"gravity_sin": np.sin(position)}
     problem = from_points(velocity, truth + 0.003 * extra["gravity_sin"] + noise, ("+", "-"), extra)
     solution, found = solved(problem)
-    assert np.isinf(found.intervals["alpha_1-"][1])
-    assert_ends(problem, solution, found, ("alpha_0-", "alpha_1-", "gravity_sin"), rel=1e-5)
+    assert np.isinf(found.intervals[parse("alpha_1-")][1])
+    assert_ends(problem, solution, found, tuple(map(parse, ("alpha_0-", "alpha_1-", "gravity_sin"))), rel=1e-5)
 
 
 def moving_problem(seed: int = 0, samples: int = 2400) -> Regression:
@@ -197,8 +199,8 @@ def moving_problem(seed: int = 0, samples: int = 2400) -> Regression:
     raw = from_points(velocity, torque, ("both",), {"inertia": inertia})
     smooth = sparse.csr_array(sparse.kron(sparse.eye_array(samples // 8), np.full((1, 8), 1 / 8)))
     return Regression(
-        directions=("both",),
-        peaks=("both",),
+        directions=(Direction.BOTH,),
+        peaks=(Direction.BOTH,),
         velocity=velocity,
         torque=smooth @ torque,
         linear=smooth @ raw.linear,
@@ -212,20 +214,21 @@ def test_smoothed_moving_data_end_where_brute_force_does(*, prior: bool) -> None
     """Moving data, whose profiles come from the reduced problem: brute force on the data themselves agrees, with a prior among them and without."""
     problem = moving_problem()
     if prior:
-        problem = with_prior(problem, "alpha_0", GRIPPER.alpha_0, 1e-4, 7e-4)
+        problem = with_prior(problem, parse("alpha_0"), GRIPPER.alpha_0, 1e-4, 7e-4)
     solution, found = solved(problem, 1.7)
     room = found.threshold - solution.cost
     assert found.threshold == pytest.approx(profile_threshold(solution.cost, problem.torque.size, 5, 1.7))
     few = found.problem
     assert few.torque.size < problem.torque.size
-    for name in (*problem.linear_names, "alpha_1"):
+    for name in (*problem.linear_names, parse("alpha_1")):
         for end in found.intervals[name]:
             assert brute(few, solution, name, end) - found.threshold == pytest.approx(0, abs=1e-4 * room), name
-    for end in found.intervals["v_s"]:
+    for end in found.intervals[parse("v_s")]:
         assert least(problem, np.array([end])) - found.threshold == pytest.approx(0, abs=1e-4 * room)
-    held = found.intervals["alpha_1"][1]
-    at = min(np.geomspace(*found.intervals["v_s"], 60), key=lambda s: least(problem, np.array([s]), "alpha_1", held))
-    assert least(problem, np.array([at]), "alpha_1", held) - found.threshold == pytest.approx(0, abs=0.01 * room)
+    alpha_1, v_s = parse("alpha_1"), parse("v_s")
+    held = found.intervals[alpha_1][1]
+    at = min(np.geomspace(*found.intervals[v_s], 60), key=lambda s: least(problem, np.array([s]), alpha_1, held))
+    assert least(problem, np.array([at]), alpha_1, held) - found.threshold == pytest.approx(0, abs=0.01 * room)
 
 
 CURVED: dict[str, Callable[[], Regression]] = {
@@ -243,7 +246,7 @@ def test_every_point_of_a_curve_is_brute_force(case: str) -> None:
     problem = CURVED[case]()
     solution, found = solved(problem)
     room = found.threshold - solution.cost
-    for name in (*problem.linear_names, *(["alpha_1"] if problem.peaks else [])):
+    for name in (*problem.linear_names, *([parse("alpha_1")] if problem.peaks else [])):
         value = float(solution.theta[problem.names.index(name)])
         low, high = found.intervals[name]
         values, heights = found.curve(name, value, low, high)
@@ -262,9 +265,9 @@ def test_a_curve_over_an_open_v_s_is_finite_and_stays_within_its_range() -> None
     velocity = np.geomspace(1.3 * GRIPPER.v_s, 0.8, 12)
     problem = from_points(velocity, measured(GRIPPER, velocity, 1.5e-3, 1), ("both",))
     solution, found = solved(problem)
-    assert found.intervals["v_s"] == (0, np.inf)
+    assert found.intervals[parse("v_s")] == (0, np.inf)
     room = found.threshold - solution.cost
-    for name in ("alpha_0", "alpha_2", "alpha_1"):
+    for name in map(parse, ("alpha_0", "alpha_2", "alpha_1")):
         value, (low, high) = float(solution.theta[problem.names.index(name)]), found.intervals[name]
         values, heights = found.curve(name, value, low, min(high, 10 * value))
         assert np.isfinite(heights).all()
@@ -277,7 +280,7 @@ def test_without_noise_the_interval_is_the_estimate() -> None:
     problem = from_points(SPEEDS, curve(SPEEDS, GRIPPER), ("both",))
     _, found = solved(problem)
     for name, (low, high) in found.intervals.items():
-        true = getattr(GRIPPER, name)
+        true = getattr(GRIPPER, name.name)
         assert (low, high) == pytest.approx((true, true), rel=1e-5)
 
 
@@ -288,9 +291,9 @@ def test_open_v_s_opens_alpha_1() -> None:
         velocity = np.geomspace((1.0 if seed % 2 else 0.2) * GRIPPER.v_s, 0.8, 12)
         problem = from_points(velocity, measured(GRIPPER, velocity, 8e-4, seed), ("both",))
         solution, found = solved(problem)
-        low, high = found.intervals["v_s"]
+        low, high = found.intervals[parse("v_s")]
         unlimited = low == 0 or np.isinf(high)
-        assert np.isinf(found.intervals["alpha_1"][1]) == unlimited
+        assert np.isinf(found.intervals[parse("alpha_1")][1]) == unlimited
         assert all(np.isfinite(end) for name in problem.linear_names for end in found.intervals[name])
         assert low <= solution.theta[-1] <= high
         open_, closed = open_ + unlimited, closed + (not unlimited)
@@ -304,7 +307,7 @@ def test_intervals_follow_units(seed: int, torque: float, speed: float) -> None:
     measured_torque = measured(GRIPPER, SPEEDS, 5e-4, seed)
     _, plain = solved(from_points(SPEEDS, measured_torque, ("both",)))
     _, other = solved(from_points(speed * SPEEDS, torque * measured_torque, ("both",)))
-    factors = {"alpha_0": torque, "alpha_1": torque, "alpha_2": torque / speed, "v_s": speed}
+    factors = named({"alpha_0": torque, "alpha_1": torque, "alpha_2": torque / speed, "v_s": speed})
     for name, ends in plain.intervals.items():
         wide = ends[1] - ends[0]
         expected = np.array(ends) * factors[name]

@@ -1,7 +1,7 @@
 """Record: what one run measured, as a frozen and validated time series in SI units."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+    pass
 
 _SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration")
 
@@ -72,16 +72,6 @@ class Record:
     def step(self) -> float:
         """Median sampling interval, s; nan for a single sample."""
         return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
-
-
-def freeze(result: "DataclassInstance") -> None:
-    """Replace every array in a frozen dataclass by a read-only copy; for use in its `__post_init__`."""
-    for item in fields(result):
-        value = getattr(result, item.name)
-        if isinstance(value, np.ndarray):
-            array = value.copy()
-            array.setflags(write=False)
-            object.__setattr__(result, item.name, array)
 
 
 def _frozen(values: Array) -> Array:

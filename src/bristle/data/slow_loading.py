@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from bristle.arrays import Array
+from bristle.arrays import Array, freeze
 from bristle.data.differentiation import derivative, smoothed, stretches
 from bristle.data.encoder import smallest_step
-from bristle.data.record import Record, freeze
+from bristle.data.record import Record
 from bristle.errors import InputError
 
 _PROMINENT = 0.1

@@ -4,16 +4,19 @@ Time series. A resample counts block b m_b times. Its minimum is, to first order
 
     d = -(sum m_b G_b + P'P)**-1 (sum m_b s_b + P'e),    G_b = J_b'J_b,    s_b = J_b'r_b
 
-from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step has the bootstrap's accuracy); P are the rows of priors, whose means are
-drawn anew as well, e. Blocks overlap and wrap around within their stretch (Politis and Romano, 1992): each equation is drawn as often as any other.
+from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step has the bootstrap's accuracy); P are the rows
+of priors, whose means are drawn anew as well, e. Blocks overlap and wrap around within their stretch (Politis and
+Romano, 1992): each equation is drawn as often as any other.
 
-Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample, where blocks are independent, does
-not: the interval takes its shape from t = d / error in the resample, and its width from the fit's own error. Measured: over 120 simulated runs of
-gripper rotation, alone, 96 % of its intervals cover the truth, and 95 % by the draws' quantiles; for means of AR(1) noise (0.8) 94 % and 90 %.
+Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample,
+where blocks are independent, does not: the interval takes its shape from t = d / error in the resample, and its width
+from the fit's own error. Measured: over 120 simulated runs of gripper rotation, alone, 96 % of its intervals cover the
+truth, and 95 % by the draws' quantiles; for means of AR(1) noise (0.8) 94 % and 90 %.
 
-Points that err independently. Residuals are raised to the size that the fit took from them (their leverage), then drawn with replacement; where their
-variance differs from place to place each keeps its own and is given a random sign and size instead (the wild bootstrap, with Webb's six values). Each
-set is fitted again, by whatever fits it, and studentised.
+Points that err independently. Residuals are raised to the size that the fit took from them (their leverage), then drawn
+with replacement; where their variance differs from place to place each keeps its own and is given a random sign and
+size instead (the wild bootstrap, with Webb's six values). Each set is fitted again, by whatever fits it, and
+studentised.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,9 +30,9 @@ from scipy.special import chdtrc
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL
-from bristle.estimation.levenberg_marquardt import Minimum
 from bristle.estimation.linear import inverse_gram
-from bristle.estimation.problem import LeastSquares, Name, projected
+from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.problem import Name, projected
 
 DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
@@ -145,21 +148,13 @@ def variances_differ(residuals: Array, place: Array) -> bool:
     return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
 
 
-def bootstrap_at(
-    problem: LeastSquares[Name], minimum: Minimum, errors: Array, seed: int = 0
-) -> tuple[dict[Name, tuple[Array, Array]], int]:
+def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dict[Name, tuple[Array, Array]], int]:
     """What resampled blocks, and blocks that err independently, say of a problem's shared unknowns at its minimum.
 
-    Args:
-        problem: the problem.
-        minimum: its minimum.
-        errors: standard errors of the scaled unknowns, (p,).
-        seed: of the generator.
-
-    Returns:
-        The ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound, in its unit, by name; what
-        leaves the bounds is open. And the number of blocks drawn.
+    Returns the ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound,
+    in its unit, by name; what leaves the bounds is open. And the number of blocks drawn. `seed` is the generator's.
     """
+    problem, minimum, errors = solution.posed, solution.minimum, solution.scaled_errors
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
     inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
     which = problem.shared[inside[problem.shared]]

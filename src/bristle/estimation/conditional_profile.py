@@ -4,10 +4,11 @@ With the unknown theta_j held at c and the rest solved,
 
     J(eta, c) = J(eta) + (c - theta_j(eta))**2 / C_jj(eta),    C = (A'A)**-1 of the columns A at eta,
 
-so the values of c that cost no more than K are the union over eta of theta_j(eta) -+ sqrt(C_jj(eta) (K - J(eta))): an interval ends at the highest
-and the lowest point of a curve over eta (a surface, where there are two), and no path over c is followed. Some unknowns are not negative. At given
-eta the constrained extreme lies inside a face, where some of them are zero, and is that face's free one: where the free extreme of all breaks a
-bound, the curve is, at each eta, that of the best face whose extreme breaks none.
+so the values of c that cost no more than K are the union over eta of theta_j(eta) -+ sqrt(C_jj(eta) (K - J(eta))): an
+interval ends at the highest and the lowest point of a curve over eta (a surface, where there are two), and no path over
+c is followed. Some unknowns are not negative. At given eta the constrained extreme lies inside a face, where some of
+them are zero, and is that face's free one: where the free extreme of all breaks a bound, the curve is, at each eta,
+that of the best face whose extreme breaks none.
 """
 
 from collections.abc import Callable, Iterable, Sequence

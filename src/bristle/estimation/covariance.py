@@ -88,8 +88,8 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
 def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     """The jackknife over blocks, linearised: nothing is said of the unknowns that blocks have to themselves.
 
-    With A_w the block's part of J'J and b_w of J'r, its own unknowns eliminated, leaving the block out moves the estimate by
-    G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w.
+    With A_w the block's part of J'J and b_w of J'r, its own unknowns eliminated, leaving the block out moves the
+    estimate by G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w.
     """
     blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
     own = shared[seen(minimum.jacobian[:, shared])]

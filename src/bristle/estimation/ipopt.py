@@ -13,7 +13,7 @@ from bristle.arrays import Array
 from bristle.estimation.problem import Name, Unknowns
 
 
-class Comparison(NamedTuple, Generic[Name]):
+class SecondRoute(NamedTuple, Generic[Name]):
     """Where the second route ended, beside the first."""
 
     cost_grid: float
@@ -65,7 +65,7 @@ def compared(
     found: Sequence[Mapping[Name, float]],
     costs: Sequence[float],
     same: float,
-) -> Comparison[Name]:
+) -> SecondRoute[Name]:
     """The ends of the second route beside the answer of the first.
 
     Args:
@@ -79,7 +79,7 @@ def compared(
     lowest = min(costs)
     parameters = found[costs.index(lowest)]
     known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
-    return Comparison(
+    return SecondRoute(
         cost_grid=cost,
         cost_full=lowest,
         starts=len(costs),

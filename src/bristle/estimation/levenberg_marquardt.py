@@ -1,7 +1,7 @@
 """Nonlinear least squares with an exact Jacobian: Gauss-Newton steps in a trust region (Levenberg and Marquardt), between bounds.
 
-A step needs of the Jacobian only J'J and J'r, as many rows as unknowns: forming them is cheap beside the Jacobian itself. Squaring its condition
-makes a step less exact, not the minimum, where J'r vanishes.
+A step needs of the Jacobian only J'J and J'r, as many rows as unknowns: forming them is cheap beside the Jacobian
+itself. Squaring its condition makes a step less exact, not the minimum, where J'r vanishes.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,7 @@
 """A least-squares problem: residuals and their exact Jacobian as functions of scaled unknowns, and what is known of both.
 
-Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the rows of priors.
+Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the
+rows of priors.
 """
 
 from collections.abc import Callable, Hashable, Mapping

@@ -4,11 +4,13 @@ Of n equations with p unknowns the threshold lies above the least cost by
 
     d = S F J_min / (n - p),    F = F(0.95; 1, freedom),
 
-where S is by how much correlated residuals widen the unknown's variance: in a linear problem the interval is the covariance's.
+where S is by how much correlated residuals widen the unknown's variance: in a linear problem the interval is the
+covariance's.
 
-Here a profile is followed by descents. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is: where it crosses one is found in
-few steps. Each point starts from the one solved before it on the way from the estimate, moved along the others' linearised conditional mean. A
-problem that is linear once a few unknowns are given has an exact profile: see `conditional_profile`.
+Here a profile is followed by descents. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is:
+where it crosses one is found in few steps. Each point starts from the one solved before it on the way from the
+estimate, moved along the others' linearised conditional mean. A problem that is linear once a few unknowns are given
+has an exact profile: see `conditional_profile`.
 """
 
 from collections.abc import Callable
@@ -25,6 +27,7 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import LEVEL, seen, student
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.linear import inverse_gram
+from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.problem import LeastSquares, Name
 from bristle.progress import Progress
 
@@ -91,37 +94,29 @@ def interval_on_grid(
 
 
 def profiles(
-    problem: LeastSquares[Name],
-    minimum: Minimum,
-    errors: Array,
-    freedom: float,
-    progress: Progress | None = None,
-    *,
-    stop_at_better: bool = True,
+    solution: MultistartSolution[Name], progress: Progress | None = None, *, stop_at_better: bool = True
 ) -> tuple[dict[Name, Profiled], Array | None]:
     """The profile of each shared unknown of a problem, by name; those that have no influence at all are open.
 
     Args:
-        problem: the problem.
-        minimum: its minimum.
-        errors: standard errors of the scaled unknowns, (p,).
-        freedom: their degrees of freedom.
+        solution: of the problem.
         progress: called with what is done, how much of it, and of how much.
         stop_at_better: whether a better optimum found on the way ends the search.
 
     Returns:
         The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit must be done again.
     """
+    problem, minimum = solution.posed, solution.minimum
     unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)
     naive = np.full(x.size, np.inf)  # the diagonal of (J'J)**-1
     naive[known] = np.diag(inverse_gram(minimum.jacobian[:, known]))
     first = x, minimum.jacobian.T @ minimum.jacobian
     out: dict[Name, Profiled] = {}
     for done, j in enumerate(problem.shared.tolist()):
-        name, value = unknowns.names[j], float(unknowns.natural(x)[j])
+        name = unknowns.names[j]
+        value, reach = solution.values[name], student(solution.freedom) * float(solution.scaled_errors[j])
         if progress:
             progress(f"profile of {name}", done, problem.shared.size)
-        reach = student(freedom) * float(errors[j])
         if reach**2 == 0:  # data without any noise
             out[name] = Profiled((value, value), np.array([[value], [0.0]]))
         elif not np.isfinite(reach):

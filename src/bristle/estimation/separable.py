@@ -1,7 +1,8 @@
 """Nonlinear least squares in blocks: rows that share some unknowns, and have others to themselves, as windows have their starts.
 
-Variable projection: for any shared unknowns each block settles its own ones by itself, with a damping of its own; what is left is a small problem in
-the shared ones, whose Jacobian is the whole one's with each block's own columns projected out. One stubborn block then holds up no other.
+Variable projection: for any shared unknowns each block settles its own ones by itself, with a damping of its own; what
+is left is a small problem in the shared ones, whose Jacobian is the whole one's with each block's own columns projected
+out. One stubborn block then holds up no other.
 """
 
 from typing import Any

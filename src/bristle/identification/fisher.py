@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, freeze
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
 from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck

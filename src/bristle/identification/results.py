@@ -7,9 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
-from bristle.data.record import freeze
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
 from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
@@ -40,7 +39,7 @@ class Estimate:
     doubts: tuple[Diagnostic, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Uncertainty:
     """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the doubts."""
 
@@ -56,12 +55,8 @@ class Uncertainty:
     """The parameter in resampled data, (b,)."""
     doubts: tuple[Diagnostic, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Profile:
     """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
 
@@ -83,10 +78,6 @@ class Profile:
     threshold: float
     """The cost at which v_s leaves its 95 % interval: J_min (1 + F(0.95; 1, n - p) / (n - p))."""
 
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOut:
@@ -97,7 +88,7 @@ class HoldOut:
     """100 * norm(measured - predicted) / norm(measured), percent."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class StaticFit:
     """The static parameters of one direction (`+`, `-`), of both together (`both`), or what the two share (`shared`)."""
 
@@ -136,10 +127,6 @@ class StaticFit:
     """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
     position: Array = field(default_factory=lambda: np.zeros(0))
     """Where each point was measured, rad, shape (n,); empty where unknown."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     def values(self) -> Stribeck[float] | None:
         """The fitted law, or None where nothing was fitted. A Stribeck term that is not identifiable is zero, at any v_s."""
@@ -221,7 +208,7 @@ class Presliding:
     doubts: tuple[Diagnostic, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class TrackingFit:
     """All parameters from moving data."""
 
@@ -262,10 +249,6 @@ class TrackingFit:
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
     """Each parameter's interval three ways; empty where that was not asked for."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     @property
     def known(self) -> dict[ParameterName, float]:

@@ -1,7 +1,8 @@
 """The 95 % intervals of a fit of moving data three ways: covariance, profile, bootstrap of blocks; and where they part.
 
-What encoder counts add is taken off after the fit (`counts`): the estimate is moved, and its error widened by a factor. The profile's ends and the
-bootstrap's draws, which know nothing of it, are moved and spread about the estimate in the same way; an end that is open stays so.
+What encoder counts add is taken off after the fit (`encoder_bias`): the estimate is moved, and its error widened by a
+factor. The profile's ends and the bootstrap's draws, which know nothing of it, are moved and spread about the estimate
+in the same way; an end that is open stays so.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,13 +33,10 @@ def explored(
     """The profile of each parameter, and the fit: done again, and saying so, where a profile found a better optimum."""
     said: tuple[Diagnostic, ...] = ()
     for refits in range(_RESTARTS + 1):
-        own = found.judged
-        seen, better = profiles(
-            own.posed, own.minimum, own.scaled_errors, own.freedom, progress, stop_at_better=refits < _RESTARTS
-        )
+        seen, better = profiles(found.judged, progress, stop_at_better=refits < _RESTARTS)
         if better is None:
             break
-        end = own.posed.unknowns.values(better)
+        end = found.judged.posed.unknowns.values(better)
         found, said = again({**found.problem.fixed, **end}), (Kind.REFITTED(),)
     if refits == _RESTARTS:
         said = (*said, Kind.STILL_LOWER(fits=_RESTARTS))
@@ -56,8 +54,7 @@ def with_three_ways(
         profiles: by name.
         seed: of the bootstrap.
     """
-    judged, three = found.judged, {}
-    drawn, blocks = bootstrap_at(judged.posed, judged.minimum, judged.scaled_errors, seed)
+    (drawn, blocks), three = bootstrap_at(found.judged, seed), {}
     for name, e in fit.parameters.items():
         if name in profiles:
             three[name] = _three(found, name, e, profiles[name], drawn.get(name), blocks)

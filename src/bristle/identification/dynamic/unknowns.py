@@ -80,9 +80,10 @@ def polished(problem: Tracking, posed: LeastSquares[Unknown], found: Minimum) ->
 def unknowns_of(problem: Tracking, at: Values) -> Unknowns[Unknown]:
     """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`; and bounds.
 
-    What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest speed, nor one so near to it
-    that the term is a bend over all speeds; nor a bristle that bends by more than ten times the travel or less than a billionth of it; nor an
-    alpha_1 far above every torque, which would have held the joint. z0 lies within twice the typical deflection.
+    What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest
+    speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends by more than ten
+    times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held the
+    joint. z0 lies within twice the typical deflection.
     """
     torque, speed = (max(float(np.abs(getattr(m, x)).max()) for m in problem.motions) for x in ("torque", "velocity"))
     travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed

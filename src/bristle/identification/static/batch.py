@@ -1,7 +1,9 @@
 """Many static data sets that share their velocities, in a few matrix products: estimates, standard errors, and both kinds of interval.
 
-What v_s changes - the Stribeck column and its slope, each off the linear columns, and their products with the data - is tabulated on a grid of
-log(v_s) once for all sets, and interpolated by polynomials through six neighbours. Each set then has a few small sums of its own.
+What v_s changes - the Stribeck column and its slope, each off the linear columns, and their products with the data - is
+tabulated on a grid of log(v_s) once for all sets, and interpolated by polynomials through six neighbours. Each set then
+has a few small sums of its own. Tables and errors in closed form are for speed: a projection or a Jacobian for each set
+would take many times as long.
 """
 
 from dataclasses import replace
@@ -18,6 +20,7 @@ from bristle.identification.static.grid import log_grid, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled
 from bristle.identification.static.projection import Projected
+from bristle.model.parameters import Stribeck
 
 GRID = 96
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
@@ -98,7 +101,8 @@ class Batch:
     def errors(self, *, robust: bool = False) -> Array:
         """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets); inf where alpha_1 is zero.
 
-        Robust ones allow for a variance that differs from point to point (HC3: each residual over one less its leverage).
+        Robust ones allow for a variance that differs from point to point (HC3: each residual over one less its
+        leverage).
         """
         if robust:
             return self._robust_errors()
@@ -167,7 +171,7 @@ class Batch:
         return replace(self.problem, torque=self.torques[:, k].copy(), memory={})
 
     def _floored(self, low: Array) -> Array:
-        bounded = np.array([name.startswith(("alpha", "v_s")) for name in self.problem.names])
+        bounded = np.array([name.name in Stribeck._fields for name in self.problem.names])
         floored: Array = np.where(bounded[:, None], np.maximum(low, 0.0), low)
         return floored
 
@@ -212,7 +216,8 @@ class Batch:
     def _crossing(self, threshold: Array, last: float) -> tuple[Array, Array]:
         """Where the profile over log(v_s) crosses the threshold between the minimum and that end of the grid, (sets,); and which sets have it twice.
 
-        The root of what the profile lies above its minimum is nearly linear: the secant method finds it, or halving where that leaves the bracket.
+        The root of what the profile lies above its minimum is nearly linear: the secant method finds it, or halving
+        where that leaves the bracket.
         """
         room = np.maximum(threshold - self.cost, 1e-300)
         inner, outer, sign = self._x.copy(), np.full_like(self._x, last), np.sign(last - self._x)

@@ -13,6 +13,7 @@ from bristle.estimation.bootstrap import FEW, REFITS, Resampled, block_bootstrap
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression
+from bristle.model.parameters import Stribeck
 
 SEED = 0
 
@@ -40,8 +41,8 @@ def resample(
 ) -> StaticDraws:
     """Intervals of every parameter in the order of the problem's `names`.
 
-    Points of which each stands alone, with at most one peak, are fitted again; parameters of others go one step of Gauss and Newton, those at a
-    bound none, and none does where moving data leave too few blocks to draw.
+    Points of which each stands alone, with at most one peak, are fitted again; parameters of others go one step of
+    Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw.
 
     Args:
         problem: the equations.
@@ -61,7 +62,7 @@ def resample(
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
     best, logarithmic = solution.theta[keep, None], _logarithmic(problem)[keep, None]
-    floor = np.array([0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names])[keep, None]
+    floor = np.array([0.0 if name.name in Stribeck._fields else -np.inf for name in problem.names])[keep, None]
 
     def moved(steps: Array) -> Array:
         """All parameters moved by steps, (p, k); nan for what is not stepped."""
@@ -76,7 +77,7 @@ def resample(
 
 
 def _logarithmic(problem: Regression) -> NDArray[np.bool_]:
-    return np.array([name.startswith("v_s") for name in problem.names])
+    return np.array([name.name == "v_s" for name in problem.names])
 
 
 def _refitted(

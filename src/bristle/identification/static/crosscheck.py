@@ -1,7 +1,7 @@
 """The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once, from several starts.
 
-Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives are exact, variables
-are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
+Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols,
+derivatives are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from bristle.identification.static.compression import reduced
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.unknowns import unknowns_of
 from bristle.model import law
-from bristle.model.parameters import Stribeck
+from bristle.model.parameters import Direction, ParameterName, Stribeck
 
 STARTS = 8
 """Random starts of the full fit."""
@@ -91,10 +91,11 @@ def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[flo
     extra = ca.vertcat(*(value[name] for name in few.linear_names[known:]))
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, known:]), extra)
     for direction in few.directions:
-        tag = "" if len(few.directions) == 1 else direction
-        alpha_1, v_s = value.get("alpha_1" + tag, 0.0), value.get("v_s" + tag, 1.0)
-        p = Stribeck(value["alpha_0" + tag], alpha_1, value["alpha_2" + tag], v_s)
-        moving = {"+": few.velocity > 0, "-": few.velocity < 0}.get(tag, few.velocity != 0)
+        own = {name: value[key] for name in Stribeck._fields if (key := ParameterName(name, direction)) in value}
+        p = Stribeck(**{"alpha_1": 0.0, "v_s": 1.0, **own})
+        moving = few.velocity != 0
+        if len(few.directions) == 2:
+            moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
         if few.smooth is None:
             weight = np.ones(few.torque.size) if few.root_weight is None else few.root_weight
             residual -= ca.DM(weight * moving) * law.steady_torque(ca.DM(few.velocity), p)

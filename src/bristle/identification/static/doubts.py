@@ -11,14 +11,15 @@ from bristle.estimation.autocorrelation import lag_one
 from bristle.identification.results import Estimate, Profile
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression
+from bristle.model.parameters import Direction, ParameterName
 
 
 def fit_doubts(
     problem: Regression,
     solution: Solution,
     jacobian: Array,
-    intervals: Mapping[str, tuple[float, float]],
-    profiles: Mapping[str, Profile],
+    intervals: Mapping[Direction, tuple[float, float]],
+    profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
     stretch: float,
 ) -> tuple[Diagnostic, ...]:
@@ -33,7 +34,7 @@ def fit_doubts(
         v_s_range: that was searched, rad/s.
         stretch: inflation of the variance by correlated residuals.
     """
-    doubts = [Kind.BOUND(name=name) for name in solution.at_bound]
+    doubts = [Kind.BOUND(name=problem.text(name)) for name in solution.at_bound]
     for direction, profile in profiles.items():
         doubts += _profile_doubts(direction, profile, intervals[direction], v_s_range)
         speed = np.abs(
@@ -72,15 +73,17 @@ def _profile_doubts(
 
 
 def huber_doubts(
-    parameters: Mapping[str, Estimate],
-    robust: Mapping[str, float],
-    errors: Mapping[str, float],
+    problem: Regression,
+    parameters: Mapping[ParameterName, Estimate],
+    robust: Mapping[ParameterName, float],
+    errors: Mapping[ParameterName, float],
     weight: Array,
     names: Sequence[str],
 ) -> list[Diagnostic]:
     """Where least squares and Huber part by more than two combined standard errors, and the points responsible.
 
     Args:
+        problem: as it was fitted.
         parameters: of least squares.
         robust: of the Huber refit.
         errors: its standard errors.
@@ -92,7 +95,7 @@ def huber_doubts(
         if estimate.standard_error and estimate.value is not None:
             distance = abs(robust[name] - estimate.value) / np.hypot(estimate.standard_error, errors[name])
             if distance > 2:
-                moved.append((name, float(distance)))
+                moved.append((problem.text(name), float(distance)))
     if not moved:
         return []
     responsible = [names[k] for k in np.argsort(weight)[:5] if weight[k] < 0.7] if names else []

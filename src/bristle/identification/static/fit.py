@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +21,8 @@ from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.stribeck_test import Inferred, infer
 from bristle.identification.static.uncertainty import three_ways
-from bristle.model.parameters import Direction, ParameterName, unit
+from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
-
-_FRICTION = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +75,7 @@ def fit_static(
     )
     label = _parts(problem)[-1]
     started = perf_counter()
-    checked = _named(crosscheck(core.problem, core.solution.theta, core.solution.cost, _errors(core), v_s_range), label)
+    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, _errors(core), v_s_range)
     if timings is not None:
         checked_at = perf_counter()
         solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
@@ -88,26 +85,14 @@ def fit_static(
     return {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}, {label: checked}
 
 
-def _named(check: Crosscheck, label: str) -> Crosscheck:
-    """The cross-check with its parameters by identity, where the problem has them by text."""
-
-    def keyed(values: Mapping[Any, float]) -> dict[ParameterName, float]:
-        names = {text: ParameterName.parse(str(text)) for text in values}
-        return {
-            name if name.direction in ("+", "-") else name._replace(direction=Direction(label)): values[text]
-            for text, name in names.items()
-        }
-
-    return replace(check, parameters=keyed(check.parameters), difference_in_se=keyed(check.difference_in_se))
-
-
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
-    """The parameters alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
-    return infer(problem, options, kind, options.v_s_range or default_range(problem.velocity)).parameters
+    """The parameters of one direction alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
+    core = infer(problem, options, kind, options.v_s_range or default_range(problem.velocity))
+    return {name.name: e for name, e in core.parameters.items()}
 
 
-def _parts(problem: Regression) -> tuple[str, ...]:
-    return problem.directions if len(problem.directions) == 1 else (*problem.directions, "shared")
+def _parts(problem: Regression) -> tuple[Direction, ...]:
+    return problem.directions if len(problem.directions) == 1 else (*problem.directions, Direction.SHARED)
 
 
 def _too_few(problem: Regression) -> Diagnostic | None:
@@ -121,7 +106,8 @@ def _too_few(problem: Regression) -> Diagnostic | None:
 
 
 def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Diagnostic) -> StaticFit:
-    names = (*_FRICTION, *problem.linear_names[2 * len(problem.directions) :])
+    extra = problem.linear_names[2 * len(problem.directions) :]
+    names = (*Stribeck._fields, *(name.name for name in extra))
     parameters = {name: Estimate(value=None, unit=unit(name, kind), doubts=(why,)) for name in names}
     return StaticFit(
         direction=direction,
@@ -141,10 +127,10 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
 class _Beside:
     """What stands beside a fit."""
 
-    plain: Mapping[str, float]
-    robust: Mapping[str, float]
-    without: Mapping[str, Estimate]
-    three: Mapping[str, Uncertainty]
+    plain: Mapping[ParameterName, float]
+    robust: Mapping[ParameterName, float]
+    without: Mapping[ParameterName, Estimate]
+    three: Mapping[ParameterName, Uncertainty]
     doubts: tuple[Diagnostic, ...]
 
 
@@ -156,7 +142,7 @@ def _beside(
     v_s_range: tuple[float, float],
     where: PointInfo,
 ) -> _Beside:
-    plain: dict[str, float] = {}
+    plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = dict(
             zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range, options.plain_grid)[2]), strict=True)
@@ -166,8 +152,11 @@ def _beside(
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
-    doubts = [*huber_doubts(core.parameters, robust, errors, weight, tuple(map(str, where.segments))), *core.doubts]
-    without: Mapping[str, Estimate] = {}
+    doubts = [
+        *huber_doubts(core.problem, core.parameters, robust, errors, weight, tuple(map(str, where.segments))),
+        *core.doubts,
+    ]
+    without: Mapping[ParameterName, Estimate] = {}
     if (sticks := where.stick_slip).any():
         rest = problem.rows(np.logical_not(sticks))
         doubts.append(Kind.STICK_SLIP_POINTS(sticking=int(sticks.sum()), points=sticks.size))
@@ -188,7 +177,9 @@ def _equation_velocity(problem: Regression) -> Array:
     return problem.velocity if problem.smooth is None else problem.smooth @ problem.velocity
 
 
-def _static_fit(core: Inferred, part: str, where: PointInfo, beside: _Beside, errors: tuple[HoldOut, ...]) -> StaticFit:
+def _static_fit(
+    core: Inferred, part: Direction, where: PointInfo, beside: _Beside, errors: tuple[HoldOut, ...]
+) -> StaticFit:
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
     problem, theta = core.problem, core.solution.theta
     two = len(problem.directions) == 2
@@ -200,15 +191,15 @@ def _static_fit(core: Inferred, part: str, where: PointInfo, beside: _Beside, er
         else (velocity > 0 if part == "+" else velocity < 0)
     )
     rows[rows.size - problem.priors :] = False
-    own = [name for name in problem.names if not two or (part in name if part != "shared" else name[-1] not in "+-")]
-    parameters = {name.rstrip("+-"): _with_doubts(core.parameters[name], beside.three[name]) for name in own}
+    own = [name for name in problem.names if not two or name.direction is part]
+    parameters = {name.name: _with_doubts(core.parameters[name], beside.three[name]) for name in own}
     if part != "shared" and part in core.dropped:
         missing = {
-            n: Estimate(value=None, unit=_unit_like(core, n, two, part), doubts=(core.dropped[part],))
+            n: Estimate(value=None, unit=_unit_like(core, n, part), doubts=(core.dropped[part],))
             for n in ("alpha_1", "v_s")
         }
         parameters |= missing
-    order = [n for n in _FRICTION if n in parameters] + [n for n in parameters if n not in _FRICTION]
+    order = sorted(parameters, key=lambda name: (*Stribeck._fields, name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in own]
     torque = problem.friction(theta) if part != "shared" else problem.torque
     measured = problem.torque if problem.known is None else problem.torque + problem.known
@@ -222,14 +213,14 @@ def _static_fit(core: Inferred, part: str, where: PointInfo, beside: _Beside, er
         outcome=_outcome(core, part, beside),
         doubts=beside.doubts,
         hold_out=errors,
-        names=tuple(core.names[k].rstrip("+-") for k in keep),
+        names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],
         dof=int(core.freedom),
         profile=core.profiles.get(part),
-        uncertainty={name.rstrip("+-"): beside.three[name] for name in own},
-        plain={name.rstrip("+-"): x for name, x in beside.plain.items() if name in own},
-        robust={name.rstrip("+-"): x for name, x in beside.robust.items() if name in own},
-        without_stick_slip={name.rstrip("+-"): e for name, e in beside.without.items()},
+        uncertainty={name.name: beside.three[name] for name in own},
+        plain={name.name: x for name, x in beside.plain.items() if name in own},
+        robust={name.name: x for name, x in beside.robust.items() if name in own},
+        without_stick_slip={n.name: e for n, e in beside.without.items() if not two or n.direction is part},
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],
@@ -245,14 +236,14 @@ def _with_doubts(estimate: Estimate, three: Uncertainty) -> Estimate:
     return estimate if at_bound else replace(estimate, doubts=(*estimate.doubts, *three.doubts))
 
 
-def _outcome(core: Inferred, part: str, beside: _Beside) -> Outcome:
-    name = "alpha_1" + (part if len(core.problem.directions) == 2 else "")
+def _outcome(core: Inferred, part: Direction, beside: _Beside) -> Outcome:
+    name = ParameterName("alpha_1", part)
     rests = name in core.parameters and bool(beside.without) and name not in beside.without
     return Outcome.STICK_SLIP if rests else core.outcome
 
 
-def _unit_like(core: Inferred, name: str, two: bool, part: str) -> str:
-    torque = core.parameters["alpha_0" + (part if two else "")].unit
+def _unit_like(core: Inferred, name: str, part: Direction) -> str:
+    torque = core.parameters[ParameterName("alpha_0", part)].unit
     return unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
 
 

@@ -17,6 +17,7 @@ from bristle.estimation.levenberg_marquardt import minimise
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.projection import Inner, Projected, solve_at
 from bristle.identification.static.unknowns import least_squares
+from bristle.model.parameters import ParameterName
 
 GRID = 32
 """Values of v_s in the refined grid."""
@@ -39,7 +40,7 @@ class Solution:
     cost: float
     residuals: Array
     jacobian: Array
-    at_bound: tuple[str, ...]
+    at_bound: tuple[ParameterName, ...]
     base_costs: tuple[float, ...]
     """Per peak, the cost without it."""
     grid: Array

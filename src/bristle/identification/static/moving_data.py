@@ -10,11 +10,12 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, regressors
+from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Crosscheck, StaticFit
 from bristle.identification.static import problem as regression
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import Regression
+from bristle.model.parameters import INERTIA, Stribeck
 
 
 def fit_moving(
@@ -37,7 +38,7 @@ def fit_moving(
     if prior is not None and "inertia" in asked:
         free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
         sigma = float(np.std(training.torque - free))
-        training = regression.with_prior(training, "inertia", prior.value, float(prior.standard_error or 0.0), sigma)
+        training = regression.with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
     tests = [(r.file, _above(problem([r])[0], experiment.fit.moving_above)[0]) for r in held]
     fits, checks = fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings)
     return fits, checks, _left_out(experiment, every, fast, fits)
@@ -62,11 +63,9 @@ def _left_out(
     if fast.all():
         return ()
     slow = every.rows(~fast)
-    values = {}
-    for d, fit in fits.items():
-        for name, e in fit.parameters.items():
-            values[name + (d if d in DIRECTIONS and len(every.directions) == 2 else "")] = e.value or 0.0
-    theta = np.array([values.get(name, 0.0) or (1.0 if name.startswith("v_s") else 0.0) for name in every.names])
+    values = {(name, d): e.value or 0.0 for d, fit in fits.items() for name, e in fit.parameters.items()}
+    extra = {name: value for (name, d), value in values.items() if name not in Stribeck._fields}
+    theta = np.array([values.get(n, extra.get(n.name, 0.0)) or (1.0 if n.name == "v_s" else 0.0) for n in every.names])
     return (
         Kind.SLOW_LEFT_OUT(
             slow=int((~fast).sum()),

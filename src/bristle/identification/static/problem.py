@@ -20,6 +20,7 @@ from bristle.data.record import Record
 from bristle.identification.decimation import decimator
 from bristle.identification.moving_runs import extra_columns, inertial, needed
 from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shape_slope
+from bristle.model.parameters import Direction, ParameterName
 from bristle.model.vectorize import evaluate
 
 Tables = tuple[Array, ...]
@@ -30,9 +31,9 @@ Tables = tuple[Array, ...]
 class Regression:
     """One static problem: n equations from N samples (n = N where nothing is smoothed)."""
 
-    directions: tuple[str, ...]
-    """("both",), ("+",), ("-",) or ("+", "-")."""
-    peaks: tuple[str, ...]
+    directions: tuple[Direction, ...]
+    """`both`, or those of + and - that were measured."""
+    peaks: tuple[Direction, ...]
     """The directions that have a Stribeck term."""
     velocity: Array
     """rad/s, shape (N,); no element is zero in a direction's set of points."""
@@ -40,7 +41,7 @@ class Regression:
     """N*m, shape (n,), smoothed and weighted like the columns."""
     linear: Array
     """Columns that multiply the linear parameters but alpha_1, shape (n, m)."""
-    linear_names: tuple[str, ...]
+    linear_names: tuple[ParameterName, ...]
     """alpha_0 and alpha_2 per direction, then the extra regressors."""
     smooth: sparse.csr_array | None = None
     """The decimation filter as a matrix, shape (n, N)."""
@@ -54,14 +55,18 @@ class Regression:
     """Torque already taken off `torque` (a fixed inertia's), shape (n,)."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of theta's elements; a direction's sign is appended where there are two."""
-        return (*self.linear_names, *self._per_direction("alpha_1"), *self._per_direction("v_s"))
+    def names(self) -> tuple[ParameterName, ...]:
+        """Which parameters theta's elements are."""
+        return (*self.linear_names, *(ParameterName(name, d) for name in ("alpha_1", "v_s") for d in self.peaks))
+
+    def text(self, name: ParameterName) -> str:
+        """How a parameter prints beside a fit of these directions: bare where there is but one."""
+        return name.name if len(self.directions) == 1 else str(name)
 
     @property
     def lower(self) -> Array:
         """Lower bounds of the linear columns: 0 for friction, -inf for the extra regressors."""
-        return np.array([0.0 if name.startswith("alpha") else -np.inf for name in self.linear_names])
+        return np.array([0.0 if name.name.startswith("alpha") else -np.inf for name in self.linear_names])
 
     def shapes(self, v_s: Array, direction: int = 0) -> Array:
         """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
@@ -129,9 +134,6 @@ class Regression:
             known=None if self.known is None else self.known[keep],
             memory={},
         )
-
-    def _per_direction(self, name: str) -> tuple[str, ...]:
-        return tuple(name + ("" if len(self.directions) == 1 else d) for d in self.peaks)
 
     def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Tables:
         direction, smooth = self.peaks[peak], self.smooth
@@ -202,7 +204,9 @@ def from_records(
     return problem, (time, position), dropped
 
 
-def with_prior(problem: Regression, name: str, value: float, standard_error: float, sigma: float) -> Regression:
+def with_prior(
+    problem: Regression, name: ParameterName, value: float, standard_error: float, sigma: float
+) -> Regression:
     """The problem with one more equation: parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma."""
     weight = sigma / standard_error
     row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
@@ -228,21 +232,22 @@ def _build(
 ) -> Regression:
     one = len(directions) == 1
     alpha_0, alpha_2 = evaluate(linear_shapes(), velocity)
-    friction: dict[str, Array] = {}
-    for direction in directions:
-        tag, mask = ("", None) if one else (direction, _moves(velocity, direction))
-        friction["alpha_0" + tag] = alpha_0 if mask is None else mask * alpha_0
-        friction["alpha_2" + tag] = alpha_2 if mask is None else mask * alpha_2
+    friction: dict[ParameterName, Array] = {}
+    sides = tuple(map(Direction, directions))
+    for direction in sides:
+        mask = None if one else _moves(velocity, direction)
+        friction[ParameterName("alpha_0", direction)] = alpha_0 if mask is None else mask * alpha_0
+        friction[ParameterName("alpha_2", direction)] = alpha_2 if mask is None else mask * alpha_2
     columns = np.array([*friction.values(), *extra.values()]).T
     if smooth is not None:
         columns, torque = smooth @ columns, smooth @ torque
     return Regression(
-        directions=directions,
-        peaks=directions,
+        directions=sides,
+        peaks=sides,
         velocity=velocity,
         torque=torque,
         linear=columns,
-        linear_names=(*friction, *extra),
+        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)),
         smooth=smooth,
     )
 

@@ -1,6 +1,7 @@
 """The exact profile of every parameter of a static fit: where its cost, minimised over all other parameters, stays below a threshold.
 
-At given v_s the problem is linear, so that the profiles of the others follow no path: see `estimation.conditional_profile`; eta is log(v_s).
+At given v_s the problem is linear, so that the profiles of the others follow no path: see
+`estimation.conditional_profile`; eta is log(v_s).
 """
 
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from bristle.identification.static.compression import reduced
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.projection import Projected, subsets
+from bristle.model.parameters import ParameterName
 
 _LOOKS = (
     Looks(first=1, near=2, again=0, drawn=1),
@@ -36,7 +38,7 @@ _ROUNDING = 1e-13
 class StaticProfiles(NamedTuple):
     """The profiles of a solved problem."""
 
-    intervals: dict[str, tuple[float, float]]
+    intervals: dict[ParameterName, tuple[float, float]]
     """The 95 % interval of each parameter by its profile, by name."""
     threshold: float
     """What a parameter inside its interval costs at most."""
@@ -50,7 +52,7 @@ class StaticProfiles(NamedTuple):
         """Values of v_s, (peaks,), at which the profiles met a cost lower than the solution's; None: they met none."""
         return None if self.linear.better is None else np.exp(self.linear.better)
 
-    def curve(self, name: str, value: float, low: float, high: float) -> Array:
+    def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
         """A linear parameter's profile about its estimate, from half a width below its interval to half a width above, (2, k)."""
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
@@ -62,7 +64,8 @@ class StaticProfiles(NamedTuple):
 def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> StaticProfiles:
     """The profiles of a problem's solution; `stretch` is by how much correlated residuals inflate the variance.
 
-    v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range; alpha_1 goes with it, and has no upper end then.
+    v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range; alpha_1 goes with it,
+    and has no upper end then.
     """
     threshold = profile_threshold(solution.cost, problem.torque.size, len(problem.names), stretch)
     few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem
@@ -70,7 +73,7 @@ def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> S
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]
     v_s = _of_v_s(few, solution, best, threshold)
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
-    bounded = np.array([name.startswith("alpha") for name in names])
+    bounded = np.array([name.name.startswith("alpha") for name in names])
     free = Projected(few)
 
     def faces(j: int) -> Iterator[Face]:
@@ -93,7 +96,7 @@ def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> S
     found = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
     for name, (low, high) in v_s.items():
         if low == 0 or not np.isfinite(high):
-            alpha_1 = name.replace("v_s", "alpha_1")
+            alpha_1 = name._replace(name="alpha_1")
             found[alpha_1] = found[alpha_1][0], np.inf
     return StaticProfiles(found | v_s, threshold, few, linear)
 
@@ -108,7 +111,9 @@ def others(solution: Solution, peaks: int, peak: int) -> Array:
     return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)
 
 
-def _of_v_s(problem: Regression, solution: Solution, best: Array, threshold: float) -> dict[str, tuple[float, float]]:
+def _of_v_s(
+    problem: Regression, solution: Solution, best: Array, threshold: float
+) -> dict[ParameterName, tuple[float, float]]:
     """The interval of v_s of each peak; of two, the other's v_s is searched on the grid and near its best."""
     projected, peaks = Projected(problem), len(problem.peaks)
     found = {}

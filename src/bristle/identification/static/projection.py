@@ -1,7 +1,7 @@
 """Variable projection: the static problem with everything but v_s solved exactly, for one or many v_s at once.
 
-With the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by (s'r)**2 / s's. Every grid
-over v_s, of one set of torques or of many, and every profile rests on it.
+With the linear columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost
+by (s'r)**2 / s's. Every grid over v_s, of one set of torques or of many, and every profile rests on it.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional
 from bristle.estimation.linear import bounded_least_squares, least_squares, orthonormal
 from bristle.identification.static.problem import Regression
+from bristle.model.parameters import ParameterName
 
 T = TypeVar("T")
 _NONE = np.zeros(0, dtype=np.intp)
@@ -29,7 +30,7 @@ class Inner(NamedTuple):
     """The parameters, in the order of the problem's `names`."""
     cost: float
     """J_s (10)."""
-    at_bound: tuple[str, ...]
+    at_bound: tuple[ParameterName, ...]
     """Parameters held at a physical bound."""
     residuals: Array
     """Measured minus modelled torque, (n,)."""
@@ -45,20 +46,19 @@ class Projected:
         dropped: names of linear parameters, alpha_1 of a peak among them, that are left out: a face of the problem, on which they are zero.
     """
 
-    def __init__(self, problem: Regression, dropped: Sequence[str] = ()) -> None:
+    def __init__(self, problem: Regression, dropped: Sequence[ParameterName] = ()) -> None:
         """Factor the linear columns once."""
-        names, m = problem.names[: len(problem.names) - len(problem.peaks)], len(problem.linear_names)
-        kept = [k for k, name in enumerate(names) if name not in dropped]
-        columns = [k for k in kept if k < m]
-        self.problem, self.size, self.kept = problem, len(names), kept
-        self.peaks = [k - m for k in kept if k >= m]
-        linear = problem.linear[:, columns] if dropped else problem.linear
+        m, self.problem, self.size = len(problem.linear_names), problem, len(problem.linear_names) + len(problem.peaks)
+        self.kept = [k for k in range(self.size) if not dropped or problem.names[k] not in dropped]
+        columns, self.peaks = [k for k in self.kept if k < m], [k - m for k in self.kept if k >= m]
+        linear, self.lower = problem.linear, problem.lower
+        if dropped:
+            linear, self.lower = linear[:, columns], self.lower[columns]
         self.q, self.r_inverse = orthonormal(linear)
         self.torque_in_q = self.q.T @ problem.torque
         self.rest = problem.torque - self.q @ self.torque_in_q
         self.q_and_rest = np.concatenate([self.q.T, self.rest[None]])
         self.rest_cost = float(self.rest @ self.rest)
-        self.lower = problem.lower[columns]
 
     @property
     def base_cost(self) -> float:
@@ -186,7 +186,7 @@ def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
     """Linear least squares (13) at given v_s, one per peak, bounded where the free solution breaks a bound."""
     design, slopes = problem.columns(v_s)
     solution = least_squares(design, problem.torque)
-    held: tuple[str, ...] = ()
+    held: tuple[ParameterName, ...] = ()
     if solution.min() <= 0:  # an extra regressor may well be negative; a friction parameter may not
         lower = np.append(problem.lower, np.zeros(len(v_s)))
         if (solution < lower).any():

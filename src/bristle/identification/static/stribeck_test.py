@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 
 import numpy as np
 
@@ -20,8 +21,8 @@ from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
 from bristle.identification.static.projection import Projected
+from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
 
 SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
@@ -37,17 +38,17 @@ class Inferred:
 
     problem: Regression
     solution: Solution
-    parameters: Mapping[str, Estimate]
-    names: tuple[str, ...]
+    parameters: Mapping[ParameterName, Estimate]
+    names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
     outcome: Outcome
     doubts: tuple[Diagnostic, ...]
-    profiles: Mapping[str, Profile]
-    dropped: Mapping[str, Diagnostic]
+    profiles: Mapping[Direction, Profile]
+    dropped: Mapping[Direction, Diagnostic]
     """Directions without a Stribeck term, with the reason."""
     profiled: StaticProfiles
-    student: Mapping[str, tuple[float, float]]
+    student: Mapping[ParameterName, tuple[float, float]]
     """Intervals by the covariance, by name."""
 
 
@@ -85,7 +86,7 @@ def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: 
         problem=problem,
         solution=solution,
         parameters=parameters,
-        names=tuple(np.array(problem.names)[free]),
+        names=tuple(compress(problem.names, free)),
         covariance=covariance,
         freedom=freedom,
         outcome=outcome,
@@ -99,17 +100,17 @@ def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: 
 
 def _student(
     problem: Regression, solution: Solution, covariance: Array, freedom: float
-) -> dict[str, tuple[float, float]]:
+) -> dict[ParameterName, tuple[float, float]]:
     """The intervals by Student's t, by name; no friction parameter below zero."""
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(covariance))
-    floor = [0.0 if name.startswith(("alpha", "v_s")) else -np.inf for name in problem.names]
+    floor = [0.0 if name.name in Stribeck._fields else -np.inf for name in problem.names]
     ends = zip(np.maximum(solution.theta - reach, floor).tolist(), (solution.theta + reach).tolist(), strict=True)
     return dict(zip(problem.names, ends, strict=True))
 
 
 def _unsupported(
     problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
-) -> dict[str, Diagnostic]:
+) -> dict[Direction, Diagnostic]:
     """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
     stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
     projected = Projected(problem)
@@ -150,7 +151,7 @@ def _speeds(problem: Regression, direction: str) -> Array:
 
 def _profiles(
     problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float], threshold: float
-) -> dict[str, Profile]:
+) -> dict[Direction, Profile]:
     """The profile over v_s of each peak, as it is drawn."""
     profiles = {}
     projected = Projected(problem)
@@ -191,20 +192,20 @@ def _estimates(
     solution: Solution,
     covariance: Array,
     free: Array,
-    intervals: Mapping[str, tuple[float, float]],
+    intervals: Mapping[ParameterName, tuple[float, float]],
     kind: JointKind,
-) -> dict[str, Estimate]:
+) -> dict[ParameterName, Estimate]:
     """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
     errors = np.full(len(problem.names), np.nan)
     errors[free] = np.sqrt(np.diag(covariance))
     out = {}
     for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
-        plain_name = name.rstrip("+-")
+        plain_name = name.name
         low, high = intervals[name]
         doubts: tuple[Diagnostic, ...] = ()
         if name in solution.at_bound:
             doubts = (Kind.AT_BOUND(),)
-        if plain_name == "alpha_1" and not is_closed(intervals[name.replace("alpha_1", "v_s")]):
+        if plain_name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
             doubts = (*doubts, Kind.ALPHA_1_OPEN())
         if plain_name == "v_s" and not is_closed((low, high)):
             doubts = (*doubts, Kind.V_S_OPEN_BELOW() if low == 0 else Kind.V_S_OPEN_ABOVE())
@@ -220,7 +221,7 @@ def _estimates(
 
 
 def _outcome(
-    problem: Regression, solution: Solution, dropped: Mapping[str, Diagnostic], v_s_range: tuple[float, float]
+    problem: Regression, solution: Solution, dropped: Mapping[Direction, Diagnostic], v_s_range: tuple[float, float]
 ) -> Outcome:
     if dropped and not problem.peaks:
         return Outcome.NO_STRIBECK

@@ -11,6 +11,7 @@ from bristle.identification.static import bootstrap
 from bristle.identification.static.profiles import others
 from bristle.identification.static.projection import Projected
 from bristle.identification.static.stribeck_test import Inferred
+from bristle.model.parameters import ParameterName
 
 _FEW = 8
 """Points beyond the parameters, below which they are few."""
@@ -18,7 +19,9 @@ _DRAWN, _BEYOND = 61, 0.6
 """Values of v_s at which its profile is drawn, and how far beyond its interval, in shares of its logarithmic width."""
 
 
-def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = bootstrap.SEED) -> dict[str, Uncertainty]:
+def three_ways(
+    found: Inferred, v_s_range: tuple[float, float], seed: int = bootstrap.SEED
+) -> dict[ParameterName, Uncertainty]:
     """The intervals of every parameter of a solved and judged problem, by the problem's names.
 
     Args:
@@ -52,7 +55,7 @@ def three_ways(found: Inferred, v_s_range: tuple[float, float], seed: int = boot
     return out
 
 
-def _curve(found: Inferred, name: str, value: float) -> Array:
+def _curve(found: Inferred, name: ParameterName, value: float) -> Array:
     """The profile of a parameter, as in `Uncertainty`."""
     problem, (low, high) = found.profiled.problem, found.profiled.intervals[name]
     reach = found.student[name][1] - value
@@ -60,7 +63,7 @@ def _curve(found: Inferred, name: str, value: float) -> Array:
     high = value + 3 * reach if open_ else high
     if not np.isfinite([low, high]).all():  # nothing bounds it on a side that could be drawn
         return np.zeros((2, 0))
-    if not name.startswith("v_s"):
+    if name.name != "v_s":
         curve = found.profiled.curve(name, value, low, high)
         # open alpha_1 goes on as v_s does, but it is drawn within the range searched
         return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
@@ -68,7 +71,7 @@ def _curve(found: Inferred, name: str, value: float) -> Array:
     low = low if low > 0 else max(float(grid[0]), value - 3 * reach)
     values = np.geomspace(max(low * (low / value) ** _BEYOND, grid[0]), high * (high / value) ** _BEYOND, _DRAWN)
     values = np.unique(np.append(values, value))
-    peak = [n for n in problem.names if n.startswith("v_s")].index(name)
+    peak = [n for n in problem.names if n.name == "v_s"].index(name)
     cost = Projected(problem).profile(values, peak, others(found.solution, len(problem.peaks), peak))
     room = max(found.profiled.threshold - found.solution.cost, 1e-300)
     return np.stack([values, np.maximum(cost - found.solution.cost, 0.0) / room])

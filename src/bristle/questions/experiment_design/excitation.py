@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
 from bristle.data.differentiation import stretches
-from bristle.data.record import freeze
 from bristle.identification.fisher import covariance, gram
 from bristle.identification.identify import Measured
 from bristle.identification.limits import SAMPLES, Limits
@@ -41,7 +40,7 @@ _GOOD = 0.97
 """Of each limit is used, for what lies between samples."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class MotionDesign:
     """A motion to track, and what it should tell."""
 
@@ -56,10 +55,6 @@ class MotionDesign:
     """Of its own at the estimate, in the order of the start's names, (p, p)."""
     errors: Array
     """Expected standard errors, what is known before included, (p,); inf where not seen."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,12 +5,10 @@ and y0, where inside a count the joint rested, not known.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, result
 from bristle.data.slow_loading import Loading
 from bristle.identification.fisher import covariance
 from bristle.identification.identify import Measured
@@ -36,7 +34,7 @@ _TENTH = 0.1
 """What torque noise of slow loading is referred to, s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class LoadingDesign:
     """Slow loading of one direction."""
 
@@ -62,10 +60,6 @@ class LoadingDesign:
     """`error` for each of `rises` and `PEAKS`, (m, k)."""
     chosen: tuple[int, int]
     """Row and column of `errors` of what was chosen."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
 
 def plan_loading(

@@ -4,14 +4,12 @@ Constant velocities, slow loading and a tracking motion within limits, and the i
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, result
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fisher import covariance, static_information
@@ -44,7 +42,7 @@ _UNSEEN = 0.5
 """A parameter whose expected relative standard error is wider is not seen."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Plan:
     """What to measure next on one joint."""
 
@@ -65,10 +63,6 @@ class Plan:
     references: tuple[PlannedRun, ...]
     assumptions: tuple[Diagnostic | str, ...]
     """What the expected intervals rest on; of limits that nobody declared, and of the start, as sentences."""
-
-    def __post_init__(self) -> None:
-        """Freeze what mappings hold."""
-        freeze(self)
 
     @property
     def free(self) -> list[int]:

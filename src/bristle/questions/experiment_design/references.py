@@ -5,15 +5,13 @@ them where it would not.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import ceil
 from typing import Literal
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
-from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
 from bristle.model.parameters import Direction
@@ -39,7 +37,7 @@ _USED = 0.999
 Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class PlannedRun:
     """One run; what is not commanded is nan. Arrays of shape (n,), n >= 1."""
 
@@ -52,10 +50,6 @@ class PlannedRun:
     """rad/s."""
     torque: Array
     """N*m."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
 
 def ramp_time(velocity: float, limits: Limits) -> float:
@@ -118,37 +112,46 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
     return found
 
 
-_LONGEST = 1e7
-"""Samples of one run's reference."""
-
-
 def hold_reference(hold: Hold, start: float, step: float) -> PlannedRun:
-    """From rest to the velocity, at it, and to rest again. Raises InputError where that takes more samples than a reference may have."""
-    if not hold.duration / step < _LONGEST:
-        raise InputError(
-            f"a hold at a velocity of {hold.velocity:.3g} takes {hold.duration:.3g} s, {hold.duration / step:.1e} samples; "
-            f"expected at most {_LONGEST:g}: "
-            "raise plan.minimum_velocity, or give plan.hold, plan.acceleration or a lower plan.rate"
-        )
-    return _driven("ramp", hold.run, hold.at(_instants(hold.duration - 1e-9 * step, step), start))
+    """From rest to the velocity, at it, and to rest again."""
+    return _driven("ramp", hold.run, hold.at(_instants(_of_hold(hold, step), step), start))
 
 
-def move_reference(start: float, stop: float, limits: Limits, step: float) -> PlannedRun:
+def move_within(start: float, stop: float, limits: Limits) -> Move:
     """From rest to rest elsewhere, never at a constant velocity."""
     way = abs(stop - start)
     fast = FASTEST * way / (_USED * limits.velocity)
     hard = (HARDEST * way / (_USED * limits.acceleration)) ** 0.5
-    move = Move(start, stop, max(SETTLE, fast, hard))
+    return Move(start, stop, max(SETTLE, fast, hard))
+
+
+def move_reference(move: Move, step: float) -> PlannedRun:
+    """A move as it is played."""
     return _driven("move", 0, move.at(_instants(move.duration, step)))
+
+
+def samples_of(part: Hold | Move | SlowLoads, step: float) -> float:
+    """How many samples a run takes, as `_instants` has them; a number of any size, since nothing is sampled yet."""
+    duration = _of_hold(part, step) if isinstance(part, Hold) else part.duration
+    return float(np.ceil(duration / step)) + 1
+
+
+def _of_hold(hold: Hold, step: float) -> float:
+    return hold.duration - 1e-9 * step
 
 
 def load_reference(plan: LoadingDesign, run: int, cycles: int, step: float) -> PlannedRun:
     """Torque from zero to the peak and back, so many times, open loop, the joint at rest."""
-    peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
-    loads = SlowLoads((peak,) * cycles, plan.rise, FALL * plan.rise, rest=_REST, pause=_REST)
+    loads = slow_loads(plan, cycles)
     torque = loads.at(_instants(loads.duration, step)).torque
     lost = np.full(torque.size, np.nan)
     return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=torque)
+
+
+def slow_loads(plan: LoadingDesign, cycles: int) -> SlowLoads:
+    """The loads of a direction, so many rises."""
+    peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
+    return SlowLoads((peak,) * cycles, plan.rise, FALL * plan.rise, rest=_REST, pause=_REST)
 
 
 def _instants(duration: float, step: float) -> Array:

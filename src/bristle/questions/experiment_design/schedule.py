@@ -5,6 +5,7 @@ Constant velocities, loading where they end, and the motion about the middle.
 
 from collections.abc import Sequence
 
+from bristle.errors import InputError
 from bristle.identification.limits import Limits
 from bristle.questions.experiment_design import references as reference
 from bristle.questions.experiment_design.excitation import MotionDesign
@@ -12,6 +13,10 @@ from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
 from bristle.questions.experiment_design.references import PlannedRun
 from bristle.questions.experiment_design.start import Start
 from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection
+from bristle.simulation.references import Hold, Move
+
+MOST = 2_000_000
+"""Samples of all references at the most: five hours at the usual rate."""
 
 
 def schedule(
@@ -22,10 +27,15 @@ def schedule(
     motion: MotionDesign,
 ) -> tuple[PlannedRun, ...]:
     """Every reference of a plan, runs numbered from 1. Raises InputError where the travel is too short for a hold."""
-    ramps = _ramps(start, limits, velocities)
-    runs, step = max(r.run for r in ramps), 1 / limits.rate
+    step = 1 / limits.rate
+    ramps = [
+        reference.hold_reference(part, begin, step) if isinstance(part, Hold) else reference.move_reference(part, step)
+        for part, begin in _parts(start, limits, velocities)
+    ]
+    runs = max(r.run for r in ramps)
     loads = [reference.load_reference(x, k, CYCLES, step) for k, x in enumerate(loadings, runs + 1)]
-    move = reference.move_reference(float(ramps[-1].position[-1]), _middle(limits), limits, step)
+    last_place = float(ramps[-1].position[-1])
+    move = reference.move_reference(reference.move_within(last_place, _middle(limits), limits), step)
     last = reference.motion_reference(motion.lines, runs + len(loads) + 1, limits, motion.duration, step)
     return (*ramps, *loads, move, last)
 
@@ -37,27 +47,36 @@ def duration(
     loadings: Sequence[LoadingDesign],
     motion: float,
 ) -> float:
-    """What all of it takes at most, s, with a motion of so many seconds. Raises as `schedule` does."""
+    """What all of it takes at most, s, with a motion of so many seconds.
+
+    Raises InputError as `schedule` does, and where it has more samples than a file may have.
+    """
     step = 1 / limits.rate
-    loads = [reference.load_reference(x, 0, CYCLES, step) for x in loadings]
-    move = reference.move_reference(limits.position[0], _middle(limits), limits, step)
-    played = [*_ramps(start, limits, velocities), *loads, move]
-    return sum(r.position.size for r in played) / limits.rate + motion + step
+    move = reference.move_within(limits.position[0], _middle(limits), limits)
+    loads = (reference.slow_loads(x, CYCLES) for x in loadings)
+    parts = [*(part for part, _ in _parts(start, limits, velocities)), *loads, move]
+    needed = sum(reference.samples_of(part, step) for part in parts) / limits.rate + motion + step
+    if not needed * limits.rate <= MOST:
+        raise InputError(
+            f"a plan within these limits takes {needed:.3g} s, {needed * limits.rate:.3g} samples at {limits.rate:g} Hz; expected at most {MOST}: "
+            "lower plan.rate, shorten plan.hold, raise plan.minimum_velocity or plan.acceleration, or narrow plan.position"
+        )
+    return float(needed)
 
 
-def _ramps(start: Start, limits: Limits, velocities: Sequence[VelocityPlan]) -> list[PlannedRun]:
-    """The runs at constant velocity in the order to play, with the moves between them."""
+def _parts(start: Start, limits: Limits, velocities: Sequence[VelocityPlan]) -> list[tuple[Hold | Move, float]]:
+    """The runs at constant velocity in the order to play, each with where it begins (rad), and the moves between them."""
     deflection = largest_deflection(start)
     runs = enumerate((v for plan in velocities for v in plan.velocities), 1)
     holds = [hold for run, v in runs for hold in reference.passes(v, run, deflection, limits)]
-    played: list[PlannedRun] = []
-    position, step = _middle(limits), 1 / limits.rate
+    parts: list[tuple[Hold | Move, float]] = []
+    position = _middle(limits)
     for begin, hold in reference.ordered(holds, limits):
         if abs(begin - position) > 1e-9 * limits.travel:
-            played.append(reference.move_reference(position, begin, limits, step))
-        played.append(reference.hold_reference(hold, begin, step))
+            parts.append((reference.move_within(position, begin, limits), position))
+        parts.append((hold, begin))
         position = begin + hold.travel
-    return played
+    return parts
 
 
 def _middle(limits: Limits) -> float:

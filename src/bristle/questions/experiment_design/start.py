@@ -1,13 +1,11 @@
 """What a plan starts from: each direction's parameters, how well they are known, and the noise of what will be measured."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, result
 from bristle.data.encoder import resolution
-from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.identify import Measured
@@ -34,7 +32,7 @@ _EXACT = 1e-6
 """Relative standard error of what is given as exact."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Start:
     """A joint as it is known before the next measurement."""
 
@@ -62,10 +60,6 @@ class Start:
     resolution: float
     """One encoder count, rad; 0: not known."""
     assumptions: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     def p(self, direction: str) -> Lugre[float]:
         """The set of a direction."""

@@ -9,7 +9,7 @@ speeds are positive.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import ndtri
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, result
 from bristle.errors import InputError
 from bristle.identification.fisher import covariance, static_information
 from bristle.identification.limits import Limits
@@ -53,7 +52,7 @@ _COST = 0.01
 """In the logarithm of the variance."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class DesignProblem:
     """What is known of one direction, and where it may be measured."""
 
@@ -69,10 +68,6 @@ class DesignProblem:
     """Slowest speed, rad/s, > 0."""
     high: float
     """Fastest speed, rad/s, > low."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     @property
     def sets(self) -> list[Lugre[float]]:
@@ -99,7 +94,7 @@ class Design(NamedTuple):
         return list(zip(speeds.tolist(), counts.tolist(), strict=True))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class VelocityPlan:
     """The constant velocities of one direction, and what else might be run."""
 
@@ -115,10 +110,6 @@ class VelocityPlan:
     what is known."""
     simulated: Mapping[str, Array]
     """Scatter of fits of the runs in `alone`, SIMULATED, (4,) each."""
-
-    def __post_init__(self) -> None:
-        """Freeze what mappings hold."""
-        freeze(self)
 
     @property
     def velocities(self) -> list[float]:

@@ -79,7 +79,7 @@ def _without(fit: StaticFit, name: str) -> tuple[float | None, float | None]:
 def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per parameter: the full nonlinear fit's value, the grid's, and their difference in standard errors."""
     rows = [
-        (joint.name, d, name.within(d), _refined(joint, name), full, check.difference_in_se.get(name))
+        (joint.name, d, name.within(d), _refined(joint, d, name), full, check.difference_in_se.get(name))
         for joint in joints
         for d, check in joint.crosscheck.items()
         for name, full in check.parameters.items()
@@ -90,9 +90,9 @@ def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
     )
 
 
-def _refined(joint: Joint, name: ParameterName) -> float | None:
-    """The grid's value."""
-    fit = joint.static.get(name.direction)
+def _refined(joint: Joint, direction: str, name: ParameterName) -> float | None:
+    """The grid's value; what is shared belongs to a fit of its own only where two directions share it."""
+    fit = joint.static.get(name.direction) or joint.static.get(direction)
     estimate = None if fit is None else fit.parameters.get(name.name)
     return None if estimate is None else estimate.value
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, result
 from bristle.questions.method_validation.cases import CaseSet
 from bristle.questions.method_validation.solvers import Case
 
@@ -26,7 +25,7 @@ MOST_DECLINED = 0.5
 FREE = "IPOPT, v_s free"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class MethodResult:
     """How one method did over the repetitions; arrays (4,) in the order of `NAMES`."""
 
@@ -48,12 +47,8 @@ class MethodResult:
     seconds: float
     """Mean time of one data set."""
 
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class GridResolution:
     """What the resolution of the plain grid costs."""
 
@@ -65,10 +60,6 @@ class GridResolution:
     predicted: int
     """Values with which the error of even rounding, a step over the square root of 12, is `FINE_ENOUGH` times the
     floor; 0 without a floor."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     @property
     def enough(self) -> int | None:
@@ -85,7 +76,7 @@ class GridResolution:
         return float(self.error[self.counts.index(count)]) / self.floor if self.floor else float("inf")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class RandomStarts:
     """One data set, fitted from many random starts."""
 
@@ -100,10 +91,6 @@ class RandomStarts:
     best: Array
     """Theta of the refined grid, (4,)."""
     best_cost: float
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     @property
     def solvers(self) -> list[str]:
@@ -123,7 +110,7 @@ class RandomStarts:
         return absent
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class CostCurve:
     """The cost of the same data set over v_s, minimised over all else."""
 
@@ -134,12 +121,8 @@ class CostCurve:
     plain: Mapping[int, float]
     """v_s of plain grids, by their number of values."""
 
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Coverage:
     """How often one kind of 95 % interval covers the truth."""
 
@@ -148,12 +131,8 @@ class Coverage:
     share: Array
     """(4,), in the order of `NAMES`."""
 
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class CaseResult:
     """What one case shows."""
 
@@ -173,10 +152,6 @@ class CaseResult:
     and repetitions."""
     outside_range: NDArray[np.bool_]
     """Which starts end beyond the grid's range at a lower cost than any within, where v_s is free, (s,)."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     @property
     def not_identifiable(self) -> bool:

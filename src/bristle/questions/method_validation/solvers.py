@@ -5,15 +5,14 @@ Local solvers see the same scaled variables, v_s by its logarithm, and stay with
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.util import find_spec
 
 import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, result
 from bristle.estimation.ipopt import ends, natural, solver
 from bristle.estimation.problem import Unknowns
 from bristle.identification.static import grid
@@ -22,7 +21,7 @@ from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.unknowns import unknowns_of
 from bristle.model import law
 from bristle.model.functions import steady_jacobian, steady_torque
-from bristle.model.parameters import Stribeck
+from bristle.model.parameters import ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 
 NAMES = ("alpha_0", "alpha_2", "alpha_1", "v_s")
@@ -38,7 +37,7 @@ Local = Callable[[Array, Array], Array]
 """From torques (n,) and a start theta (4,) to theta (4,)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Case:
     """What is simulated: one direction of a joint, measured at some velocities."""
 
@@ -54,17 +53,13 @@ class Case:
     v_s_range: tuple[float, float]
     """Where v_s is searched, rad/s."""
 
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
-
     @property
     def theta(self) -> Array:
         """The truth in the order of `NAMES`, (4,)."""
         return np.array([getattr(self.truth, name) for name in NAMES])
 
     @property
-    def unknowns(self) -> Unknowns[str]:
+    def unknowns(self) -> Unknowns[ParameterName]:
         """The parameters as local solvers see them, over sizes that go with the true torque."""
         return unknowns_of(self.problem(modelled(self, self.theta[:, None])[:, 0]), self.v_s_range)
 
@@ -157,8 +152,8 @@ def trf(case: Case) -> Local:
     return fit
 
 
-def _scaled(unknowns: Unknowns[str], theta: Array) -> Array:
-    return unknowns.scaled(dict(zip(NAMES, theta.tolist(), strict=True)))
+def _scaled(unknowns: Unknowns[ParameterName], theta: Array) -> Array:
+    return unknowns.scaled(dict(zip(unknowns.names, theta.tolist(), strict=True)))
 
 
 def lmfit(case: Case) -> Local:

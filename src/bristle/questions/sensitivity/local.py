@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array
+from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
-from bristle.data.record import freeze
 from bristle.errors import InputError
 from bristle.identification.fisher import cleared
 from bristle.model import functions
@@ -92,7 +91,7 @@ def motion(amplitude: float, frequency: float) -> Motion:
     return Motion(amplitude, frequency, duration, min(PERIOD * duration / DURATION, 1 / (_OFTEN * frequency)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Local:
     """Derivatives along one motion; columns in the order of `Lugre`."""
 
@@ -106,10 +105,6 @@ class Local:
     """p dT_f / dp at fixed z, N*m, (n, 6)."""
     total: Array
     """The same through the bristle, N*m, (n, 6)."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     def shares(self, *, partial: bool = False, last: int | None = None) -> Array:
         """RMS of each derivative over the RMS of T_f, (6,); over the whole motion, or its last samples only."""
@@ -156,7 +151,7 @@ def _partial(z: Array, v: Array, p: Lugre[float] | Pair[float]) -> Array:
     return np.column_stack([np.multiply(size, slope) for size, slope in zip(acting, slopes, strict=True)])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Map:
     """Total shares in settled motion, over amplitude and frequency."""
 
@@ -166,10 +161,6 @@ class Map:
     """Hz, (f,), ascending."""
     shares: Array
     """RMS of p dT_f / dp over the RMS of T_f, (a, f, 6)."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
     @property
     def first(self) -> NDArray[np.intp]:

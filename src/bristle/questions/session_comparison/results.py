@@ -7,13 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bristle.arrays import Array
-from bristle.data.record import freeze
+from bristle.arrays import Array, result
 from bristle.identification.results import Estimate
 from bristle.model.parameters import Kind, ParameterName
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Fit:
     """What one fit of a session says."""
 
@@ -27,10 +26,6 @@ class Fit:
     """Degrees of freedom."""
     distrusted: str = ""
     """Why it is not to be trusted, if so: then it is used last."""
-
-    def __post_init__(self) -> None:
-        """Copy and freeze every array."""
-        freeze(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
