@@ -24,7 +24,7 @@ from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.stribeck_test import infer
 from bristle.identification.static.uncertainty import three_ways
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.simulation import bench, edro
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
@@ -112,13 +112,14 @@ def designs(repetitions: int) -> None:
         for _ in range(repetitions):
             torque = bench.steady_points(P, velocities, noise, rng, 1)[0]
             found = infer(from_points(velocities, torque, ("+",)), FitOptions(), "revolute", v_s_range)
-            if "v_s" not in found.parameters:
+            v_s = found.parameters.get(ParameterName("v_s", Direction.POSITIVE))
+            if v_s is None:
                 continue
-            errors.append(found.parameters["v_s"].standard_error or np.inf)
+            errors.append(v_s.standard_error or np.inf)
             for name, three in three_ways(found, v_s_range).items():
                 for way in WAYS:
                     low, high = getattr(three, way) or (-np.inf, np.inf)
-                    hits[way][name] += low <= getattr(P, name) <= high
+                    hits[way][name.name] += low <= getattr(P, name.name) <= high
         spread = 100 * float(np.median(errors)) / P.v_s
         for way in WAYS:
             _row(
@@ -162,7 +163,7 @@ def _by_stage(joint: Joint, sign: str) -> Iterator[tuple[str, str, Estimate]]:
         yield "samples", "sigma_0", joint.presliding.fits[sign].samples
     for stage, fit in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
         if fit is not None:
-            yield from ((stage, name, fit.parameters[ParameterName.parse(name + sign)]) for name in Lugre._fields)
+            yield from ((stage, name, fit.parameters[ParameterName(name, Direction(sign))]) for name in Lugre._fields)
 
 
 def _joints(seeds: int) -> Iterator[Joint]:

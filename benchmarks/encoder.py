@@ -24,7 +24,7 @@ from bristle.identification.presliding.stiffness import Level, printed_bias
 from bristle.identification.results import PreslidingFit, TrackingFit
 from bristle.model import functions
 from bristle.model.motor import drive_torque
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 
@@ -86,8 +86,8 @@ def moving() -> None:
     print(
         f"(b) moving runs of gripper rotation, mean over {SEEDS} seeds of (estimate - truth) / standard error: as fitted / bias of counts taken off"
     )
-    print(f"{'bits':>4}" + "".join(f"{name + '+':>16}" for name in Lugre._fields) + f"{'inertia':>16}")
-    names = [f"{name}+" for name in Lugre._fields] + ["inertia"]
+    names = [ParameterName(name, Direction.POSITIVE) for name in Lugre._fields] + [INERTIA]
+    print(f"{'bits':>4}" + "".join(f"{name!s:>16}" for name in names))
     for bits in (14, 15, 16, 18, 20):
         pairs = [both(2 * np.pi / 2**bits, seed) for seed in range(SEEDS)]
         off = np.array([[[distance(fit, name) for name in names] for fit in pair] for pair in pairs])
@@ -102,7 +102,7 @@ def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     """One seed's fit as it is, and with the bias taken off."""
     run = measured(quantum, seed)
 
-    def pose(records: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> Tracking:
         return tracking(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], {}), truth(), "revolute", starts=1)
@@ -111,11 +111,11 @@ def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
 
 def routes() -> None:
     """Relative errors of both routes over bits."""
-    names = ("alpha_0+", "alpha_2+", "sigma_0+", "sigma_1+", "inertia")
+    names = [ParameterName.parse(name) for name in ("alpha_0+", "alpha_2+", "sigma_0+", "sigma_1+", "inertia")]
     print(
         f"(c) the same, relative error in %, mean +- spread over {SEEDS_OF_ROUTES} seeds; Stribeck terms given; torque predicted / position predicted"
     )
-    print(f"{'bits':>4}" + "".join(f"{name:>32}" for name in names))
+    print(f"{'bits':>4}" + "".join(f"{name!s:>32}" for name in names))
     for bits in (11, 12, 14, 16, 20):
         pairs = [by_route(2 * np.pi / 2**bits, seed) for seed in range(SEEDS_OF_ROUTES)]
         off = np.array([[[relative(fit, name) for fit in pair] for pair in pairs] for name in names])
@@ -128,10 +128,10 @@ def routes() -> None:
 def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     """One seed's fit of the torque, the bias of counts taken off, and of the position."""
     run = measured(quantum, seed)
-    known = {name: value for name, value in truth().items() if name.startswith(("alpha_1", "v_s"))}
+    known = {name: value for name, value in truth().items() if name.name in ("alpha_1", "v_s")}
     start = {name: value for name, value in truth().items() if name not in known}
 
-    def pose(records: Sequence[Record], fixed: Mapping[str, float]) -> Tracking:
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> Tracking:
         return tracking(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], known), start, "revolute", starts=1)
@@ -142,9 +142,9 @@ def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     ).fit
 
 
-def relative(fit: TrackingFit, name: str) -> float:
+def relative(fit: TrackingFit, name: ParameterName) -> float:
     """Relative error, percent; nan where the motion does not show the parameter."""
-    value = fit.parameters[ParameterName.parse(name)].value
+    value = fit.parameters[name].value
     return np.nan if value is None else 100 * (value / truth()[name] - 1)
 
 
@@ -159,15 +159,15 @@ def measured(quantum: float, seed: int) -> Record:
     return replace(record, torque=torque)
 
 
-def truth() -> dict[str, float]:
+def truth() -> dict[ParameterName, float]:
     """The true parameters by name."""
-    own = {name + sign: value for sign, p in zip("+-", PAIR, strict=True) for name, value in p._asdict().items()}
-    return own | {"inertia": edro.motor("gripper rotation").J}
+    own = {ParameterName(name, d): x for d, p in zip(SIGNED, PAIR, strict=True) for name, x in p._asdict().items()}
+    return own | {INERTIA: edro.motor("gripper rotation").J}
 
 
-def distance(fit: TrackingFit, name: str) -> float:
+def distance(fit: TrackingFit, name: ParameterName) -> float:
     """(estimate - truth) / standard error; nan where the motion does not show the parameter."""
-    e = fit.parameters[ParameterName.parse(name)]
+    e = fit.parameters[name]
     return np.nan if e.value is None or not e.standard_error else (e.value - truth()[name]) / e.standard_error
 
 

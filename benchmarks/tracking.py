@@ -64,8 +64,8 @@ class Case(NamedTuple):
     """The data, n samples, and the start of every fit."""
 
     problem: trajectory.Tracking
-    start: dict[str, float]
-    posed: LeastSquares[str]
+    start: dict[trajectory.Unknown, float]
+    posed: LeastSquares[trajectory.Unknown]
 
     @property
     def velocity(self) -> Array:
@@ -108,7 +108,8 @@ def case(n: int) -> Case:
     torque = rollout(v, H, TRUTH, 0.0).torque + NOISE * np.random.default_rng(0).standard_normal(n)
     record = Record(file="benchmark", time=t, velocity=v, torque=torque)
     problem = trajectory.tracking([record], ("both",), (), 1, None)
-    start = {k: off * p for k, off, p in zip(Lugre._fields, OFF, TRUTH, strict=True)} | {"z0[0]": 0.0}
+    friction = (off * p for off, p in zip(OFF, TRUTH, strict=True))
+    start = dict(zip(problem.friction_names, friction, strict=True)) | {trajectory.Begin("z0", 0): 0.0}
     return Case(problem, start, unknowns.least_squares(problem, start))
 
 
@@ -275,7 +276,7 @@ def ipopt_fits(data: Case) -> dict[str, Fit]:
     z1 = a * z + b
     step = ca.Function("step", [z, v0, v1, h, ca.vertcat(*p)], ca.cse([z1, law.torque(z1, v1, p)]))
     x = ca.MX.sym("x", 7)
-    logarithmic = [name in ("alpha_0", "v_s", "sigma_0") for name in data.problem.names]
+    logarithmic = [name.name in ("alpha_0", "v_s", "sigma_0") for name in data.problem.names]
     q = ca.vertcat(
         *(ca.exp(x[k]) if is_log else x[k] * data.posed.unknowns.scale[k] for k, is_log in enumerate(logarithmic))
     )

@@ -1,7 +1,7 @@
 """All parameters on moving data: the descent, the residuals' derivatives, intervals, what is not seen, priors, counts."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,18 +17,21 @@ from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.problem import Prior, Tracking, residuals, tracking, with_priors
+from bristle.identification.dynamic.problem import Begin, Prior, Tracking, residuals, tracking, with_priors
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.results import TrackingFit
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 
+from ..names import named, parse
 from .conftest import GRIPPER
 
 STEP = 1e-3
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
 J = 1.27e-3
+Z0 = Begin("z0", 0)
+"""What the only motion begins with."""
 
 
 def motion(seconds: float = 8.0) -> tuple[Array, Array]:
@@ -56,10 +59,11 @@ def record(
     return Record(file="run.csv", time=t[: v.size], velocity=v, torque=torque, acceleration=acceleration)
 
 
-def named(p: Lugre[float] | Pair[float]) -> dict[str, float]:
+def values_of(p: Lugre[float] | Pair[float]) -> dict[ParameterName, float]:
     """Parameters by name, with the inertia."""
-    sets = {"": p} if isinstance(p, Lugre) else {"+": p.positive, "-": p.negative}
-    return {name + tag: value for tag, own in sets.items() for name, value in own._asdict().items()} | {"inertia": J}
+    sets = {Direction.BOTH: p} if isinstance(p, Lugre) else dict(zip(SIGNED, p, strict=True))
+    every = {ParameterName(name, d): value for d, own in sets.items() for name, value in own._asdict().items()}
+    return every | {INERTIA: J}
 
 
 def posed(run: Record, directions: tuple[str, ...] = ("both",), decimation: int = 1) -> Tracking:
@@ -67,7 +71,7 @@ def posed(run: Record, directions: tuple[str, ...] = ("both",), decimation: int 
     return tracking([run], directions, ("inertia",), decimation, None)
 
 
-def shifted(values: Mapping[str, float], factor: float = 1.25) -> dict[str, float]:
+def shifted(values: Mapping[ParameterName, float], factor: float = 1.25) -> dict[ParameterName, float]:
     """A start that is off by a factor, up and down in turn."""
     return {name: value * factor ** (1 if k % 2 else -1) for k, (name, value) in enumerate(values.items())}
 
@@ -77,7 +81,7 @@ def shifted(values: Mapping[str, float], factor: float = 1.25) -> dict[str, floa
 def test_the_jacobian_is_that_of_differences(p: Lugre[float] | Pair[float], decimation: int) -> None:
     """Each column of the residuals' Jacobian is their central difference, filtered or not, z0 and inertia included."""
     problem = posed(record(p), ("both",) if isinstance(p, Lugre) else ("+", "-"), decimation)
-    at = shifted(named(p), 1.1) | {"z0[0]": 1e-4}
+    at = shifted(values_of(p), 1.1) | {Z0: 1e-4}
     _, jacobian = residuals(problem, at)
     for k, name in enumerate(problem.names):
         h = 1e-5 * (abs(at[name]) or 1e-4)
@@ -91,16 +95,16 @@ def test_the_jacobian_is_that_of_differences(p: Lugre[float] | Pair[float], deci
 def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float]) -> None:
     """From a start that is off by a quarter, noise-free data give every parameter back."""
     problem = posed(record(p), ("both",) if isinstance(p, Lugre) else ("+", "-"))
-    values, minimum = fit(problem, shifted(named(p)) | {"z0[0]": 0.0})
+    values, minimum = fit(problem, shifted(values_of(p)) | {Z0: 0.0})
     assert minimum.cost < 1e-16
-    for name, true in named(p).items():
+    for name, true in values_of(p).items():
         assert values[name] == pytest.approx(true, rel=1e-4)
 
 
 def test_two_routes_agree() -> None:
     """SciPy's least_squares, given the same residuals and no Jacobian of ours, ends where the descent ends, to 1e-3 standard errors."""
     problem = posed(record(GRIPPER, noise=3e-4), decimation=5)
-    start = shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0}
+    start = shifted(values_of(GRIPPER), 1.1) | {Z0: 0.0}
     values, minimum = fit(problem, start)
     about = posed_about(problem, start)
 
@@ -122,7 +126,7 @@ def test_many_samples_have_the_minimum_that_few_of_them_lead_to(
 ) -> None:
     """A fit that begins on every eighth sample ends where one that does not ends, to 1e-2 standard errors; where those show nothing, too."""
     problem = posed(record(p, noise=3e-4), ("both",) if isinstance(p, Lugre) else ("+", "-"))
-    start = shifted(named(p), 1.5) | {"z0[0]": 0.0}
+    start = shifted(values_of(p), 1.5) | {Z0: 0.0}
     plain, minimum = fit(problem, start)
     monkeypatch.setattr(unknowns, "_LARGE", 1)
     thinned, other = fit(problem, start)
@@ -139,7 +143,7 @@ def test_samples_that_show_nothing_do_not_end_a_fit_of_many(monkeypatch: pytest.
     """Where every eighth sample is at rest, the fit goes on from its own start, as if it had not looked at those alone."""
     t, v = motion()
     problem = posed(record(GRIPPER, noise=3e-4, velocity=np.where(np.arange(t.size) % 8 == 0, 0.0, v)))
-    start = shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0, "inertia": 0.0}
+    start = shifted(values_of(GRIPPER), 1.1) | {Z0: 0.0, INERTIA: 0.0}
     plain, _ = fit(problem, start)
     monkeypatch.setattr(unknowns, "_LARGE", 1)
     assert fit(problem, start)[0] == plain
@@ -147,14 +151,14 @@ def test_samples_that_show_nothing_do_not_end_a_fit_of_many(monkeypatch: pytest.
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """Over forty repetitions with white noise, at least 87 % of the intervals of all seven parameters hold the truth."""
-    truth, hits = named(GRIPPER), []
+    truth, hits = values_of(GRIPPER), []
     for seed in range(40):
         found = fit_tracking(posed(record(GRIPPER, 3e-4, seed), decimation=5), truth, "revolute", starts=1).fit
         hits += [_holds(found, name, true) for name, true in truth.items()]
     assert 0.87 < np.mean(hits) <= 1.0
 
 
-def _holds(found: TrackingFit, name: str, true: float) -> bool:
+def _holds(found: TrackingFit, name: ParameterName, true: float) -> bool:
     interval = found.parameters[name].interval
     return interval is not None and interval[0] <= true <= interval[1]
 
@@ -166,10 +170,10 @@ def test_correlated_noise_widens_the_intervals() -> None:
     slow = np.convolve(white, np.ones(50) / np.sqrt(50), mode="same")
     assert run.torque is not None
     fits = [
-        fit_tracking(posed(replace(run, torque=run.torque + noise)), named(GRIPPER), "revolute", starts=1).fit
+        fit_tracking(posed(replace(run, torque=run.torque + noise)), values_of(GRIPPER), "revolute", starts=1).fit
         for noise in (white, slow)
     ]
-    errors = [found.parameters["alpha_0"].standard_error for found in fits]
+    errors = [found.parameters[parse("alpha_0")].standard_error for found in fits]
     assert errors[0] is not None
     assert errors[1] is not None
     assert errors[1] > 3 * errors[0]
@@ -179,14 +183,14 @@ def test_correlated_noise_widens_the_intervals() -> None:
 def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
     """With all speeds far below v_s only alpha_0 + alpha_1 is seen: alpha_1 and v_s have no value, alpha_0 is doubted as their sum, and is it."""
     v = 0.03 * GRIPPER.v_s * motion()[1]
-    found = fit_tracking(posed(record(GRIPPER, 1e-5, velocity=v)), named(GRIPPER), "revolute", starts=1).fit
-    for name in ("alpha_1", "v_s"):
+    found = fit_tracking(posed(record(GRIPPER, 1e-5, velocity=v)), values_of(GRIPPER), "revolute", starts=1).fit
+    for name in map(parse, ("alpha_1", "v_s")):
         assert found.parameters[name].value is None
         assert found.parameters[name].interval == (0.0, np.inf)
         assert found.parameters[name].doubts[0].kind in NOT_IDENTIFIABLE
-    assert any(doubt.kind is Kind.ONLY_SUM_SEEN for doubt in found.parameters["alpha_0"].doubts)
+    assert any(doubt.kind is Kind.ONLY_SUM_SEEN for doubt in found.parameters[parse("alpha_0")].doubts)
     assert any(doubt.kind is Kind.ONLY_SUM_SEEN_OF_FIT for doubt in found.doubts)
-    assert found.parameters["alpha_0"].value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
+    assert found.parameters[parse("alpha_0")].value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
 
 
 def test_the_unseen_direction_is_named() -> None:
@@ -195,13 +199,13 @@ def test_the_unseen_direction_is_named() -> None:
     problem = posed(run)
     doubled = replace(
         problem,
-        extra_names=("inertia", "offset"),
+        extra_names=(INERTIA, parse("offset")),
         motions=tuple(
             replace(m, extra=np.column_stack([m.extra[:, 0], m.extra[:, 0] * (1 + 1e-7 * m.time)]))
             for m in problem.motions
         ),
     )
-    start = {**named(GRIPPER), "inertia": 0.6 * J, "offset": 0.4 * J}
+    start = {**values_of(GRIPPER), INERTIA: 0.6 * J, parse("offset"): 0.4 * J}
     found = fit_tracking(doubled, start, "revolute", starts=1).fit
     assert any("inertia and offset only as a sum" in str(doubt) for doubt in found.doubts)
 
@@ -210,7 +214,7 @@ def test_a_stiff_bristle_converges() -> None:
     """sigma_0 = 1e5 at up to 2 mrad/s: the fit converges, to the truth within its interval."""
     stiff = GRIPPER._replace(sigma_0=1e5, sigma_1=2.0, v_s=1e-3)
     v = 2e-3 / np.abs(motion()[1]).max() * motion()[1]
-    truth = named(stiff)
+    truth = values_of(stiff)
     found = fit_tracking(posed(record(stiff, 1e-5, velocity=v)), shifted(truth, 1.1), "revolute", starts=2).fit
     assert found.outcome.kind in {Kind.CONVERGED, Kind.CONVERGED_AT_BOUND}
     assert sum(_holds(found, name, true) for name, true in truth.items()) >= 6
@@ -229,26 +233,28 @@ def test_each_stretch_has_its_own_deflection_and_no_gap_is_crossed() -> None:
         file="two.csv", time=time, starts=starts, velocity=velocity, torque=torque, acceleration=acceleration
     )
     problem = posed(joined)
-    assert problem.names[-2:] == ("z0[0]", "z0[1]")
-    values, minimum = fit(problem, shifted(named(GRIPPER), 1.1) | {"z0[0]": 0.0, "z0[1]": 0.0})
+    assert problem.names[-2:] == (Z0, Begin("z0", 1))
+    assert [str(name) for name in problem.names[-2:]] == ["z0[0]", "z0[1]"]
+    values, minimum = fit(problem, shifted(values_of(GRIPPER), 1.1) | {Z0: 0.0, Begin("z0", 1): 0.0})
     assert minimum.cost < 1e-16
-    assert values["z0[0]"] == pytest.approx(2e-3, rel=1e-4)
-    assert values["z0[1]"] == pytest.approx(-1e-3, rel=1e-4)
+    assert values[Z0] == pytest.approx(2e-3, rel=1e-4)
+    assert values[Begin("z0", 1)] == pytest.approx(-1e-3, rel=1e-4)
 
 
 def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
     """A prior as sure as the data moves an estimate about half of the way; a sure one all the way; and the error shrinks."""
     problem = posed(record(GRIPPER, 3e-4), decimation=5)
-    alone = fit_tracking(problem, named(GRIPPER), "revolute", starts=1).fit
-    e = alone.parameters["v_s"]
+    alone = fit_tracking(problem, values_of(GRIPPER), "revolute", starts=1).fit
+    v_s = parse("v_s")
+    e = alone.parameters[v_s]
     assert e.value is not None
     assert e.standard_error is not None
     moved = []
     for share in (1.0, 1e-3):
         error = share * e.standard_error
-        prior = Prior("static", ("v_s",), np.array([e.value + 2 * e.standard_error]), np.array([[1 / error]]))
-        found = fit_tracking(with_priors(problem, [prior], alone.rms), named(GRIPPER), "revolute", starts=1).fit
-        value, own = found.parameters["v_s"].value, found.parameters["v_s"].standard_error
+        prior = Prior("static", (v_s,), np.array([e.value + 2 * e.standard_error]), np.array([[1 / error]]))
+        found = fit_tracking(with_priors(problem, [prior], alone.rms), values_of(GRIPPER), "revolute", starts=1).fit
+        value, own = found.parameters[v_s].value, found.parameters[v_s].standard_error
         assert value is not None
         assert own is not None
         assert own < e.standard_error
@@ -266,15 +272,15 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
         file="run.csv", time=t, position=quantum * np.floor(position / quantum), torque=record(GRIPPER).torque
     )
 
-    def pose(records: object, fixed: Mapping[str, float]) -> Tracking:
-        return tracking(records, ("both",), ("inertia",), 5, None, fixed)  # type: ignore[arg-type]
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> Tracking:
+        return tracking(records, ("both",), ("inertia",), 5, None, fixed)
 
     run = estimate_motion(counted, 40.0)
-    truth = named(GRIPPER)
+    truth = values_of(GRIPPER)
     found = fit_tracking(pose([run], {}), truth, "revolute", starts=1)
     better = without_count_bias(found, [run], pose, 40.0, quantum)
     off = [
-        np.array([(f.parameters[n].value or 0.0) / truth[n] - 1 for n in ("alpha_0", "alpha_2", "sigma_0")])
+        np.array([(f.parameters[n].value or 0.0) / truth[n] - 1 for n in map(parse, ("alpha_0", "alpha_2", "sigma_0"))])
         for f in (found.fit, better)
     ]
     assert np.linalg.norm(off[1]) < 0.6 * np.linalg.norm(off[0])
@@ -288,9 +294,8 @@ def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
     run = record(GRIPPER, noise=2e-4)
     assert run.torque is not None
     late = replace(run, torque=np.interp(t - samples * STEP, t, run.torque))
-    names = ("alpha_1", "v_s")
-    fixed = {name: named(GRIPPER)[name] for name in names}
-    start = {name: value for name, value in named(GRIPPER).items() if name not in names}
+    fixed = named({"alpha_1": GRIPPER.alpha_1, "v_s": GRIPPER.v_s})
+    start = {name: value for name, value in values_of(GRIPPER).items() if name not in fixed}
     said = [
         [
             str(d)
@@ -307,7 +312,7 @@ def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
 
 def test_a_wrong_inertia_that_was_given_is_named() -> None:
     """With the inertia fixed 5 % too high, a doubt names it and what is to be added, and nothing else is blamed; with the right one none does."""
-    run, start = record(GRIPPER, noise=2e-4), {n: x for n, x in named(GRIPPER).items() if n != "inertia"}
+    run, start = record(GRIPPER, noise=2e-4), {n: x for n, x in values_of(GRIPPER).items() if n != INERTIA}
     said = []
     for factor in (1.0, 1.05):
         problem = tracking([run], ("both",), (), 2, factor * J)
@@ -356,7 +361,7 @@ def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
     """The same problem as one CasADi chain solved by IPOPT ends at the same cost, with every parameter within a tenth of its standard error."""
     run = record(p, 3e-4, velocity=motion(3.0)[1])
     found = fit_tracking(
-        posed(run, ("both",) if isinstance(p, Lugre) else ("+", "-"), 5), named(p), "revolute", starts=1
+        posed(run, ("both",) if isinstance(p, Lugre) else ("+", "-"), 5), values_of(p), "revolute", starts=1
     )
     check = check_tracking(found)
     assert check.agrees
@@ -368,28 +373,31 @@ def test_what_both_directions_share_is_one_parameter() -> None:
     """A pair that shares sigma_0 and sigma_1, posed so, has ten friction parameters, an exact Jacobian, and comes back from noise-free data."""
     pair = Pair(GRIPPER, OTHER._replace(sigma_0=GRIPPER.sigma_0, sigma_1=GRIPPER.sigma_1))
     problem = tracking([record(pair)], ("+", "-"), ("inertia",), 1, None, shared=("sigma_0", "sigma_1"))
-    assert [n for n in problem.names if n.startswith("sigma")] == ["sigma_0", "sigma_1"]
+    sigma_0, sigma_1 = parse("sigma_0"), parse("sigma_1")
+    assert [n for n in problem.names if n.name.startswith("sigma")] == [sigma_0, sigma_1]
     assert len(problem.friction_names) == 10
-    truth = {name: value for name, value in named(pair).items() if not name.startswith("sigma")}
-    truth |= {"sigma_0": GRIPPER.sigma_0, "sigma_1": GRIPPER.sigma_1}
-    at = truth | {"z0[0]": 0.0}
+    truth = {name: value for name, value in values_of(pair).items() if not name.name.startswith("sigma")}
+    truth |= {sigma_0: GRIPPER.sigma_0, sigma_1: GRIPPER.sigma_1}
+    at = truth | {Z0: 0.0}
     h = 1e-5 * GRIPPER.sigma_0
-    up, down = (residuals(problem, {**at, "sigma_0": GRIPPER.sigma_0 + s * h})[0] for s in (1, -1))
-    column = residuals(problem, at)[1][:, problem.names.index("sigma_0")]
+    up, down = (residuals(problem, {**at, sigma_0: GRIPPER.sigma_0 + s * h})[0] for s in (1, -1))
+    column = residuals(problem, at)[1][:, problem.names.index(sigma_0)]
     np.testing.assert_allclose((up - down) / (2 * h), column, atol=2e-4 * np.abs(column).max())
-    values, _ = fit(problem, shifted(truth, 1.1) | {"z0[0]": 0.0})
-    assert values["sigma_0"] == pytest.approx(GRIPPER.sigma_0, rel=1e-4)
+    values, _ = fit(problem, shifted(truth, 1.1) | {Z0: 0.0})
+    assert values[sigma_0] == pytest.approx(GRIPPER.sigma_0, rel=1e-4)
 
 
 def test_what_is_fixed_stays() -> None:
     """A fixed parameter is no unknown, keeps its value, and makes the others surer."""
-    run, truth = record(GRIPPER, 3e-4), named(GRIPPER)
+    run, truth = record(GRIPPER, 3e-4), values_of(GRIPPER)
     free = fit_tracking(posed(run, decimation=5), truth, "revolute", starts=1).fit
-    problem = tracking([run], ("both",), ("inertia",), 5, None, {"sigma_1": GRIPPER.sigma_1})
-    own = {name: value for name, value in truth.items() if name != "sigma_1"}
+    sigma_1 = parse("sigma_1")
+    problem = tracking([run], ("both",), ("inertia",), 5, None, {sigma_1: GRIPPER.sigma_1})
+    own = {name: value for name, value in truth.items() if name != sigma_1}
     held = fit_tracking(problem, own, "revolute", starts=1).fit
-    assert "sigma_1" not in held.names
-    for name in ("sigma_0", "inertia"):
+    assert sigma_1 not in held.names
+    assert held.fixed == {sigma_1: GRIPPER.sigma_1}
+    for name in (parse("sigma_0"), INERTIA):
         before, after = free.parameters[name].standard_error, held.parameters[name].standard_error
         assert before is not None
         assert after is not None
@@ -399,12 +407,12 @@ def test_what_is_fixed_stays() -> None:
 def test_a_noisy_run_counts_for_less() -> None:
     """Of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone."""
     quiet, noisy = record(GRIPPER, 2e-4, seed=1), replace(record(GRIPPER, 2e-3, seed=2), file="noisy.csv")
-    truth = named(GRIPPER)
+    truth = values_of(GRIPPER)
     both = fit_tracking(tracking([quiet, noisy], ("both",), ("inertia",), 5, None), truth, "revolute", starts=1)
     alone = fit_tracking(posed(quiet, decimation=5), truth, "revolute", starts=1).fit
     weights = [m.weight for m in both.problem.motions]
     assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)
-    for name in ("alpha_0", "sigma_0"):
+    for name in map(parse, ("alpha_0", "sigma_0")):
         own, other = both.fit.parameters[name].standard_error, alone.parameters[name].standard_error
         assert own is not None
         assert other is not None

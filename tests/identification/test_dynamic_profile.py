@@ -1,6 +1,6 @@
 """Profiles of moving fits, and their intervals three ways."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,18 +14,20 @@ from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profiles
 from bristle.identification.dynamic.fit import Tracked, fit_tracking
 from bristle.identification.dynamic.multistart import judge
-from bristle.identification.dynamic.problem import Motion, Prior, Tracking, tracking, with_priors
+from bristle.identification.dynamic.problem import Motion, Prior, Tracking, Unknown, Values, tracking, with_priors
 from bristle.identification.dynamic.uncertainty import explored, with_three_ways
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.results import Estimate, TrackingFit
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
 
+from ..names import named, parse
 from .conftest import GRIPPER
 
 STEP, J = 2e-3, 1.27e-3
-TRUTH = GRIPPER._asdict() | {"inertia": J}
-LUGRE = dict.fromkeys(Lugre._fields, 1.0)
+TRUTH = named(GRIPPER._asdict()) | {INERTIA: J}
+LUGRE = named(dict.fromkeys(Lugre._fields, 1.0))
+A, B, C = map(parse, "abc")
 
 
 def record(noise: float, seed: int, speed: float = 1.0, slow: float = 0.25) -> Record:
@@ -53,21 +55,21 @@ def gripper() -> Tracked:
 
 def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Tracking:
     """A problem with a column for each of a, b and so on, and nothing else that is free."""
-    names = tuple("abc"[: columns.shape[1]])
+    names = (A, B, C)[: columns.shape[1]]
     t = np.arange(torque.size, dtype=np.float64)
     motion = Motion(
         file="x", time=t, velocity=np.ones(t.size), torque=torque, extra=columns, smooth=None, measured=torque
     )
 
     def linear(
-        _: Tracking, known: Mapping[str, float], __: Sequence[dict[str, Array]]
-    ) -> Iterator[tuple[Array, dict[str, Array]]]:
+        _: Tracking, known: Values, __: Sequence[dict[Unknown, Array]]
+    ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
         """What the columns leave, and the columns."""
         yield torque - columns @ [known[n] for n in names], dict(zip(names, columns.T, strict=True))
 
     return Tracking(
         motions=(motion,),
-        directions=("both",),
+        directions=(Direction.BOTH,),
         extra_names=names,
         fixed=LUGRE,
         begins=(),
@@ -77,7 +79,7 @@ def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Tracki
     )
 
 
-def solved(problem: Tracking, start: Mapping[str, float]) -> Tracked:
+def solved(problem: Tracking, start: Values) -> Tracked:
     """The problem's minimum next to a start, with a fit that says its intervals by the covariance."""
     judged = judge(problem, start, 1, 0)
     reach = student(judged.freedom)
@@ -90,6 +92,7 @@ def solved(problem: Tracking, start: Mapping[str, float]) -> Tracked:
             interval=(judged.values[name] - reach * error, judged.values[name] + reach * error),
         )
         for name, error in zip(problem.names, errors.tolist(), strict=True)
+        if isinstance(name, ParameterName)
     }
     found = TrackingFit(
         parameters=parameters, rms=1.0, relative_error=1.0, n=1, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=1.0
@@ -111,18 +114,18 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     rng = np.random.default_rng(3)
     columns = np.column_stack([np.ones(3000), np.sin(np.arange(3000) / 40), rng.standard_normal(3000)])
     torque = columns @ [1.0, 2.0, 3.0] + lfilter([1.0], [1.0, -rho], rng.standard_normal(3000))
-    priors = [Prior("static", ("a",), np.array([1.1]), np.array([[1 / 0.1]]))] if told else []
+    priors = [Prior("static", (A,), np.array([1.1]), np.array([[1 / 0.1]]))] if told else []
     rows = np.vstack([columns, [[10.0 * told, 0.0, 0.0]]])
     exact = np.linalg.lstsq(rows, np.append(torque, 11.0 * told))[0]
-    found = solved(posed(columns, torque, priors), dict(zip("abc", exact.tolist(), strict=True)))
+    found = solved(posed(columns, torque, priors), dict(zip((A, B, C), exact.tolist(), strict=True)))
     seen, better = profiles(found.judged)
     assert better is None
     three = with_three_ways(found, found.fit, seen).uncertainty
-    for name in "abc":
+    for name in (A, B, C):
         close(three[name].profile, three[name].covariance, 1e-6)
         close(three[name].bootstrap, three[name].covariance, 0.12)
         assert not three[name].doubts
-    assert three["a"].draws.std() > 0
+    assert three[A].draws.std() > 0
 
 
 def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: Tracked) -> None:
@@ -132,6 +135,7 @@ def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: T
     rows, jacobian = judged.minimum.residuals, judged.minimum.jacobian
     inverse = np.diag(np.linalg.inv(jacobian.T @ jacobian))
     for j, name in enumerate(problem.names[:-1]):
+        assert isinstance(name, ParameterName)
         high = (student(judged.freedom) * judged.scaled_errors[j]) ** 2 / inverse[j]
         for value in seen[name].interval:
             rest = replace(problem, fixed={name: value})
@@ -176,13 +180,13 @@ def two_minima(k: float = 1.0, tilt: float = 0.2) -> Tracking:
     noise[:2] = 0.0
 
     def double(
-        _: Tracking, known: Mapping[str, float], __: Sequence[dict[str, Array]]
-    ) -> Iterator[tuple[Array, dict[str, Array]]]:
+        _: Tracking, known: Values, __: Sequence[dict[Unknown, Array]]
+    ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
         """What is left, and what it grows by with -a."""
-        a, rest, slope = known["a"], noise.copy(), np.zeros(60)
+        a, rest, slope = known[A], noise.copy(), np.zeros(60)
         rest[:2] = k * (a * a - 1), tilt * (a - 1)
         slope[:2] = -2 * k * a, -tilt
-        yield rest, {"a": slope}
+        yield rest, {A: slope}
 
     return replace(problem, equations=double)
 
@@ -190,27 +194,27 @@ def two_minima(k: float = 1.0, tilt: float = 0.2) -> Tracking:
 def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     """Begun in the higher of two minima, the profile walks into the lower one; the fit is done again from there, and says so."""
     problem = two_minima()
-    first = solved(problem, {"a": -1.0})
-    assert first.values["a"] == pytest.approx(-1.0, abs=0.1)
+    first = solved(problem, {A: -1.0})
+    assert first.values[A] == pytest.approx(-1.0, abs=0.1)
     assert profiles(first.judged)[1] is not None
-    again, seen = explored(first, lambda end: solved(problem, {"a": end["a"]}))
-    assert again.values["a"] == pytest.approx(1.0, abs=1e-3)
+    again, seen = explored(first, lambda end: solved(problem, {A: end[A]}))
+    assert again.values[A] == pytest.approx(1.0, abs=1e-3)
     assert any(doubt.kind is Kind.REFITTED for doubt in again.fit.doubts)
-    assert seen["a"].interval[0] < 1 < seen["a"].interval[1]
+    assert seen[A].interval[0] < 1 < seen[A].interval[1]
 
 
 def test_a_fit_that_does_not_follow_is_distrusted() -> None:
     """Where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval."""
-    first = solved(two_minima(), {"a": -1.0})
+    first = solved(two_minima(), {A: -1.0})
     again, seen = explored(first, lambda _: first)
     assert any(doubt.kind is Kind.STILL_LOWER for doubt in again.fit.doubts)
-    assert np.isfinite(seen["a"].interval).all()
+    assert np.isfinite(seen[A].interval).all()
 
 
 def test_a_fit_in_its_only_minimum_is_left_alone(gripper: Tracked) -> None:
     """No restart, no doubt, the same fit."""
 
-    def never(_: Mapping[str, float]) -> Tracked:
+    def never(_: Values) -> Tracked:
         """Not called."""
         raise AssertionError
 
@@ -223,7 +227,7 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
     """A run that is fast throughout: what is not identifiable has open or one-sided profiles with the reason, and nothing is NaN."""
     found = fitted(record(3e-3, 1, slow=2.0))
     unseen = {name for name, e in found.fit.parameters.items() if e.value is None}
-    assert {"alpha_1", "v_s"} <= unseen
+    assert {parse("alpha_1"), parse("v_s")} <= unseen
     found, seen = explored(found, lambda _: fitted(record(3e-3, 1, slow=2.0)))
     fit_ = with_three_ways(found, found.fit, seen)
     assert set(fit_.uncertainty) == set(fit_.parameters)
@@ -236,13 +240,14 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
         assert not is_open or three.doubts
         if name in TRUTH and three.profile is not None:
             assert three.profile[0] <= TRUTH[name] <= three.profile[1]
-    assert fit_.uncertainty["alpha_1"].profile[1] == np.inf  # type: ignore[index]
+    assert fit_.uncertainty[parse("alpha_1")].profile[1] == np.inf  # type: ignore[index]
 
 
 def test_the_bias_of_counts_moves_all_three_alike(gripper: Tracked) -> None:
     """Where the estimate was moved and its error widened, ends and draws are moved and spread by the same; open ends stay."""
     seen, _ = profiles(gripper.judged)
-    seen["alpha_1"] = seen["alpha_1"]._replace(interval=(0.0, np.inf))
+    alpha_1 = parse("alpha_1")
+    seen[alpha_1] = seen[alpha_1]._replace(interval=(0.0, np.inf))
     plain = with_three_ways(gripper, gripper.fit, seen).uncertainty
 
     def moved(e: Estimate) -> Estimate:
@@ -257,7 +262,7 @@ def test_the_bias_of_counts_moves_all_three_alike(gripper: Tracked) -> None:
         assert e.value is not None
         for way in ("profile", "bootstrap"):
             own, old = getattr(three[name], way), getattr(plain[name], way)
-            if way == "profile" and name == "alpha_1":
+            if way == "profile" and name == alpha_1:
                 assert own == (0.0, np.inf)
             else:
                 expected = e.value + 0.5 * (e.standard_error or 0.0) + 1.5 * (np.array(old) - e.value)
@@ -270,7 +275,7 @@ def test_intervals_hold_the_truth_and_agree() -> None:
     held = {"covariance": 0, "profile": 0, "bootstrap": 0}
     rng = np.random.default_rng(0)
     for seed in range(20):
-        errors = {"alpha_1": 2e-4, "v_s": 3e-3, "sigma_0": 0.1}
+        errors = named({"alpha_1": 2e-4, "v_s": 3e-3, "sigma_0": 0.1})
         priors = [
             Prior("static", (n,), np.array([TRUTH[n] + s * rng.standard_normal()]), np.array([[1 / s]]))
             for n, s in errors.items()
@@ -290,6 +295,7 @@ def test_the_seed_says_it_all(gripper: Tracked) -> None:
     """The same seed draws the same bytes, another one others; profiles have none."""
     seen, _ = profiles(gripper.judged)
     one, same, other = (
-        with_three_ways(gripper, gripper.fit, seen, seed).uncertainty["v_s"].draws.tobytes() for seed in (0, 0, 1)
+        with_three_ways(gripper, gripper.fit, seen, seed).uncertainty[parse("v_s")].draws.tobytes()
+        for seed in (0, 0, 1)
     )
     assert one == same != other

@@ -21,9 +21,10 @@ from bristle.identification.model_criteria import APART, COULOMB, LUGRE, ONE, ST
 from bristle.identification.model_criteria import compared as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit
 from bristle.identification.static.moving_data import fit_moving
-from bristle.model.parameters import Lugre, Pair, ParameterName
+from bristle.model.parameters import INERTIA, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 
+from ..names import parse
 from .conftest import GRIPPER, curve
 
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
@@ -206,8 +207,8 @@ def fitted(
     """All parameters of moving runs, from near the truth."""
     sets = {"both": GRIPPER, "+": GRIPPER, "-": OTHER}
     asked = model_selection.asked_regressors(experiment, directions, moving=True)
-    start = {n + d.replace("both", ""): x for d in directions for n, x in sets[d]._asdict().items()}
-    start |= {"inertia": J, "offset": 0.0} if "offset" in asked else {"inertia": J}
+    start = {ParameterName(n, Direction(d)): x for d in directions for n, x in sets[d]._asdict().items()}
+    start |= {INERTIA: J, parse("offset"): 0.0} if "offset" in asked else {INERTIA: J}
     problem, test = (tracking(r, directions, asked, experiment.fit.decimation, None) for r in (records, held))
     return fit_tracking(problem, start, "revolute", [("held", test)], starts=1).fit
 
@@ -227,7 +228,7 @@ def test_moving_runs_compare_lugre_with_the_static_models(moved: tuple[ModelComp
     compared, alone = moved
     best = used(compared)
     assert (best.model, best.directions) == (LUGRE, APART)
-    done = row(compared, LUGRE, APART if ParameterName.parse("alpha_0+") in alone.parameters else SYMMETRIC)
+    done = row(compared, LUGRE, APART if parse("alpha_0+") in alone.parameters else SYMMETRIC)
     assert done.rms == pytest.approx(alone.rms, rel=1e-12)
     assert done.hold_out == pytest.approx(alone.hold_out[0].relative_error, rel=1e-12)
     assert done.parameters == len(alone.names) + 1

@@ -16,14 +16,15 @@ from bristle.data.record import Record
 from bristle.identification.dynamic.fit import fit_tracking, relative_error
 from bristle.identification.dynamic.multistart import judge, with_deflections
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import Tracking, residuals, tracking
+from bristle.identification.dynamic.problem import Begin, Tracking, residuals, tracking
 from bristle.identification.dynamic.unknowns import fit, least_squares
 from bristle.identification.identify import identify_joint, measure
 from bristle.identification.results import Joint
 from bristle.model import law, motor
-from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Motor, Pair, ParameterName
 from bristle.simulation import edro
 
+from ..names import named
 from .conftest import GRIPPER
 
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
@@ -39,9 +40,14 @@ def drive(t: Array) -> Array:
     return total
 
 
-def named(pair: Pair[float]) -> dict[str, float]:
+def friction(pair: Pair[float]) -> dict[ParameterName, float]:
+    """Both sets by name."""
+    return {ParameterName(n, d): x for d, p in zip(SIGNED, pair, strict=True) for n, x in p._asdict().items()}
+
+
+def values_of(pair: Pair[float]) -> dict[ParameterName, float]:
     """Both sets and the loads by name."""
-    return {n + d: x for d, p in zip("+-", pair, strict=True) for n, x in p._asdict().items()} | LOADS
+    return friction(pair) | named(LOADS)
 
 
 @lru_cache
@@ -91,7 +97,7 @@ def test_simulated_position_is_that_of_a_stiff_solver(*, torque: bool) -> None:
         truth = solved(pair, t, V, torque=torque)
         fine = np.arange(0, t[-1] + step / 2, step)
         problem = posed(fine, np.interp(fine, t, V), np.interp(fine, t, truth), 10.0, torque=torque)
-        rest, _ = residuals(problem, named(pair) | {"y0[0]": 0.0, "v0[0]": 0.0, "z0[0]": 0.0})
+        rest, _ = residuals(problem, values_of(pair) | {Begin(name, 0): 0.0 for name in ("y0", "v0", "z0")})
         off.append(float(np.abs(rest[:: round(STEP / step)]).max() / np.ptp(truth)))
     assert off[0] < 1e-3
     assert off[1] < 0.4 * off[0]
@@ -102,9 +108,10 @@ def test_derivatives_are_those_of_finite_differences() -> None:
     t = np.arange(0, 1.2, STEP)
     position = 0.3 * np.sin(2 * t)
     problem = posed(t, drive(t), position, 0.4, decimation=3)
-    values = named(Pair(GRIPPER, OTHER))
+    begins: dict[Begin, float] = {}
     for k, m in enumerate(problem.motions):
-        values |= {f"y0[{k}]": float(m.measured[0]), f"v0[{k}]": float(m.velocity[0]), f"z0[{k}]": 1e-4}
+        begins |= {Begin("y0", k): float(m.measured[0]), Begin("v0", k): float(m.velocity[0]), Begin("z0", k): 1e-4}
+    values = values_of(Pair(GRIPPER, OTHER)) | begins
     about = least_squares(problem, values)
     x, evaluate = about.unknowns.scaled(values), about.evaluate
     assert about.unknowns.values(x) == pytest.approx(values)
@@ -124,9 +131,10 @@ def test_torque_in_position_out_recovers_the_truth() -> None:
     position = solved(truth, t, T, torque=True)
     quantum = 2 * np.pi / 2**14
     problem = posed(t, T, quantum * np.round(position / quantum), 0.5, torque=True, decimation=5)
-    problem = replace(problem, directions=("both",), fixed={"alpha_1": GRIPPER.alpha_1, "v_s": GRIPPER.v_s})
+    fixed = named({"alpha_1": GRIPPER.alpha_1, "v_s": GRIPPER.v_s})
+    problem = replace(problem, directions=(Direction.BOTH,), fixed=fixed)
     assert len(problem.motions) == 8
-    values = {n: x for n, x in (GRIPPER._asdict() | LOADS).items() if n not in problem.fixed}
+    values = {n: x for n, x in named(GRIPPER._asdict() | LOADS).items() if n not in fixed}
     found = fit_tracking(problem, {n: 1.15 * x for n, x in values.items()}, "revolute", starts=1).fit
     assert found.quantity == "position"
     assert found.windows == 8
@@ -134,7 +142,7 @@ def test_torque_in_position_out_recovers_the_truth() -> None:
     assert found.rms < quantum
     missed = [n for n, e in found.parameters.items() if e.interval and not e.interval[0] <= values[n] <= e.interval[1]]
     assert len(missed) <= 1
-    assert found.parameters["inertia"].value == pytest.approx(LOADS["inertia"], rel=0.01)
+    assert found.parameters[INERTIA].value == pytest.approx(LOADS["inertia"], rel=0.01)
 
 
 def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
@@ -144,9 +152,9 @@ def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
     position = solved(Pair(GRIPPER, GRIPPER), t, V)
     # noise of the logged voltage adds up in a simulated position: correlated inside a window, independent between windows
     problem = posed(t, V + 0.02 * rng.standard_normal(t.size), position, 0.5, decimation=5)
-    free = {"alpha_0": GRIPPER.alpha_0, "alpha_2": GRIPPER.alpha_2, "inertia": LOADS["inertia"]}
-    fixed = {n: x for n, x in (GRIPPER._asdict() | LOADS).items() if n not in free}
-    problem = replace(problem, directions=("both",), fixed=fixed)
+    free = named({"alpha_0": GRIPPER.alpha_0, "alpha_2": GRIPPER.alpha_2, "inertia": LOADS["inertia"]})
+    fixed = {n: x for n, x in named(GRIPPER._asdict() | LOADS).items() if n not in free}
+    problem = replace(problem, directions=(Direction.BOTH,), fixed=fixed)
     whole = judge(problem, free, 1, 0)
     again = []
     for k in range(len(problem.motions)):
@@ -167,7 +175,7 @@ def test_a_held_out_run_is_judged_from_its_own_starts() -> None:
     quantum = 2 * np.pi / 2**12
     problem = posed(t, drive(t), quantum * np.round(position / quantum), 0.5)
     spread = float(np.sqrt(np.mean([np.var(m.measured) for m in problem.motions])))
-    assert relative_error(problem, named(Pair(GRIPPER, OTHER))) == pytest.approx(
+    assert relative_error(problem, values_of(Pair(GRIPPER, OTHER))) == pytest.approx(
         100 * quantum / 12**0.5 / spread, rel=0.2
     )
 
@@ -207,9 +215,9 @@ def test_behind_a_coarse_encoder_the_simulated_motor_sees_more(coarse: dict[str,
     by_torque, by_position = coarse["torque"].tracking, coarse["position"].tracking
     assert by_torque is not None
     assert by_position is not None
-    assert abs((by_torque.parameters["inertia"].value or 0.0) / J - 1) > 0.1
-    assert by_position.parameters["inertia"].value == pytest.approx(J, rel=0.02)
-    true = {n + d: x for d, p in zip("+-", truth, strict=True) for n, x in p._asdict().items()} | {"inertia": J}
+    assert abs((by_torque.parameters[INERTIA].value or 0.0) / J - 1) > 0.1
+    assert by_position.parameters[INERTIA].value == pytest.approx(J, rel=0.02)
+    true = friction(truth) | {INERTIA: J}
     seen = {n: e for n, e in by_position.parameters.items() if e.value is not None and e.interval is not None}
     assert len(seen) == 9
     assert sum(e.interval[0] <= true[n] <= e.interval[1] for n, e in seen.items() if e.interval) >= 7
