@@ -164,7 +164,7 @@ def _holds(found: TrackingFit, name: ParameterName, true: float) -> bool:
 
 
 def test_correlated_noise_widens_the_intervals() -> None:
-    """Residuals that are correlated over fifty samples give wider errors than white ones of the same size, and a doubt."""
+    """Residuals that are correlated over fifty samples give wider errors than white ones of the same size, and a warning."""
     run, rng = record(GRIPPER), np.random.default_rng(1)
     white = 3e-4 * rng.standard_normal(run.time.size)
     slow = np.convolve(white, np.ones(50) / np.sqrt(50), mode="same")
@@ -177,7 +177,7 @@ def test_correlated_noise_widens_the_intervals() -> None:
     assert errors[0] is not None
     assert errors[1] is not None
     assert errors[1] > 3 * errors[0]
-    assert any(doubt.kind is Kind.CORRELATED for doubt in fits[1].doubts)
+    assert any(warning.kind is Kind.CORRELATED for warning in fits[1].warnings)
 
 
 def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
@@ -187,14 +187,14 @@ def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
     for name in map(parse, ("alpha_1", "v_s")):
         assert found.parameters[name].value is None
         assert found.parameters[name].interval == (0.0, np.inf)
-        assert found.parameters[name].doubts[0].kind in NOT_IDENTIFIABLE
-    assert any(doubt.kind is Kind.ONLY_SUM_SEEN for doubt in found.parameters[parse("alpha_0")].doubts)
-    assert any(doubt.kind is Kind.ONLY_SUM_SEEN_OF_FIT for doubt in found.doubts)
+        assert found.parameters[name].warnings[0].kind in NOT_IDENTIFIABLE
+    assert any(warning.kind is Kind.ONLY_SUM_SEEN for warning in found.parameters[parse("alpha_0")].warnings)
+    assert any(warning.kind is Kind.ONLY_SUM_SEEN_OF_FIT for warning in found.warnings)
     assert found.parameters[parse("alpha_0")].value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
 
 
 def test_the_unseen_direction_is_named() -> None:
-    """Two columns that are the same but for noise: the doubt names both parameters, and that they are seen as a sum only."""
+    """Two columns that are the same but for noise: the warning names both parameters, and that they are seen as a sum only."""
     run = record(GRIPPER)
     problem = posed(run)
     doubled = replace(
@@ -207,7 +207,7 @@ def test_the_unseen_direction_is_named() -> None:
     )
     start = {**values_of(GRIPPER), INERTIA: 0.6 * J, parse("offset"): 0.4 * J}
     found = fit_tracking(doubled, start, "revolute", starts=1).fit
-    assert any("inertia and offset only as a sum" in str(doubt) for doubt in found.doubts)
+    assert any("inertia and offset only as a sum" in str(warning) for warning in found.warnings)
 
 
 def test_a_stiff_bristle_converges() -> None:
@@ -264,7 +264,7 @@ def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
 
 
 def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
-    """With an encoder so coarse that counts bias the fit, the corrected estimates are nearer to the truth, and a doubt says what was done."""
+    """With an encoder so coarse that counts bias the fit, the corrected estimates are nearer to the truth, and a warning says what was done."""
     t, v = motion()
     position = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)])
     quantum = 2 * np.pi / 2**15
@@ -284,7 +284,7 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
         for f in (found.fit, better)
     ]
     assert np.linalg.norm(off[1]) < 0.6 * np.linalg.norm(off[0])
-    assert any(doubt.kind is Kind.COUNT_BIAS for doubt in better.doubts)
+    assert any(warning.kind is Kind.COUNT_BIAS for warning in better.warnings)
 
 
 @pytest.mark.parametrize("samples", [1.0, 0.5, -1.0])
@@ -299,7 +299,9 @@ def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
     said = [
         [
             str(d)
-            for d in fit_tracking(replace(posed(r, decimation=2), fixed=fixed), start, "revolute", starts=1).fit.doubts
+            for d in fit_tracking(
+                replace(posed(r, decimation=2), fixed=fixed), start, "revolute", starts=1
+            ).fit.warnings
             if d.kind is Kind.TORQUE_DELAYED
         ]
         for r in (run, late)
@@ -311,16 +313,16 @@ def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
 
 
 def test_a_wrong_inertia_that_was_given_is_named() -> None:
-    """With the inertia fixed 5 % too high, a doubt names it and what is to be added, and nothing else is blamed; with the right one none does."""
+    """With the inertia fixed 5 % too high, a warning names it and what is to be added, and nothing else is blamed; with the right one none does."""
     run, start = record(GRIPPER, noise=2e-4), {n: x for n, x in values_of(GRIPPER).items() if n != INERTIA}
     said = []
     for factor in (1.0, 1.05):
         problem = tracking([run], ("both",), (), 2, factor * J)
-        doubts = fit_tracking(problem, start, "revolute", starts=1).fit.doubts
-        said.append([d for d in doubts if d.kind in {Kind.INERTIA_DOUBTED, Kind.TORQUE_DELAYED}])
+        warnings = fit_tracking(problem, start, "revolute", starts=1).fit.warnings
+        said.append([d for d in warnings if d.kind in {Kind.INERTIA_DOUBTED, Kind.TORQUE_DELAYED}])
     assert said[0] == []
-    (doubt,) = said[1]
-    assert float(str(doubt).split("with ")[1].split()[0]) == pytest.approx(-0.05 * J, rel=0.2)
+    (warning,) = said[1]
+    assert float(str(warning).split("with ")[1].split()[0]) == pytest.approx(-0.05 * J, rel=0.2)
 
 
 def test_rest_shows_nothing_and_is_refused() -> None:

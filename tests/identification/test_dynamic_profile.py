@@ -124,7 +124,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     for name in (A, B, C):
         close(three[name].profile, three[name].covariance, 1e-6)
         close(three[name].bootstrap, three[name].covariance, 0.12)
-        assert not three[name].doubts
+        assert not three[name].warnings
     assert three[A].draws.std() > 0
 
 
@@ -146,8 +146,8 @@ def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: T
 def test_a_curve_runs_from_end_to_end(gripper: Tracked) -> None:
     """It is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it."""
     seen, _ = profiles(gripper.judged)
-    for name, (interval, (values, height), doubts) in seen.items():
-        assert not doubts
+    for name, (interval, (values, height), warnings) in seen.items():
+        assert not warnings
         assert (np.diff(values) > 0).all()
         at = int(np.searchsorted(values, gripper.values[name] * (1 - 1e-9)))
         assert height[at] == 0
@@ -199,7 +199,7 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     assert profiles(first.judged)[1] is not None
     again, seen = explored(first, lambda end: solved(problem, {A: end[A]}))
     assert again.values[A] == pytest.approx(1.0, abs=1e-3)
-    assert any(doubt.kind is Kind.REFITTED for doubt in again.fit.doubts)
+    assert any(warning.kind is Kind.REFITTED for warning in again.fit.warnings)
     assert seen[A].interval[0] < 1 < seen[A].interval[1]
 
 
@@ -207,19 +207,19 @@ def test_a_fit_that_does_not_follow_is_distrusted() -> None:
     """Where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval."""
     first = solved(two_minima(), {A: -1.0})
     again, seen = explored(first, lambda _: first)
-    assert any(doubt.kind is Kind.STILL_LOWER for doubt in again.fit.doubts)
+    assert any(warning.kind is Kind.STILL_LOWER for warning in again.fit.warnings)
     assert np.isfinite(seen[A].interval).all()
 
 
 def test_a_fit_in_its_only_minimum_is_left_alone(gripper: Tracked) -> None:
-    """No restart, no doubt, the same fit."""
+    """No restart, no warning, the same fit."""
 
     def never(_: Values) -> Tracked:
         """Not called."""
         raise AssertionError
 
     again, _ = explored(gripper, never)
-    assert again.fit.doubts == gripper.fit.doubts
+    assert again.fit.warnings == gripper.fit.warnings
     assert again.values == gripper.values
 
 
@@ -237,7 +237,7 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
         assert np.isfinite(three.curve).all()
         assert np.isfinite(three.draws).all()
         is_open = three.profile is None or not np.isfinite(three.profile).all() or three.profile[0] == 0
-        assert not is_open or three.doubts
+        assert not is_open or three.warnings
         if name in TRUTH and three.profile is not None:
             assert three.profile[0] <= TRUTH[name] <= three.profile[1]
     assert fit_.uncertainty[parse("alpha_1")].profile[1] == np.inf  # type: ignore[index]
