@@ -101,6 +101,12 @@ def test_options_that_are_taken_warn_of_nothing(here: Path, options: str) -> Non
     assert run("identify", "m.yaml").code == 0
 
 
+def test_a_torque_of_nothing_is_fitted_without_a_fault(here: Path) -> None:
+    """A moving run whose torque is zero throughout has no direction to divide by: it ends with a result, or with a sentence."""
+    pd.DataFrame({**logs()["tracking"], "tau": 0.0}).to_csv(here / "tracking.csv", index=False)
+    assert run("identify", "m.yaml").code in (0, 2)
+
+
 @pytest.mark.usefixtures("here")
 def test_numbers_of_options_have_limits() -> None:
     """Noise in which nothing is left, and samples that no memory holds, are refused before anything is fitted."""

@@ -150,3 +150,13 @@ def test_the_fit_has_it_and_the_seed_says_it_all() -> None:
     same, other = (three_ways(own, level, fit.recommended, seed) for seed in (0, 1))
     assert fit.uncertainty["sigma_0"].draws.tobytes() == same.draws.tobytes() != other.draws.tobytes()
     assert fit.uncertainty["sigma_0"].profile == other.profile
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("error", [np.nan, np.inf])
+def test_a_g0_without_an_error_that_is_a_number_is_taken_as_it_is(way: str, error: float) -> None:
+    """Where nothing tells how well g0 is known, the profile is the one at that g0, and no fault of ours."""
+    own = loadings(0)
+    estimate = stiffness(own, Level(G0, 0.0, ""), "revolute")[way]
+    unknown, exact = (stiffness_uncertainty(own, Level(G0, e, ""), way, estimate) for e in (error, 0.0))
+    assert unknown.profile == exact.profile

@@ -205,7 +205,7 @@ def _lugre(
     variants: Mapping[str, tuple[str, ...]],
 ) -> list[Candidate]:
     """LuGre as it was fitted, and in the directions in which it was not."""
-    done = APART if any(name[-1] in "+-" for name in alone.parameters) else SYMMETRIC
+    done = APART if any(name.direction in SIGNED for name in alone.parameters) else SYMMETRIC
     if done not in variants:
         done = ONE
     errors = [h.relative_error for h in alone.hold_out]

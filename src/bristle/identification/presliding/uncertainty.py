@@ -137,8 +137,9 @@ def _line(loadings: Sequence[Loading], level: Level, spread: float, *, inverse: 
         return (1 / value, float(np.hypot(error / value**2, spread)), freedom) if inverse else (value, error, freedom)
 
     reach = student(at(level.value)[2])
-    x = np.linspace(-reach, reach, _NODES if level.standard_error else 1) if level.standard_error else np.zeros(1)
-    g0 = level.value + x * level.standard_error
+    error = level.standard_error if np.isfinite(level.standard_error) else 0.0
+    x = np.linspace(-reach, reach, _NODES) if error else np.zeros(1)
+    g0 = level.value + x * error
     x, g0 = x[g0 >= _LEAST * level.value], g0[g0 >= _LEAST * level.value]
     u, e, _ = np.array([at(one) for one in g0.tolist()]).T
     return _Line(x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)

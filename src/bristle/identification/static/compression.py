@@ -49,7 +49,8 @@ def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
     values = log_grid(v_s_range, GRID)
     shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
     columns = np.column_stack([problem.linear, *shapes, problem.torque])
-    left, lengths, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    sizes = np.linalg.norm(columns, axis=0)
+    left, lengths, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
     kept: Array = left[:, lengths > 1e-8 * lengths[0]]
     return kept
 

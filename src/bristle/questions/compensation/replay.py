@@ -21,7 +21,7 @@ from bristle.identification.identify import Measured
 from bristle.identification.moving_runs import inertia, regressors
 from bristle.identification.results import Joint
 from bristle.model import law
-from bristle.model.parameters import Pair, pair_of
+from bristle.model.parameters import INERTIA, Pair, pair_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import chained
 from bristle.simulation.joint_loop import JointLoop
@@ -96,7 +96,7 @@ class Replay:
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
     """Every tracking run, held-out too: by the loop's law from the identified model and from the wrong start, by the total one from the former."""
     fixed, _ = inertia(measured.experiment)
-    known = {"inertia": loop.J} | (joint.moving.known if joint.moving is not None else {})
+    known = {INERTIA: loop.J} | (joint.moving.known if joint.moving is not None else {})
     wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())
     ways = [
         ("identified", loop.model, loop.adaptation),
