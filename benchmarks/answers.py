@@ -23,7 +23,7 @@ import pandas as pd
 
 PLACES = 40
 """Differences that are printed."""
-_SENTENCES = {"warnings", "outcome", "verdict", "sentence", "notes", "advice"}
+_SENTENCES = {"doubts", "warnings", "outcome", "verdict", "sentence", "notes", "advice"}
 _UNCOMPARED = {"schema", "bristle"}
 _INTERVALS = {"interval", "covariance", "profile", "bootstrap"}
 
@@ -123,7 +123,7 @@ def tables(first: Path, second: Path) -> tuple[int, list[Difference]]:
 
 def _sentences(document: Any) -> int:
     text = json.dumps(document)
-    return len(re.findall(r'"(?:warnings|warnings)": \[(?!\])', text))
+    return len(re.findall(r'"(?:doubts|warnings)": \[(?!\])', text))
 
 
 def main() -> None:
