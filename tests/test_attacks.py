@@ -101,10 +101,14 @@ def test_options_that_are_taken_warn_of_nothing(here: Path, options: str) -> Non
     assert run("identify", "m.yaml").code == 0
 
 
-def test_a_torque_of_nothing_is_fitted_without_a_fault(here: Path) -> None:
-    """A moving run whose torque is zero throughout has no direction to divide by: it ends with a result, or with a sentence."""
-    pd.DataFrame({**logs()["tracking"], "tau": 0.0}).to_csv(here / "tracking.csv", index=False)
-    assert run("identify", "m.yaml").code in (0, 2)
+@pytest.mark.parametrize("last", [0.0, 1e-190, 1.0])
+def test_a_torque_of_next_to_nothing_warns_of_nothing(here: Path, last: float) -> None:
+    """A moving run whose torque is zero, or nearly, throughout or but for one row, ends with a result or a sentence; warnings are errors here."""
+    tau = np.append(np.zeros(logs()["tracking"]["tau"].size - 1), last)
+    pd.DataFrame({**logs()["tracking"], "tau": tau}).to_csv(here / "tracking.csv", index=False)
+    for text in (MOVING, MOVING.replace("  velocity: {column: v, unit: rad/s}\n", "")):
+        (here / "m.yaml").write_text(text, encoding="utf-8")
+        assert run("identify", "m.yaml").code in (0, 2)
 
 
 @pytest.mark.usefixtures("here")

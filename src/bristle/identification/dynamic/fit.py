@@ -82,7 +82,7 @@ def fit_tracking(
     found = TrackingFit(
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
-        relative_error=float(100 * np.linalg.norm(rows) / problem.extent),
+        relative_error=_percent(rows, problem),
         n=rows.size,
         outcome=_outcome(estimates, converged=judged.minimum.converged),
         starts=judged.starts,
@@ -195,6 +195,12 @@ def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     return [*said, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else said
 
 
+def _percent(rows: Array, problem: Tracking) -> float:
+    """100 * norm(rows) / extent of the problem, percent; nan where its squares are too small to be numbers."""
+    extent = problem.extent
+    return float(100 * np.linalg.norm(rows) / extent) if extent > 0 else float("nan")
+
+
 def relative_error(problem: Tracking, values: Values) -> float:
     """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
 
@@ -207,7 +213,7 @@ def relative_error(problem: Tracking, values: Values) -> float:
         own = replace(problem, fixed={**problem.fixed, **known}, priors=())
         whole |= fit(own, {name: whole[name] for name in own.names}, _TRIES)[0]
     rows, _ = residuals(problem, whole)
-    return float(100 * np.linalg.norm(rows) / problem.extent)
+    return _percent(rows, problem)
 
 
 def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[ParameterName, Estimate]:
