@@ -119,7 +119,12 @@ class KnownJoint:
         """`both` where one law is of both directions, else those of + and - of which a law is known; none where none is."""
         law = {d for name, d in (*self.estimates, *self.given) if name in Stribeck._fields}
         ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
-        return tuple(d for d in ways if self.values(d).keys() >= set(Stribeck._fields))
+        return tuple(d for d in ways if self.has_law(d))
+
+    def has_law(self, direction: Direction) -> bool:
+        """Whether the friction over velocity is known in a direction; none without Coulomb friction is a law for a bristle."""
+        values = self.values(direction)
+        return values.keys() >= set(Stribeck._fields) and values["alpha_0"] > 0
 
     def estimate(self, name: str, direction: Direction) -> Estimate | None:
         """The estimate to use of a parameter in a direction; None where no stage looked for it."""
@@ -145,7 +150,7 @@ class KnownJoint:
         `J` is the inertia, kg*m**2. Raises InputError where nothing is known of the friction over velocity.
         """
         values, missing = self.values(direction), self.missing(direction)
-        if not values.keys() >= set(Stribeck._fields):
+        if not self.has_law(direction):
             raise InputError(f"{self.name}: nothing is known of the friction over velocity in direction {direction}")
         if "sigma_0" in missing:
             values["sigma_0"] = values["alpha_0"] / (DEFLECTION * way)
@@ -179,7 +184,7 @@ def whole(joint: Joint) -> KnownJoint:
     """
     known = known_joint(joint)
     for d in SIGNED:
-        lacking = "" if known.values(d).keys() >= set(Stribeck._fields) else "friction over velocity"
+        lacking = "" if known.has_law(d) else "friction over velocity"
         if joint.moving is None and "sigma_0" in known.missing(d):
             lacking = lacking or "bristle stiffness (sigma_0)"
         if lacking:
