@@ -54,11 +54,11 @@ class Diagnostic:
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
         """In JSON, kind and numbers, which are read back; severity and sentence, which follow from them."""
-        return JsonForm(_Written, _written, _read).__get_pydantic_core_schema__(source, handler)
+        return JsonForm(WrittenDiagnostic, _written, _read).__get_pydantic_core_schema__(source, handler)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Written:
+class WrittenDiagnostic:
     """A diagnostic in results.json."""
 
     kind: str
@@ -69,9 +69,9 @@ class _Written:
     """What the sentence names; a part of it that is a diagnostic has a kind, a text and numbers of its own."""
 
 
-def _written(x: Diagnostic) -> _Written:
+def _written(x: Diagnostic) -> WrittenDiagnostic:
     numbers = {name: _to_json(value) for name, value in x.numbers.items()}
-    return _Written(kind=x.kind.name, severity=x.severity, text=str(x), numbers=numbers)
+    return WrittenDiagnostic(kind=x.kind.name, severity=x.severity, text=str(x), numbers=numbers)
 
 
 def _to_json(value: Value) -> Any:
@@ -91,7 +91,7 @@ def _to_json(value: Value) -> Any:
             return str(value)
 
 
-def _read(x: _Written) -> Diagnostic:
+def _read(x: WrittenDiagnostic) -> Diagnostic:
     """The diagnostic; one of a kind that this version does not know keeps its sentence."""
     if x.kind not in Kind.__members__:
         return Kind.UNKNOWN(text=x.text)
@@ -101,7 +101,7 @@ def _read(x: _Written) -> Diagnostic:
 def _from_json(value: Any) -> Value:
     match value:
         case {"kind": str(kind), "text": str(text), "numbers": dict(numbers)}:
-            return _read(_Written(kind=kind, severity=Severity.NOTE, text=text, numbers=numbers))
+            return _read(WrittenDiagnostic(kind=kind, severity=Severity.NOTE, text=text, numbers=numbers))
         case list():
             return tuple(map(_from_json, value))
         case None | "inf" | "-inf":

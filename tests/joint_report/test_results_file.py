@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
-from bristle.identification.results import Estimate, Joint
+from bristle.identification.results import Joint
 from bristle.identification.results_document import adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.joint_report import results_file
@@ -96,7 +96,7 @@ def moved() -> Joint:
 
 
 def test_the_file_is_the_result(slow: Joint, moved: Joint) -> None:
-    """Read back by the classes that wrote it, every value, name and warning is that of the joint, to the last digit; written again it is the same file."""
+    """Read back by the classes that wrote it, every value, name and warning is that of the joint, to the last digit; written again it is the same."""
     for joint in (slow, moved):
         text = results_file.to_json([joint])
         (read,) = adapter().validate_json(text, strict=True).joints.values()
@@ -108,7 +108,9 @@ def test_the_file_is_the_result(slow: Joint, moved: Joint) -> None:
 def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
     """Kind, severity, sentence and numbers, with diagnostics, lists, NumPy's numbers, names and infinities among them; kind and numbers come back."""
     name, inner = ParameterName("alpha_0", Direction.POSITIVE), Kind.COST_STAYS_LOW()
-    said = Kind.INTERVALS_DIFFER(sides=("above", "below"), ends=(("profile", 0.5, math.inf), (name, np.float64(1), -math.inf)), reason=inner)
+    said = Kind.INTERVALS_DIFFER(
+        sides=("above", "below"), ends=(("profile", 0.5, math.inf), (name, np.float64(1), -math.inf)), reason=inner
+    )
     text = results_file.to_json([replace(slide, warnings=(said, Kind.PLAN_LOCAL(others=np.int64(3))))])
     written, counted = json.loads(text)["joints"]["slide"]["warnings"]
     assert (written["kind"], written["severity"], written["text"]) == ("INTERVALS_DIFFER", Severity.CAUTION, str(said))

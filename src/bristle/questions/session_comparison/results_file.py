@@ -21,7 +21,7 @@ from bristle.questions.session_comparison.results import Fit, Session, SessionJo
 from bristle.questions.session_comparison.schema_1 import Joint1, MovingFit1, PreslidingFit1, Results1, StaticFit1
 
 LARGEST = 20_000_000
-"""Bytes that a results file may have; four joints have 340 000."""
+"""Bytes that a results file may have; four joints have 450 000."""
 _MOST = {"commas": 1_000_000, "objects": 100_000, "joints": 100, "parameters of a joint": 400}
 """What else it may have."""
 _WRONG = 1000
