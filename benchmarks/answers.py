@@ -3,6 +3,8 @@
     python benchmarks/answers.py OLD NEW
 
 OLD and NEW each hold a results.json, and perhaps tables of the compensation. Every number of either is looked up in the other by its place.
+Where OLD is of schema 1 and NEW of schema 2, the old numbers are moved to their new places first, and what schema 2 alone has (positions and
+times of segments, parameters held fixed, ...) is counted and not compared.
 Allowed are, by what the number is: an estimate 1e-4 of its standard error where it is linear in the data for given v_s (static fits, and sigma_0 by
 edges), 1e-2 where it is iterated; the ends of an interval by covariance 1e-3 and 1e-2 of its width, by profile 1e-2, by bootstrap nothing (the draws
 are the same); a table of the compensation 1e-4; whatever has no standard error 1e-6, all relative. Sentences are counted, not compared.
@@ -39,8 +41,10 @@ class Difference(NamedTuple):
 
 
 def numbers(document: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Every value of a JSON document with its place; of sentences, nothing."""
-    if isinstance(document, dict):
+    """Every value of a JSON document with its place; of sentences, nothing but why a segment was rejected."""
+    if isinstance(document, dict) and {"kind", "text"} <= document.keys():
+        yield place, document["text"]
+    elif isinstance(document, dict):
         for key, value in document.items():
             if key not in _SENTENCES | _UNCOMPARED:
                 yield from numbers(value, (*place, str(key)))
@@ -49,6 +53,61 @@ def numbers(document: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[
             yield from numbers(value, (*place, str(index)))
     else:
         yield place, document
+
+
+def _renamed(fields: dict[str, Any], names: dict[str, str]) -> dict[str, Any]:
+    return {names.get(name, name): value for name, value in fields.items()}
+
+
+def _moving(fit: dict[str, Any] | None) -> dict[str, Any] | None:
+    names = {"free": "names", "predicts": "quantity"}
+    return fit and {k: x for k, x in _renamed(fit, names).items() if k != "crosscheck" or x is not None}
+
+
+def _presliding(joint: dict[str, Any]) -> dict[str, Any] | None:
+    """The presliding runs of a joint of schema 1."""
+    fits, breakaway = {}, {}
+    for d, fit in joint["presliding"].items():
+        level, bias = fit["level"], {f"bias_{what}": x for what, x in fit["bias"].items()}
+        own = {
+            "level": level["value"],
+            "level_standard_error": level["standard_error"],
+            "level_source": level["source"],
+        }
+        fits[d] = {k: x for k, x in fit.items() if k not in {"level", "bias", "breakaway"}} | own | bias
+        if fit["breakaway"]:
+            breakaway[d] = fit["breakaway"]
+    return {"fits": fits, "breakaway": breakaway, "loops": joint["hysteresis"]} if fits or joint["hysteresis"] else None
+
+
+def _joint(name: str, joint: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
+    """A joint of schema 1 as schema 2 has it."""
+    same = {k: x for k, x in joint.items() if k != "hysteresis"}
+    checks = {
+        d: check
+        | {
+            part: {name + d * (d in "+-"): x for name, x in check[part].items()}
+            for part in ("parameters", "difference_in_se")
+        }
+        for d, check in joint["crosscheck"].items()
+    }
+    return same | {
+        "name": name,
+        "inputs": [{k: v for k, v in x.items() if k != "joint"} for x in document["inputs"] if x["joint"] == name],
+        "static": {d: _renamed(fit, {"free": "names"}) for d, fit in joint["static"].items()},
+        "crosscheck": checks,
+        "presliding": _presliding(joint),
+        "tracking": _moving(joint["tracking"]),
+        "joint_fit": _moving(joint["joint_fit"]),
+    }
+
+
+def as_second(document: dict[str, Any]) -> dict[str, Any]:
+    """A document of schema 1 with its numbers at their places in schema 2; one of schema 2 as it is."""
+    if document["schema"] != "bristle-results/1":
+        return document
+    joints = {name: _joint(name, joint, document) for name, joint in document["joints"].items()}
+    return {"schema": document["schema"], "bristle": document["bristle"], "joints": joints}
 
 
 def _iterated(place: tuple[str, ...]) -> bool:
@@ -80,7 +139,12 @@ def _scale(document: Any, place: tuple[str, ...]) -> tuple[float, float]:
 
 def compared(first: Any, second: Any) -> tuple[int, list[Difference]]:
     """How many numbers were compared, and those that differ by more than is allowed, the worst first."""
-    old, new = dict(numbers(first)), dict(numbers(second))
+    old, new = dict(numbers(as_second(first))), dict(numbers(as_second(second)))
+    if first["schema"] != second["schema"]:
+        own = {place for place in new if place not in old}
+        print(f"{len(own)} values stand in the newer schema alone: {dict(Counter(place[-1] for place in own))}")
+        new = {place: value for place, value in new.items() if place in old}
+    first = as_second(first)
     found = [
         Difference("/".join(p), old.get(p, "absent"), new.get(p, "absent"), math.inf) for p in old.keys() ^ new.keys()
     ]

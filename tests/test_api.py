@@ -106,7 +106,7 @@ def test_what_is_missing_is_nan_with_a_warning(tmp_path: Path) -> None:
     assert frame[["value", "standard_error", "lower", "upper"]].isna().all(axis=None)
     assert frame["warnings"].str.contains("points for").all()
     for fit in json.loads(results.to_json())["joints"]["wrist"]["static"].values():
-        assert all(p["value"] is None and p["doubts"] for p in fit["parameters"].values())
+        assert all(p["value"] is None and p["warnings"] for p in fit["parameters"].values())
 
 
 def test_json_keeps_every_digit(clean: Results) -> None:

@@ -43,7 +43,7 @@ PIPE = "a pipe"
 
 GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}
 """A good experiment, which each bad input spoils."""
-OWN = '{\n "schema": "bristle-results/1"}\n'
+OWN = '{\n "schema": "bristle-results/2"}\n'
 """What a results file of bristle's begins with."""
 IDENTIFY = ("identify", "e.yaml", "-o", "out.json")
 INSPECT = ("inspect", "e.yaml", "-o", "out.png")
@@ -441,7 +441,7 @@ def test_one_direction_is_a_warning(hostile: tuple[Path, Ran]) -> None:
     assert ran.code == 0
     assert not ran.said
     assert list(joint["static"]) == ["+"]
-    (warning,) = joint["doubts"]
+    (warning,) = (x["text"] for x in joint["warnings"])
     assert "Nothing is known of direction -" in warning
     assert warning in html.unescape((folder / "out" / "index.html").read_text(encoding="utf-8"))
 

@@ -77,7 +77,7 @@ def test_a_file_is_never_replaced(folder: Path, command: Sequence[str]) -> None:
         assert run(*command).code == 0
     path.write_bytes(made + b"mine\n")
     refused(folder, command, f"{path.name}: is there already; ", printed=command[0] != "new")
-    for mine in (HEADER, '"schema": "bristle-results/1" is what I wrote', "<dc:title>bristle</dc:title>"):
+    for mine in (HEADER, '"schema": "bristle-results/2" is what I wrote', "<dc:title>bristle</dc:title>"):
         path.write_text(mine, encoding="utf-8")
         refused(folder, command, f"{path.name}: is there already; ", printed=command[0] != "new")
 

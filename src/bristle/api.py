@@ -55,7 +55,7 @@ class Results:
         return tuple((where, warning) for where, warning in self.warnings if warning.severity is not Severity.NOTE)
 
     def to_json(self) -> str:
-        """`results.json` of schema bristle-results/1."""
+        """`results.json` of schema bristle-results/2."""
         return results_file.to_json(self.joints)
 
     def to_frame(self) -> "pd.DataFrame":

@@ -1,16 +1,18 @@
 """The array that every floor of the house hands to the next, and the values that hold them."""
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bristle.json_form import JsonForm
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 T = TypeVar("T")
-Array = NDArray[np.float64]
+Array = Annotated[NDArray[np.float64], JsonForm(list[Any], np.ndarray.tolist, np.array)]
 
 
 def freeze(value: "DataclassInstance") -> None:

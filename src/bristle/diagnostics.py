@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from bristle.json_form import JsonForm, to_bound
+
 Value = Any
 """A number, a word, a tuple of words or of named numbers, or a diagnostic that is a part of the sentence."""
 
@@ -48,6 +50,64 @@ class Diagnostic:
 
     def __hash__(self) -> int:
         return hash((self.kind, str(self)))
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """In JSON, kind and numbers, which are read back; severity and sentence, which follow from them."""
+        return JsonForm(WrittenDiagnostic, _written, _read).__get_pydantic_core_schema__(source, handler)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenDiagnostic:
+    """A diagnostic in results.json."""
+
+    kind: str
+    severity: Severity
+    text: str
+    """The sentence."""
+    numbers: dict[str, Any]
+    """What the sentence names; a part of it that is a diagnostic has a kind, a text and numbers of its own."""
+
+
+def _written(x: Diagnostic) -> WrittenDiagnostic:
+    numbers = {name: _to_json(value) for name, value in x.numbers.items()}
+    return WrittenDiagnostic(kind=x.kind.name, severity=x.severity, text=str(x), numbers=numbers)
+
+
+def _to_json(value: Value) -> Any:
+    """A diagnostic, a list, a number or a word; whatever else is told by its text."""
+    match value:
+        case Diagnostic():
+            return _written(value)
+        case tuple() | list() if not hasattr(value, "_fields"):
+            return [_to_json(x) for x in value]
+        case np.generic():
+            return _to_json(value.item())
+        case float():
+            return to_bound(value)
+        case bool() | int():
+            return value
+        case _:
+            return str(value)
+
+
+def _read(x: WrittenDiagnostic) -> Diagnostic:
+    """The diagnostic; one of a kind that this version does not know keeps its sentence."""
+    if x.kind not in Kind.__members__:
+        return Kind.UNKNOWN(text=x.text)
+    return Diagnostic(Kind[x.kind], {name: _from_json(value) for name, value in x.numbers.items()})
+
+
+def _from_json(value: Any) -> Value:
+    match value:
+        case {"kind": str(kind), "text": str(text), "numbers": dict(numbers)}:
+            return _read(WrittenDiagnostic(kind=kind, severity=Severity.NOTE, text=text, numbers=numbers))
+        case list():
+            return tuple(map(_from_json, value))
+        case None | "inf" | "-inf":
+            return float(value or "nan")
+        case _:
+            return value
 
 
 def in_direction(direction: str) -> str:
@@ -96,6 +156,9 @@ class Kind(Enum):
     def title(self) -> str:
         """What its sentence begins with, up to the colon."""
         return self.template.partition(":")[0]
+
+    # read from a results file
+    UNKNOWN = _CAUTION, "{text}"
 
     # segments: why one is rejected
     TOO_SHORT = (
@@ -259,6 +322,21 @@ class Kind(Enum):
     )
 
     # static fits
+    STATIC_CONVERGED = _NOTE, "The best fit lies inside the range searched, away from every bound."
+    STATIC_AT_BOUND = _CAUTION, "A parameter lies at its physical bound; its interval is one-sided."
+    STATIC_AT_EDGE = (
+        _CRITICAL,
+        "The best v_s lies at the edge of the range searched; these velocities do not enclose it.",
+    )
+    STATIC_NO_STRIBECK = (
+        _CAUTION,
+        "Stribeck not identifiable from these data: Coulomb and viscous friction alone are fitted.",
+    )
+    STATIC_STICK_SLIP = (
+        _CAUTION,
+        "The Stribeck term rests on points that stick and slip; without them it is not identifiable.",
+    )
+    STATIC_TOO_FEW = _CRITICAL, "Too few points for the parameters asked for; none is estimated."
     BOUND = _CAUTION, "{name} lies at its physical bound of zero; the free fit would make it negative."
     FEW_BELOW_V_S = (
         _CAUTION,

@@ -11,7 +11,7 @@ import bristle
 from bristle.diagnostics import Kind
 from bristle.identification.identify import Measured, measure
 from bristle.identification.limits import followed, limits_of
-from bristle.identification.results import Outcome, StaticFit
+from bristle.identification.results import StaticFit
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.figures import (
@@ -263,7 +263,7 @@ def test_robust_scatter_is_that_of_normal_noise() -> None:
         rms=float(np.sqrt(np.mean(residuals**2))),
         relative_error=None,
         n=residuals.size,
-        outcome=Outcome.CONVERGED,
+        outcome=Kind.STATIC_CONVERGED(),
         names=Stribeck._fields,
         residuals=residuals,
     )

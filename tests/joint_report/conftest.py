@@ -20,7 +20,6 @@ from bristle.identification.results import (
     HoldOut,
     Input,
     Joint,
-    Outcome,
     Presliding,
     PreslidingFit,
     Profile,
@@ -65,12 +64,12 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
         rms=float(np.sqrt(cost / v.size)),
         relative_error=float(100 * np.sqrt(cost) / np.linalg.norm(torque)),
         n=v.size,
-        outcome=Outcome.CONVERGED,
+        outcome=Kind.STATIC_CONVERGED(),
         warnings=(Kind.FEW_BELOW_V_S(below=2, points=14, direction="+"),) if direction == "+" else (),
         hold_out=(HoldOut(file="held.csv", relative_error=1.25),),
         names=NAMES,
         covariance=covariance,
-        dof=dof,
+        degrees_of_freedom=dof,
         profile=Profile(
             v_s=grid,
             cost=costs(v, torque, grid),
@@ -82,8 +81,8 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
             best_cost=cost,
             threshold=cost * (1 + 4.96 / dof),
         ),
-        plain=values,
-        robust=values,
+        plain_grid=values,
+        huber=values,
         velocity=v,
         torque=torque,
         residuals=residuals(found.x),
@@ -230,6 +229,7 @@ def nothing_seen(direction: str = "+") -> PreslidingFit:
     return replace(
         slow_fit(direction), printed=bound, corrected=bound, edges=bound, samples=bound, recommended="samples",
         sigma_1=Estimate(value=None, unit="N*m*s/rad", warnings=(Kind.NO_SIGMA_1(why=Kind.NO_STIFFNESS()),)), quantum=0.0, counts=0, warnings=(),
+        bias_on_edge=np.nan, bias_mean=np.nan, bias_spread=np.nan,
     )  # fmt: skip  # a list of changes
 
 
@@ -240,7 +240,7 @@ def bare() -> Joint:
     wide = Estimate(value=1.0, unit="N*s/m", standard_error=float("nan"), interval=(-float("inf"), float("inf")))
     nothing = StaticFit(
         direction="both", parameters={"alpha_0": missing, "alpha_1": missing, "alpha_2": wide, "v_s": replace(missing, unit="m/s")},
-        rms=None, relative_error=None, n=0, outcome=Outcome.TOO_FEW, warnings=warnings,
+        rms=None, relative_error=None, n=0, outcome=Kind.STATIC_TOO_FEW(), warnings=warnings,
     )  # fmt: skip  # as above
     return Joint(
         name="slide", kind="prismatic", inputs=(), segments=(), static={"both": nothing}, crosscheck={},

@@ -57,7 +57,7 @@ def compared(parameter: str, difference: float | None, verdict: Diagnostic, stag
     return Consistency(
         parameter=ParameterName.parse(parameter), stage=stage, stage_value=value, stage_error=0.01 * value,
         tracking_value=1.05 * value if seen else None, tracking_error=0.01 * value if seen else None, joint_value=value,
-        joint_error=0.005 * value, difference=difference, verdict=verdict,
+        joint_error=0.005 * value, difference_in_se=difference, verdict=verdict,
     )  # fmt: skip  # as above
 
 
@@ -83,8 +83,10 @@ def without(fit: TrackingFit, *names: str) -> TrackingFit:
 def moving(name: str = "gripper rotation", file: str = "held.csv") -> Joint:
     """The gripper with every stage: alone the moving runs do not show alpha_1-, alpha_0- differs between stages, counts bias sigma_0+ alone."""
     held = (HoldOut(file=file, relative_error=1.5),)
-    alone = tracked(1.05, hold_out=held, warnings=(CORRELATED,), bias=named({"sigma_0+": -0.02, "sigma_0-": 1e-4}))
-    both = tracked(1.01, hold_out=held, starts=1, reached=1, relative_error=1.3, check=checked())
+    alone = tracked(
+        1.05, hold_out=held, warnings=(CORRELATED,), count_bias=named({"sigma_0+": -0.02, "sigma_0-": 1e-4})
+    )
+    both = tracked(1.01, hold_out=held, starts=1, reached=1, relative_error=1.3, crosscheck=checked())
     return replace(
         loaded(name), tracking=without(alone, "alpha_1-"), joint_fit=both,
         consistency=(

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bristle.identification.results import Joint, Outcome
+from bristle.diagnostics import Kind
+from bristle.identification.results import Joint
 from bristle.questions.joint_report.next_measurements import next_measurements
 
 
@@ -36,16 +37,16 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
     assert "Repeat run_1.csv" in text
     assert "Measure direction (−)" in text
     assert "hold_out: true" in text
-    none = replace(joint, static={"both": replace(joint.static["+"], outcome=Outcome.NO_STRIBECK)}, segments=())
+    none = replace(joint, static={"both": replace(joint.static["+"], outcome=Kind.STATIC_NO_STRIBECK())}, segments=())
     assert next_measurements(none) == (
         "both directions: if friction rises at low speed, it does so below what was measured: try five constant speeds from 0.008 to 0.015 rad/s.",
     )
 
 
-@pytest.mark.parametrize("outcome", [Outcome.CONVERGED, Outcome.NO_STRIBECK])
-def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Outcome) -> None:
+@pytest.mark.parametrize("outcome", [Kind.STATIC_CONVERGED, Kind.STATIC_NO_STRIBECK])
+def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Kind) -> None:
     """Moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds."""
-    own = moving(joint, outcome=outcome)
+    own = moving(joint, outcome=outcome())
     fastest = float(own.static["+"].velocity.max())
     found = ranges(own)
     assert found
@@ -53,7 +54,7 @@ def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Outcom
         assert low >= fastest / 100
         assert high >= 1.4 * low
     said = [x for x in next_measurements(own) if "these data do not show it" in x]
-    assert bool(said) == (outcome is Outcome.NO_STRIBECK)
+    assert bool(said) == (outcome is Kind.STATIC_NO_STRIBECK)
 
 
 @pytest.mark.parametrize("sticking", [0.0152, 0.0499, 0.101])
@@ -62,7 +63,11 @@ def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> No
     kept = joint.segments[0]
     stuck = replace(kept, velocity=sticking, stick_slip=True)
     other = replace(kept, velocity=-0.7, stick_slip=True)
-    for own in (changed(joint, {"interval": (0.0, 0.1)}), moving(joint), moving(joint, outcome=Outcome.NO_STRIBECK)):
+    for own in (
+        changed(joint, {"interval": (0.0, 0.1)}),
+        moving(joint),
+        moving(joint, outcome=Kind.STATIC_NO_STRIBECK()),
+    ):
         found = ranges(replace(own, segments=(stuck, other)))
         assert found
         assert min(low for low, _ in found) > sticking

@@ -51,24 +51,25 @@ def written(joint: Joint, folder: Path) -> str:
 
 def test_json_holds_every_estimate_of_both_directions(slow: Joint) -> None:
     """Each direction has its four estimates, sigma_1, level, bias and breakaway, with every digit; the file validates."""
-    found = read(slow)["presliding"]
+    whole = read(slow)["presliding"]
+    found = whole["fits"]
     assert list(found) == ["+", "-"]
     for d, fit in (slow.presliding or Presliding(fits={}, breakaway={})).fits.items():
         assert {name: found[d][name]["value"] for name in METHODS} == {
             name: e.value for name, e in presliding.methods(fit).items()
         }
         assert found[d]["sigma_1"]["value"] == TABLE_1[d].sigma_1
-        assert found[d]["bias"] == {"on_edge": -0.024, "mean": -0.51, "spread": 0.28}
-        assert found[d]["level"] == {"value": fit.level, "standard_error": 2e-4, "source": "the static fit"}
+        assert [found[d][f"bias_{x}"] for x in ("on_edge", "mean", "spread")] == [-0.024, -0.51, 0.28]
+        level = (found[d]["level"], found[d]["level_standard_error"], found[d]["level_source"])
+        assert level == (fit.level, 2e-4, "the static fit")
         assert (found[d]["recommended"], found[d]["quantum"], found[d]["counts"]) == ("edges", QUANTUM, 60)
-    assert found["+"]["breakaway"]["value"] == 0.025
-    assert found["-"]["breakaway"] is None
+    assert {d: e["value"] for d, e in whole["breakaway"].items()} == {"+": 0.025}
 
 
 def test_json_holds_every_closed_cycle(slow: Joint) -> None:
     """One entry per loop; an infinite slope is the string "inf"."""
     steep = replace(closed_cycle("x.csv"), secant=float("inf"))
-    found = read(only(slow, loops=(closed_cycle("a.csv"), steep)))["hysteresis"]
+    found = read(only(slow, loops=(closed_cycle("a.csv"), steep)))["presliding"]["loops"]
     assert found[0] == {
         "file": "a.csv", "start": 100, "stop": 500, "loss": 3e-5, "secant": 5.0, "slope": 4.1, "inverse_slope": 6.1, "counts": 20,
     }  # fmt: skip  # one entry
@@ -76,23 +77,21 @@ def test_json_holds_every_closed_cycle(slow: Joint) -> None:
 
 
 def test_json_without_presliding_runs_has_empty_entries(joint: Joint) -> None:
-    """No runs: an empty object and an empty list, which validate."""
-    found = read(joint)
-    assert (found["presliding"], found["hysteresis"]) == ({}, [])
+    """No runs: null, which validates."""
+    assert read(joint)["presliding"] is None
 
 
 def test_json_says_why_what_does_not_exist_is_null(slow: Joint) -> None:
-    """Without a sigma_0 the value and the bias of (14) are null with a warning; the open bound is "inf"."""
-    found = read(only(slow, fits={"+": nothing_seen()}, breakaway={}))["presliding"]["+"]
-    assert found["bias"] == {"on_edge": None, "mean": None, "spread": None}
-    assert found["doubts"] == ["There is no bias: these data give none."]
+    """Without a sigma_0 the value is null with a warning, and the bias of (14) is null; the open bound is "inf"."""
+    found = read(only(slow, fits={"+": nothing_seen()}, breakaway={}))["presliding"]["fits"]["+"]
+    assert [found[f"bias_{x}"] for x in ("on_edge", "mean", "spread")] == [None, None, None]
     assert (found["edges"]["value"], found["edges"]["interval"]) == (None, [12.5, "inf"])
-    assert found["edges"]["doubts"]
+    assert found["edges"]["warnings"]
 
 
 def test_json_holds_the_warnings_of_the_runs_as_a_whole(slow: Joint) -> None:
-    """What no direction owns stands among the joint's warnings."""
-    assert read(slow)["doubts"] == [str(outlier("slow_2.csv"))]
+    """What no direction owns stands among the warnings of the presliding runs."""
+    assert [x["text"] for x in read(slow)["presliding"]["warnings"]] == [str(outlier("slow_2.csv"))]
 
 
 # tables and text

@@ -1,13 +1,22 @@
 import json
 import math
 import os
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 
+from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.results import Joint
+from bristle.identification.results_document import adapter
+from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.joint_report import results_file
+
+from .moving import moving
 
 HERE = Path(__file__).parent
 DOCS = Path(__file__).parents[2] / "docs"
@@ -48,15 +57,83 @@ def test_floats_come_back_exactly(joint: Joint) -> None:
             assert (read["value"], tuple(read["interval"])) == (estimate.value, estimate.interval)
 
 
-def test_what_does_not_exist_is_null_with_a_warning_and_infinity_is_a_string(slide: Joint) -> None:
-    """No value without a reason; open bounds are the strings of the schema."""
+def test_what_does_not_exist_is_null_and_infinity_is_a_string(slide: Joint) -> None:
+    """What is missing is null, a missing value with its reason; open bounds are the strings of the schema."""
     fit = json.loads(results_file.to_json([slide]))["joints"]["slide"]["static"]["both"]
     assert fit["rms"] is None
-    assert fit["doubts"]
+    assert fit["warnings"]
     for parameter in fit["parameters"].values():
         assert parameter["standard_error"] is None
-        assert parameter["doubts"]
+        assert bool(parameter["warnings"]) == (parameter["value"] is None)
     assert fit["parameters"]["alpha_2"]["interval"] == ["-inf", "inf"]
+
+
+def leaves(value: Any) -> Iterator[Any]:
+    """What a result holds, its numbers and names in order; of what stays out of the file, nothing."""
+    if isinstance(value, Diagnostic):
+        yield from (value.kind, str(value))
+    elif is_dataclass(value):
+        for item in fields(value):
+            if not item.metadata.get("exclude"):
+                yield from leaves(getattr(value, item.name))
+    elif isinstance(value, dict):
+        for key, held in value.items():
+            yield key
+            yield from leaves(held)
+    elif isinstance(value, tuple) and not isinstance(value, ParameterName):
+        for held in value:
+            yield from leaves(held)
+    elif isinstance(value, np.ndarray):
+        yield from (value.shape, *value.ravel())
+    else:
+        yield value
+
+
+@pytest.fixture
+def moved() -> Joint:
+    """Gripper rotation with every kind of run."""
+    return moving()
+
+
+def test_the_file_is_the_result(slow: Joint, moved: Joint) -> None:
+    """Read back by the classes that wrote it, every value, name and warning is that of the joint, to the last digit; written again it is the same."""
+    for joint in (slow, moved):
+        text = results_file.to_json([joint])
+        (read,) = adapter().validate_json(text, strict=True).joints.values()
+        assert list(leaves(read)) == list(leaves(joint))
+        assert results_file.to_json([read]) == text
+        assert not read.static["+"].covariance.flags.writeable
+
+
+def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
+    """Kind, severity, sentence and numbers, with diagnostics, lists, NumPy's numbers, names and infinities among them; kind and numbers come back."""
+    name, inner = ParameterName("alpha_0", Direction.POSITIVE), Kind.COST_STAYS_LOW()
+    said = Kind.INTERVALS_DIFFER(
+        sides=("above", "below"), ends=(("profile", 0.5, math.inf), (name, np.float64(1), -math.inf)), reason=inner
+    )
+    text = results_file.to_json([replace(slide, warnings=(said, Kind.PLAN_LOCAL(others=np.int64(3))))])
+    written, counted = json.loads(text)["joints"]["slide"]["warnings"]
+    assert (written["kind"], written["severity"], written["text"]) == ("INTERVALS_DIFFER", Severity.CAUTION, str(said))
+    assert written["numbers"]["ends"] == [["profile", 0.5, "inf"], ["alpha_0+", 1.0, "-inf"]]
+    assert written["numbers"]["reason"]["kind"] == inner.kind.name
+    assert counted["numbers"] == {"others": 3}
+    (read,) = adapter().validate_json(text, strict=True).joints.values()
+    back, _ = read.warnings
+    assert (back.kind, str(back)) == (said.kind, str(said))
+    assert back.numbers == {
+        "sides": ("above", "below"), "ends": (("profile", 0.5, math.inf), ("alpha_0+", 1.0, -math.inf)), "reason": inner,
+    }  # fmt: skip  # one value
+    (other,) = adapter().validate_json(text.replace("INTERVALS_DIFFER", "OF_A_LATER_VERSION")).joints.values()
+    assert (other.warnings[0].kind, str(other.warnings[0])) == (Kind.UNKNOWN, str(said))
+
+
+def test_arrays_of_samples_stay_out_of_the_file(moved: Joint) -> None:
+    """The file does not grow with the samples: a joint with thousands of equations is written in a few pages."""
+    text = results_file.to_json([moved])
+    assert len(text) < 120_000
+    (found,) = json.loads(text)["joints"].values()
+    assert {"velocity", "measured", "residuals", "time"}.isdisjoint(found["joint_fit"])
+    assert all("loadings" not in fit for fit in found["presliding"]["fits"].values())
 
 
 def test_frame_is_tidy(joint: Joint, slide: Joint) -> None:

@@ -13,7 +13,7 @@ from bristle import identify, trial, write_trial
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import covariance, student
-from bristle.identification.results import Estimate, Joint, Outcome, StaticFit
+from bristle.identification.results import Estimate, Joint, StaticFit
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
 from bristle.questions.method_validation import figures, intervals
@@ -546,7 +546,7 @@ def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
         rms=None,
         relative_error=None,
         n=2,
-        outcome=Outcome.TOO_FEW if alpha_0 is None else Outcome.NO_STRIBECK,
+        outcome=Kind.STATIC_TOO_FEW() if alpha_0 is None else Kind.STATIC_NO_STRIBECK(),
     )
 
 

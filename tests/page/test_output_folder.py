@@ -12,7 +12,7 @@ from bristle.errors import InputError
 from bristle.page import output_folder
 from bristle.page.style import new_figure, render
 
-OWN = '{\n "schema": "bristle-results/1"}\n'
+OWN = '{\n "schema": "bristle-results/2"}\n'
 
 
 def _tree(folder: Path) -> dict[str, bytes]:

@@ -523,7 +523,7 @@ def spoilt(good: str, what: str) -> str:
     joint = document["joints"][HOSTILE]
     fit = joint["static"]["+"]
     if what == "schema":
-        document["schema"] = "bristle-results/2"
+        document["schema"] = "bristle-results/3"
     elif what == "covariance":
         fit["covariance"].pop()
     elif what == "negative":
@@ -553,7 +553,7 @@ TEXTS = {
     "infinite": ('{"schema": 1e999}', "is no results file"),
 }
 SPOILT = {
-    "schema": "is no results file of schema bristle-results/1 (schema",
+    "schema": "is no results file of schema bristle-results/2 or 1 (schema",
     "covariance": "a covariance is not of the 4 parameters",
     "negative": "a standard error is negative",
     "interval": "an interval ends before it begins",
@@ -630,7 +630,7 @@ def renamed(joint: dict[str, Any], name: str) -> None:
     """alpha_0 of direction + by another name."""
     fit = plus(joint)
     fit["parameters"] = {name if n == "alpha_0" else n: p for n, p in fit["parameters"].items()}
-    fit["free"] = [name if n == "alpha_0" else n for n in fit["free"]]
+    fit["names"] = [name if n == "alpha_0" else n for n in fit["names"]]
 
 
 def covariance(joint: dict[str, Any], *rows: Sequence[float | None]) -> None:
@@ -642,7 +642,7 @@ def covariance(joint: dict[str, Any], *rows: Sequence[float | None]) -> None:
 def many(joint: dict[str, Any], count: int) -> None:
     """So many parameters, none of them free."""
     p = plus(joint)["parameters"]["alpha_0"]
-    plus(joint).update(parameters={f"p{k}": p for k in range(count)}, free=[], covariance=[])
+    plus(joint).update(parameters={f"p{k}": p for k in range(count)}, names=[], covariance=[])
 
 
 REFUSED: dict[str, tuple[Spoil, str]] = {
@@ -662,7 +662,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "freedom with a fraction": (lambda x: plus(x).update(degrees_of_freedom=1.5), "degrees_of_freedom: Input should be a valid integer"),
     "no freedom": (lambda x: plus(x).update(degrees_of_freedom=None), "degrees_of_freedom"),
     "no parameters": (lambda x: plus(x).update(parameters=None), "parameters"),
-    "empty fit": (lambda x: x["static"].update({"+": {}}), "parameters: Field required"),
+    "empty fit": (lambda x: x["static"].update({"+": {}}), "direction: Field required"),
     "empty joint": (lambda x: x.clear(), "kind: Field required"),
     "covariance without rows": (covariance, "a covariance is not of the 4 parameters"),
     "name with an escape": (lambda x: renamed(x, "a\x1b[31m"), "U+001B, a control character"),
@@ -675,10 +675,22 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "many numbers": (lambda x: x.update(assumptions=[""] * 1_000_001), "commas, more than 1000000"),
     "many wrong numbers": (lambda x: plus(x).update(covariance=[["x"]] * 900_000), "covariance.0.0: Input should be a valid number"),
     "many empty fits": (lambda x: x["static"].update({f"s{k}": {} for k in range(90_000)}), "of its entries are wrong or missing"),
-    "many empty segments": (lambda x: x.update(segments=[{}] * 90_000), "segments.0.file: Field required"),
+    "many empty segments": (lambda x: x.update(segments=[{}] * 90_000), "of its entries are wrong or missing"),
     "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(100_000)}), "objects, more than 100000"),
+    "warnings that are sentences": (lambda x: x.update(warnings=["The joint sticks."] * 9), "warnings.0: Input should be"),
+    "many sentences": (lambda x: x.update(warnings=["The joint sticks."] * 100_000), "of its entries are wrong or missing"),
+    "a warning without numbers": (lambda x: x.update(warnings=[warning("BOUND") | {"numbers": [1]}]), "warnings.0.numbers: Input should be"),
+    "a warning of no severity": (lambda x: x.update(warnings=[warning("BOUND") | {"severity": "mild"}]), "warnings.0.severity: Input should be"),
+    "ragged covariance": (lambda x: covariance(x, [1.0], [1.0, 2.0]), "its rows are not of one length"),
+    "a truth of other parameters": (lambda x: x.update(truth={"+": {"alpha_0": 1.0}}), "expected alpha_0, alpha_1"),
+    "deep warnings": (lambda x: x.update(warnings=[warning("BOUND", name=nested(900))]), "recursion limit"),
     "deep": (lambda x: x.update(assumptions=nested(150)), "assumptions.0: Input should be a valid string"),
 }  # fmt: skip  # a table
+
+
+def warning(kind: str, **numbers: object) -> dict[str, Any]:
+    """A diagnostic as a file may have it."""
+    return {"kind": kind, "severity": "note", "text": "The joint sticks.", "numbers": numbers}
 
 
 def nested(depth: int) -> list[Any]:
@@ -709,14 +721,18 @@ COMPARED: dict[str, Spoil] = {
     "covariance of one": lambda x: covariance(x, *[[1.0] * 4] * 4),
     "much freedom": lambda x: plus(x).update(degrees_of_freedom=10**17, n=10**17),
     "no freedom": lambda x: plus(x).update(degrees_of_freedom=0, n=-1),
-    "free parameters that are none": lambda x: plus(x).update(free=["a", "b", "c", "d"]),
-    "one free parameter four times": lambda x: plus(x).update(free=["alpha_0"] * 4),
+    "free parameters that are none": lambda x: plus(x).update(names=["a", "b", "c", "d"]),
+    "one free parameter four times": lambda x: plus(x).update(names=["alpha_0"] * 4),
     "unknown unit": lambda x: every(x, unit="furlong"),
     "no unit": lambda x: every(x, unit=""),
     "no name": lambda x: renamed(x, ""),
     "half a symbol": lambda x: renamed(x, "v_"),
     "template for a name": lambda x: renamed(x, r"\g<0>\q$\undefined{"),
-    "many warnings": lambda x: x.update(warnings=["The joint sticks."] * 100_000),
+    "many warnings": lambda x: x.update(warnings=[warning("NO_SUCH_KIND")] * 40_000),
+    "warnings without their numbers": lambda x: x.update(warnings=[warning("BOUND"), warning("NOT_CONVERGED")]),
+    "a warning inside of a warning": lambda x: x.update(
+        warnings=[warning("NO_STRIBECK", why=warning("BOUND", name=[None, "inf"]))]
+    ),
     "as many parameters as can be": lambda x: many(x, 390),
 }
 

@@ -5,7 +5,7 @@ the same spring.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +17,7 @@ from bristle.data.differentiation import derivative, smoothed, stretches
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.json_form import UNWRITTEN, Number
 
 _PROMINENT = 0.1
 """Of the range of torque: a turn smaller than this is none."""
@@ -78,17 +79,17 @@ class Loop:
     file: str
     start: int
     stop: int
-    position: Array
+    position: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """rad, (n,)."""
-    torque: Array
+    torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """N*m, as logged, (n,)."""
-    loss: float
+    loss: Number
     """Work lost in the cycle, J."""
-    secant: float
+    secant: Number
     """Torque between its extremes over the displacement between them, N*m/rad."""
-    slope: float
+    slope: Number
     """Regression of torque on displacement, N*m/rad."""
-    inverse_slope: float
+    inverse_slope: Number
     """One over the regression of displacement on torque, N*m/rad."""
     counts: int
     """Counts that the cycle spans; 0 where no counts are seen."""

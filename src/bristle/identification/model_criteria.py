@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.identification.results import ModelComparison, ModelRow, Outcome, StaticFit, TrackingFit
+from bristle.diagnostics import Kind
+from bristle.identification.results import ModelComparison, ModelRow, StaticFit, TrackingFit
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
 """Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s; sigma_0 and sigma_1."""
@@ -154,7 +155,7 @@ def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept:
         gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
         but = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
         said.append(f"the Stribeck term is not identifiable from these data, as the fit found{but}")
-    if kept and any(f.outcome == Outcome.STICK_SLIP for f in static.values()):
+    if kept and any(f.outcome.kind is Kind.STATIC_STICK_SLIP for f in static.values()):
         said.append("but its Stribeck term rests on points that stick and slip")
     if any(r.model == LUGRE and not r.candidate for r in rows):
         said.append("the motion does not show LuGre's bristle")

@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -11,18 +10,17 @@ from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
+from bristle.json_form import UNWRITTEN, Interval, JsonForm, Matrix, Number
 from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
 
 
-class Outcome(StrEnum):
-    """How a fit ended. The value is the sentence that a user reads."""
+def _lugre(values: Mapping[str, float]) -> Lugre[float]:
+    if set(values) != set(Lugre._fields):
+        raise ValueError(f"expected {', '.join(Lugre._fields)}")
+    return Lugre(**values)
 
-    CONVERGED = "The best fit lies inside the range searched, away from every bound."
-    AT_BOUND = "A parameter lies at its physical bound; its interval is one-sided."
-    AT_EDGE = "The best v_s lies at the edge of the range searched; these velocities do not enclose it."
-    NO_STRIBECK = "Stribeck not identifiable from these data: Coulomb and viscous friction alone are fitted."
-    STICK_SLIP = "The Stribeck term rests on points that stick and slip; without them it is not identifiable."
-    TOO_FEW = "Too few points for the parameters asked for; none is estimated."
+
+LugreByName = Annotated[Lugre[float], JsonForm(dict[str, Number], Lugre._asdict, _lugre)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +33,7 @@ class Estimate:
     value: float | None
     unit: str
     standard_error: float | None = None
-    interval: tuple[float, float] | None = None
+    interval: Interval | None = None
     warnings: tuple[Diagnostic, ...] = ()
 
 
@@ -43,15 +41,15 @@ class Estimate:
 class Uncertainty:
     """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the warnings."""
 
-    covariance: tuple[float, float] | None
+    covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
-    profile: tuple[float, float] | None
+    profile: Interval | None
     """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical bound."""
-    bootstrap: tuple[float, float] | None
+    bootstrap: Interval | None
     """From fits of resampled data."""
-    curve: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=UNWRITTEN)
     """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1 at the interval's ends."""
-    draws: Array = field(default_factory=lambda: np.zeros(0))
+    draws: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Diagnostic, ...] = ()
 
@@ -84,7 +82,7 @@ class HoldOut:
     """How well a fit predicts a run that it has not seen."""
 
     file: str
-    relative_error: float
+    relative_error: Number
     """100 * norm(measured - predicted) / norm(measured), percent."""
 
 
@@ -99,33 +97,33 @@ class StaticFit:
     relative_error: float | None
     """100 * norm(residual) / norm(torque), percent."""
     n: int
-    outcome: Outcome
+    outcome: Diagnostic
     warnings: tuple[Diagnostic, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[str, ...] = ()
     """The free parameters, in the order of `covariance`."""
-    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    dof: int = 0
-    profile: Profile | None = None
+    covariance: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    degrees_of_freedom: int = 0
+    profile: Profile | None = field(default=None, metadata=UNWRITTEN)
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """Each parameter's interval three ways."""
-    plain: Mapping[str, float] = field(default_factory=dict)
+    plain_grid: Mapping[str, Number] = field(default_factory=dict)
     """The parameters at the best value of the paper's plain grid."""
-    robust: Mapping[str, float] = field(default_factory=dict)
+    huber: Mapping[str, Number] = field(default_factory=dict)
     """The parameters of the Huber refit."""
     without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
     """The parameters fitted without the segments that stick and slip; empty where there are none."""
-    velocity: Array = field(default_factory=lambda: np.zeros(0))
+    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """What was fitted: velocity, rad/s, shape (n,)."""
-    torque: Array = field(default_factory=lambda: np.zeros(0))
+    torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """Measured torque, N*m, shape (n,)."""
-    residuals: Array = field(default_factory=lambda: np.zeros(0))
+    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """Measured minus fitted torque, N*m, shape (n,)."""
-    segments: tuple[Segment, ...] = ()
+    segments: tuple[Segment, ...] = field(default=(), metadata=UNWRITTEN)
     """Where each point comes from, (n,); empty for moving data."""
-    time: Array = field(default_factory=lambda: np.zeros(0))
+    time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
-    position: Array = field(default_factory=lambda: np.zeros(0))
+    position: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """Where each point was measured, rad, shape (n,); empty where unknown."""
 
     def values(self) -> Stribeck[float] | None:
@@ -140,13 +138,13 @@ class StaticFit:
 class Crosscheck:
     """The full nonlinear fit beside the grid, on the same data."""
 
-    cost_grid: float
-    cost_full: float
+    cost_grid: Number
+    cost_full: Number
     starts: int
     reached: int
     """How many starts ended within 1e-6 relative of the lowest cost that any of them found."""
-    parameters: Mapping[ParameterName, float]
-    difference_in_se: Mapping[ParameterName, float]
+    parameters: Mapping[ParameterName, Number]
+    difference_in_se: Mapping[ParameterName, Number]
     """(full - grid) in standard errors of the grid fit."""
     verdict: Diagnostic
     agrees: bool = True
@@ -170,21 +168,21 @@ class PreslidingFit:
     """(15): a prior from an assumed damping ratio."""
     recommended: str
     """Which of the four to use."""
-    level: float
+    level: Number
     """g0, the torque at which slow loading slides, N*m."""
-    level_standard_error: float
+    level_standard_error: Number
     level_source: str
     quantum: float
     """One count, rad; 0 where no counts are seen."""
     counts: int
     """Count edges crossed in all loadings."""
-    bias_on_edge: float
-    """Relative bias of (14) with this encoder where rest lies on a count edge."""
-    bias_mean: float
+    bias_on_edge: Number
+    """Relative bias of (14) with this encoder where rest lies on a count edge; like the next two nan without an encoder count and a sigma_0."""
+    bias_mean: Number
     """Its mean over rest positions anywhere in the count."""
-    bias_spread: float
+    bias_spread: Number
     """Its standard deviation over them."""
-    loadings: tuple[Loading, ...]
+    loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     warnings: tuple[Diagnostic, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """The recommended sigma_0's interval three ways, under `sigma_0`."""
@@ -202,7 +200,7 @@ class Presliding:
     fits: Mapping[str, PreslidingFit]
     breakaway: Mapping[str, Estimate]
     """Per direction, the median torque at which the joint began to slide."""
-    breakaways: tuple[Loading, ...] = ()
+    breakaways: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     """The loadings that broke away."""
     loops: tuple[Loop, ...] = ()
     warnings: tuple[Diagnostic, ...] = ()
@@ -213,37 +211,37 @@ class TrackingFit:
     """All parameters from moving data."""
 
     parameters: Mapping[ParameterName, Estimate]
-    rms: float
+    rms: Number
     """Root mean square residual of the equations, N*m (rad where the position is predicted)."""
-    relative_error: float
+    relative_error: Number
     """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
     n: int
     outcome: Diagnostic
     starts: int
     reached: int
     """How many starts ended within 1e-6 relative of the lowest cost."""
-    condition: float
+    condition: Number
     """Of the Jacobian with columns of unit length."""
     warnings: tuple[Diagnostic, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[ParameterName, ...] = ()
     """The free parameters, in the order of `covariance`."""
-    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    fixed: Mapping[ParameterName, float] = field(default_factory=dict)
+    covariance: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    fixed: Mapping[ParameterName, Number] = field(default_factory=dict)
     """With what the others were fitted, of parameters that were given, or that the motion does not show."""
-    bias: Mapping[ParameterName, float] = field(default_factory=dict)
+    count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
     """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
-    check: Crosscheck | None = None
+    crosscheck: Crosscheck | None = None
     """The same problem by CasADi and IPOPT."""
-    time: Array = field(default_factory=lambda: np.zeros(0))
+    time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """Of each equation, s from the start of its run, (n,)."""
     quantity: Literal["torque", "position"] = "torque"
     """What the fit predicts."""
-    velocity: Array = field(default_factory=lambda: np.zeros(0))
-    measured: Array = field(default_factory=lambda: np.zeros(0))
+    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    measured: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """Torque, N*m, or position, rad, (n,)."""
-    residuals: Array = field(default_factory=lambda: np.zeros(0))
-    starts_of_runs: tuple[int, ...] = (0,)
+    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each stretch."""
     windows: int = 0
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
@@ -269,14 +267,14 @@ class Consistency:
     parameter: ParameterName
     stage: str
     """`static`, `presliding` or `experiment file`."""
-    stage_value: float
-    stage_error: float
+    stage_value: Number
+    stage_error: Number
     tracking_value: float | None
     """From the moving data alone; None where they do not show it."""
     tracking_error: float | None
     joint_value: float | None
     joint_error: float | None
-    difference: float | None
+    difference_in_se: float | None
     """(tracking - stage) in combined standard errors."""
     verdict: Diagnostic
 
@@ -290,15 +288,15 @@ class ModelRow:
     """`symmetric`, `per direction`, or `one direction` where no other was measured."""
     parameters: int
     """Fitted, the noise variance apart."""
-    rms: float
+    rms: Number
     """Root mean square residual, N*m."""
-    relative_error: float | None
+    relative_error: Number | None
     """100 * norm(residual) / norm(measured), percent."""
-    aicc: float | None
+    aicc: Number | None
     """Above the lowest of all; None where there are too few independent equations."""
-    bic: float
+    bic: Number
     """Above the lowest of all."""
-    hold_out: float | None
+    hold_out: Number | None
     """Relative error on what was not fitted, percent."""
     candidate: bool
     """Whether it has the terms that the fit supports, and no others."""
@@ -312,7 +310,7 @@ class ModelComparison:
     data: Literal["points", "moving runs"]
     n: int
     """Equations."""
-    effective: float
+    effective: Number
     """How many of them are independent."""
     hold_out_by: str
     """What `hold_out` is about; empty where nothing was held out."""
@@ -338,10 +336,8 @@ class Input:
 class Joint:
     """Everything that was found out about one joint."""
 
-    name: str
     kind: Kind
-    inputs: tuple[Input, ...]
-    segments: tuple[Segment, ...]
+    name: str
     static: Mapping[str, StaticFit]
     crosscheck: Mapping[str, Crosscheck]
     presliding: Presliding | None = None
@@ -354,12 +350,14 @@ class Joint:
     models: tuple[ModelComparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
     warnings: tuple[Diagnostic, ...] = ()
-    truth: Mapping[str, Lugre[float]] = field(default_factory=dict)
+    truth: Mapping[str, LugreByName] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""
     simulated: bool = False
     assumptions: tuple[str, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
     """Thresholds, cut-offs and options in force, as the report states them."""
+    inputs: tuple[Input, ...]
+    segments: tuple[Segment, ...]
 
     @property
     def moving(self) -> TrackingFit | None:

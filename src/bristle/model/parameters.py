@@ -5,7 +5,9 @@ Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi sy
 
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from typing import Generic, Literal, NamedTuple, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
+
+from bristle.json_form import JsonForm
 
 T = TypeVar("T")
 Kind = Literal["revolute", "prismatic"]
@@ -81,6 +83,11 @@ class ParameterName(NamedTuple):
         if text.endswith(("+", "-")):
             return cls(text[:-1], Direction(text[-1]))
         return cls(text, Direction.BOTH if text in Lugre._fields else Direction.SHARED)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """In JSON, as it prints: a key or a text."""
+        return JsonForm(str, str, cls.parse).__get_pydantic_core_schema__(source, handler)
 
     def within(self, direction: str) -> str:
         """How it prints where the direction is said already."""

@@ -15,6 +15,7 @@ from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import residual_warnings
+from bristle.json_form import Number
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_warnings"]
 
@@ -40,9 +41,9 @@ class Segment:
     """First sample of the record."""
     stop: int
     """One past the last sample."""
-    velocity: float
+    velocity: Number
     """Mean velocity, rad/s."""
-    torque: float
+    torque: Number
     """Mean torque, N*m."""
     standard_error: float | None
     """Standard error of the mean torque, corrected for autocorrelation, N*m; None where it cannot be known."""

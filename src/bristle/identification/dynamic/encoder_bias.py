@@ -96,6 +96,6 @@ def _corrected(found: TrackingFit, moved: Mapping[ParameterName, Sequence[float]
     return replace(
         found,
         parameters=parameters,
-        bias={n: bias for n, (bias, _) in moved.items()},
+        count_bias={n: bias for n, (bias, _) in moved.items()},
         warnings=(*found.warnings, *said),
     )

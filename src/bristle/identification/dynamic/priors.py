@@ -100,7 +100,7 @@ def track(
     if second_route and by_torque:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
-        found = found._replace(fit=replace(found.fit, check=check, warnings=(*found.fit.warnings, *said)))
+        found = found._replace(fit=replace(found.fit, crosscheck=check, warnings=(*found.fit.warnings, *said)))
     alone = finished(found, profiles)
     if load and not static_is_apart:
         slow = load(alone)
@@ -208,7 +208,9 @@ def _priors(
         if fit is not None:
             own = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
             # few degrees of freedom: a Student distribution scatters by more than its standard error
-            covariance = fit.covariance[np.ix_(own, own)] * (fit.dof / (fit.dof - 2) if fit.dof > 2 else 4.0)
+            covariance = fit.covariance[np.ix_(own, own)] * (
+                fit.degrees_of_freedom / (fit.degrees_of_freedom - 2) if fit.degrees_of_freedom > 2 else 4.0
+            )
             if own and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in own], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -253,7 +255,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                     tracking_error=own.standard_error,
                     joint_value=both.value,
                     joint_error=both.standard_error,
-                    difference=difference,
+                    difference_in_se=difference,
                     verdict=verdict,
                 )
             )
@@ -263,7 +265,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
 def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Diagnostic]:
     """What the stages' disagreement warns of in the joint fit."""
     said = []
-    apart = [c.parameter for c in agree if c.difference is not None and abs(c.difference) > _APART]
+    apart = [c.parameter for c in agree if c.difference_in_se is not None and abs(c.difference_in_se) > _APART]
     if apart:
         said.append(Kind.STAGES_DIFFER(names=tuple(apart)))
     if joint.relative_error > _WORSE * alone.relative_error:

@@ -99,7 +99,8 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
     best = "edges" if quantum > 0 else "samples"
     sigma_0 = estimates[best]
     u = np.array([max((sigma_0.value or 0.0) * quantum / level.value, 1e-9)])
-    on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
+    known = quantum > 0 and (sigma_0.value or 0.0) > 0
+    on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
     three = stiffness_uncertainty(loadings, level, best, sigma_0)
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
     reached = max(float(loading.torque.max()) for loading in loadings)

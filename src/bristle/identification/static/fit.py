@@ -13,7 +13,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings
-from bristle.identification.results import Crosscheck, Estimate, HoldOut, Outcome, StaticFit, Uncertainty
+from bristle.identification.results import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.fit_warnings import huber_warnings
 from bristle.identification.static.grid import default_range, plain_grid, solve
@@ -115,7 +115,7 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
         rms=None,
         relative_error=None,
         n=problem.torque.size,
-        outcome=Outcome.TOO_FEW,
+        outcome=Kind.STATIC_TOO_FEW(),
         warnings=(why,),
         velocity=problem.velocity if problem.smooth is None else np.zeros(0),
         torque=problem.torque if problem.smooth is None else np.zeros(0),
@@ -215,11 +215,11 @@ def _static_fit(
         hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],
-        dof=int(core.freedom),
+        degrees_of_freedom=int(core.freedom),
         profile=core.profiles.get(part),
         uncertainty={name.name: beside.three[name] for name in own},
-        plain={name.name: x for name, x in beside.plain.items() if name in own},
-        robust={name.name: x for name, x in beside.robust.items() if name in own},
+        plain_grid={name.name: x for name, x in beside.plain.items() if name in own},
+        huber={name.name: x for name, x in beside.robust.items() if name in own},
         without_stick_slip={n.name: e for n, e in beside.without.items() if not two or n.direction is part},
         velocity=velocity[rows],
         torque=torque[rows],
@@ -236,10 +236,10 @@ def _with_warnings(estimate: Estimate, three: Uncertainty) -> Estimate:
     return estimate if at_bound else replace(estimate, warnings=(*estimate.warnings, *three.warnings))
 
 
-def _outcome(core: Inferred, part: Direction, beside: _Beside) -> Outcome:
+def _outcome(core: Inferred, part: Direction, beside: _Beside) -> Diagnostic:
     name = ParameterName("alpha_1", part)
     rests = name in core.parameters and bool(beside.without) and name not in beside.without
-    return Outcome.STICK_SLIP if rests else core.outcome
+    return Kind.STATIC_STICK_SLIP() if rests else core.outcome
 
 
 def _unit_like(core: Inferred, name: str, part: Direction) -> str:

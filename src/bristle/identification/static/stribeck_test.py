@@ -14,7 +14,7 @@ from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import best_column_p_value
 from bristle.identification.identifiability import SEEN
-from bristle.identification.results import Estimate, Outcome, Profile
+from bristle.identification.results import Estimate, Profile
 from bristle.identification.static.fit_warnings import fit_warnings, is_closed
 from bristle.identification.static.grid import Solution, descended, solve
 from bristle.identification.static.huber import huber
@@ -42,7 +42,7 @@ class Inferred:
     names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
-    outcome: Outcome
+    outcome: Diagnostic
     warnings: tuple[Diagnostic, ...]
     profiles: Mapping[Direction, Profile]
     dropped: Mapping[Direction, Diagnostic]
@@ -222,10 +222,10 @@ def _estimates(
 
 def _outcome(
     problem: Regression, solution: Solution, dropped: Mapping[Direction, Diagnostic], v_s_range: tuple[float, float]
-) -> Outcome:
+) -> Diagnostic:
     if dropped and not problem.peaks:
-        return Outcome.NO_STRIBECK
+        return Kind.STATIC_NO_STRIBECK()
     _, v_s = problem.split(solution.theta)
     if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
-        return Outcome.AT_EDGE
-    return Outcome.AT_BOUND if solution.at_bound else Outcome.CONVERGED
+        return Kind.STATIC_AT_EDGE()
+    return Kind.STATIC_AT_BOUND() if solution.at_bound else Kind.STATIC_CONVERGED()

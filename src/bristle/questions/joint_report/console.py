@@ -34,8 +34,8 @@ def checks(joint: Joint) -> Iterator[str]:
     """Each fit of a joint beside a full nonlinear one on the same data."""
     for direction, check in joint.crosscheck.items():
         yield from _check(f"{joint.name} {direction}", "grid", check, direction)
-    if joint.tracking is not None and joint.tracking.check is not None:
-        yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.check)
+    if joint.tracking is not None and joint.tracking.crosscheck is not None:
+        yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.crosscheck)
     elif joint.tracking is not None:
         yield f"{joint.name}, moving runs: a simulated position has no second route; it was not checked"
 

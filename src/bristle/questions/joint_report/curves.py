@@ -23,9 +23,9 @@ def band(v: Array, fit: StaticFit) -> Array | None:
     p = fit.values()
     keep = [k for k, name in enumerate(fit.names) if name in Stribeck._fields]
     covariance = fit.covariance[np.ix_(keep, keep)]
-    if p is None or not keep or fit.dof < 1 or not np.isfinite(covariance).all():
+    if p is None or not keep or fit.degrees_of_freedom < 1 or not np.isfinite(covariance).all():
         return None
     columns = dict(zip(Stribeck._fields, evaluate(steady_jacobian(), v, *p), strict=True))
     j = np.array([columns[fit.names[k]] for k in keep])
     variance = np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0)
-    return np.asarray(float(stdtrit(fit.dof, 0.975)) * np.sqrt(variance))
+    return np.asarray(float(stdtrit(fit.degrees_of_freedom, 0.975)) * np.sqrt(variance))

@@ -16,7 +16,7 @@ BIASED = 0.1
 def biased(fit: TrackingFit) -> list[tuple[ParameterName, float, float]]:
     """Parameter, what encoder counts added to it, and that in standard errors, where it is more than `BIASED` of one."""
     found = []
-    for name, bias in fit.bias.items():
+    for name, bias in fit.count_bias.items():
         error = fit.parameters[name].standard_error if name in fit.parameters else None
         if error and abs(bias) > BIASED * error:
             found.append((name, bias, bias / error))
@@ -42,7 +42,7 @@ def differing(joint: Joint) -> list[Consistency]:
 
 def agreement(joint: Joint) -> str:
     """How many parameters agree between their own stage and the moving data; one sentence, empty where there is nothing to compare."""
-    known = {x.parameter: abs(x.difference) for x in joint.consistency if x.difference is not None}
+    known = {x.parameter: abs(x.difference_in_se) for x in joint.consistency if x.difference_in_se is not None}
     if not known:
         return "The moving data show none of the parameters that the other stages know." if joint.consistency else ""
     agreed, unseen = len(known) - len(differing(joint)), len(joint.consistency) - len(known)

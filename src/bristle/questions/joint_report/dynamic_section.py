@@ -56,8 +56,8 @@ def _fit(joint: Joint, kind: str, fit: TrackingFit) -> dict[str, Any]:
         "condition": number(fit.condition, 2),
         "reached": reached(fit),
         "bias": [(name, pretty(bias_text(fit, name, bias, share))) for name, bias, share in biased(fit)],
-        "looked_at_bias": bool(fit.bias),
-        "check": fit.check,
+        "looked_at_bias": bool(fit.count_bias),
+        "check": fit.crosscheck,
     }
 
 
@@ -97,7 +97,7 @@ def _compared(joint: Joint) -> Table:
             measured(x.stage_value, x.stage_error),
             measured(x.tracking_value, x.tracking_error),
             measured(x.joint_value, x.joint_error),
-            x.difference,
+            x.difference_in_se,
             x.verdict,
         )
         for x in joint.consistency

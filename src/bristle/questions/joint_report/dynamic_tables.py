@@ -21,7 +21,7 @@ def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per fit and parameter, with the truth where the data are simulated, and what encoder counts had added."""
     columns = ["joint", "fit", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper"]
     rows = [
-        (joint.name, kind, name.direction, name.name, e.value, e.unit, e.standard_error, *(e.interval or (None, None)), fit.bias.get(name))
+        (joint.name, kind, name.direction, name.name, e.value, e.unit, e.standard_error, *(e.interval or (None, None)), fit.count_bias.get(name))
         for joint in joints
         for kind, fit in moving_fits(joint).items()
         for name, e in fit.parameters.items()
@@ -48,7 +48,7 @@ def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
     rows = [
         (
             joint.name, x.parameter.direction, x.parameter.name, x.stage, *(getattr(x, name) for name in numbers),
-            _unit(joint, x.parameter), x.difference, x.verdict,
+            _unit(joint, x.parameter), x.difference_in_se, x.verdict,
         )
         for joint in joints
         for x in joint.consistency

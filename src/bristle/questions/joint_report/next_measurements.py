@@ -7,7 +7,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.identification.known_joint import moving_fits
-from bristle.identification.results import Joint, Outcome, StaticFit
+from bristle.identification.results import Joint, StaticFit
 from bristle.model.parameters import unit
 from bristle.page.wording import direction as named
 from bristle.page.wording import number, pretty, symbol
@@ -68,12 +68,12 @@ def _of_moving(joint: Joint) -> Iterator[str]:
 def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[str]:
     speeds = np.abs(fit.velocity[fit.velocity != 0])
     v_unit = pretty(unit("velocity", joint.kind))
-    if fit.outcome is Outcome.TOO_FEW or speeds.size == 0:
+    if fit.outcome.kind is Kind.STATIC_TOO_FEW or speeds.size == 0:
         yield "measure at least eight constant speeds, evenly spread in log(v) over two decades or what the joint allows."
         return
     fast, floor = float(speeds.max()), _slowest(joint, fit)
     slower = f"{_between(speeds.min() / 10, speeds.min(), floor)} {v_unit}"
-    if fit.outcome is Outcome.NO_STRIBECK:
+    if fit.outcome.kind is Kind.STATIC_NO_STRIBECK:
         where = "it does so below what was measured" if speeds.min() > floor else "these data do not show it"
         yield f"if friction rises at low speed, {where}: try five constant speeds from {slower}."
         return

@@ -14,11 +14,6 @@ def methods(fit: PreslidingFit) -> dict[str, Estimate]:
     return {name: getattr(fit, name) for name in METHODS}
 
 
-def bias_known(fit: PreslidingFit) -> bool:
-    """Whether (14) has a bias that can be told: that needs an encoder count and a sigma_0."""
-    return fit.quantum > 0 and bool(fit.sigma_0.value and fit.sigma_0.value > 0)
-
-
 def choice(fit: PreslidingFit) -> str:
     """Which of the four to use, and why; one sentence."""
     if fit.sigma_0.value is None:
@@ -35,7 +30,7 @@ def choice(fit: PreslidingFit) -> str:
 
 def bias(fit: PreslidingFit, kind: Kind) -> str:
     """What (14) as printed would be off by with this encoder; one sentence."""
-    if not bias_known(fit):
+    if math.isnan(fit.bias_on_edge):
         return "unknown: that needs encoder counts and a sigma_0."
     on_edge, mean, spread = (100 * x for x in (fit.bias_on_edge, fit.bias_mean, fit.bias_spread))
     count = f"{number(fit.quantum)} {pretty(unit('position', kind))}"

@@ -80,7 +80,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
     fits = [
         {
             "direction": d,
-            "outcome": fit.outcome.value,
+            "outcome": str(fit.outcome),
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
             "warnings": len(fit.warnings),

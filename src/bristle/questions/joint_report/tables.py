@@ -59,7 +59,7 @@ def comparison(joints: Sequence[Joint]) -> pd.DataFrame:
     """The paper's plain grid, the refined minimum, the Huber refit and the fit without stick-slip points, side by side."""
     rows = [
         (
-            joint.name, d, name, e.unit, fit.plain.get(name), e.value, e.standard_error, fit.robust.get(name),
+            joint.name, d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error, fit.huber.get(name),
             *_without(fit, name),
         )
         for joint in joints

@@ -56,8 +56,8 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 
 def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
-    points = f"{fit.n} points, {fit.dof} degrees of freedom"
-    yield f"  [[{direction}]] {fit.outcome.value}"
+    points = f"{fit.n} points, {fit.degrees_of_freedom} degrees of freedom"
+    yield f"  [[{direction}]] {fit.outcome}"
     yield f"    {'data':<15}= {points}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit)}".rstrip()
     yield f"    {'relative error':<15}= {_number(fit.relative_error)} %"
@@ -148,8 +148,8 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
     yield from _count_bias(fit)
     yield from _correlations(fit.names, fit.covariance)
     yield from _sentences(fit.warnings)
-    if fit.check:
-        yield from _check(fit.check, "this fit")
+    if fit.crosscheck:
+        yield from _check(fit.crosscheck, "this fit")
 
 
 def _count_bias(fit: TrackingFit) -> Iterator[str]:
@@ -165,7 +165,7 @@ def _consistency(joint: Joint) -> Iterator[str]:
     for x in joint.consistency:
         own = f"{x.stage} {_pair(x.stage_value, x.stage_error)}"
         moving = f"moving runs {_pair(x.tracking_value, x.tracking_error)}"
-        apart = "" if x.difference is None else f"; {x.difference:+.2f} standard errors apart"
+        apart = "" if x.difference_in_se is None else f"; {x.difference_in_se:+.2f} standard errors apart"
         both = f"joint fit {_pair(x.joint_value, x.joint_error)}"
         yield f"    {f'{x.parameter}:':<13}{own}; {moving}{apart}; {both}. {printable(str(x.verdict))}"
 

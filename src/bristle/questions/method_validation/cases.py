@@ -97,7 +97,7 @@ def check_fitted(joint: Joint) -> None:
     """Raises InputError where a joint has neither a static nor a moving fit, so that there is nothing to check."""
     if joint.moving is not None or any(fit.values() for d, fit in joint.static.items() if d != "shared"):
         return
-    outcomes = "; ".join(dict.fromkeys(fit.outcome.rstrip(".") for fit in joint.static.values()))
+    outcomes = "; ".join(dict.fromkeys(str(fit.outcome).rstrip(".") for fit in joint.static.values()))
     got = (
         f"no fit of friction over velocity ({outcomes})"
         if outcomes

@@ -1,8 +1,8 @@
-"""Results files read back: `results.json` of schema bristle-results/1 as a session to compare. A file may hold anything; it is checked first."""
+"""Results files read back: `results.json` of schema bristle-results/2 or 1 as a session to compare. A file may hold anything; it is checked first."""
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import copysign, inf, isinf
 from pathlib import Path
 from typing import Any
@@ -11,15 +11,17 @@ import numpy as np
 from pydantic import ValidationError
 
 from bristle.arrays import Array
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, check_regular, short
-from bristle.identification.results import Estimate
-from bristle.identification.results_schema import Bound, FitJson, JointJson, ParameterJson, ResultsJson, TrackingJson
+from bristle.identification.results import Estimate, Joint, PreslidingFit, StaticFit, TrackingFit
+from bristle.identification.results_document import adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import printable, shortened
 from bristle.questions.session_comparison.results import Fit, Session, SessionJoint
+from bristle.questions.session_comparison.schema_1 import Joint1, MovingFit1, PreslidingFit1, Results1, StaticFit1
 
 LARGEST = 20_000_000
-"""Bytes that a results file may have; four joints have 340 000."""
+"""Bytes that a results file may have; four joints have 450 000."""
 _MOST = {"commas": 1_000_000, "objects": 100_000, "joints": 100, "parameters of a joint": 400}
 """What else it may have."""
 _WRONG = 1000
@@ -30,13 +32,12 @@ _NAME = 400
 """Characters of a name or unit."""
 _FAR = 1e60
 """No friction parameter, in any unit, is larger, or has a larger inverse; squares of such numbers still are numbers."""
-_NOT_CONVERGED = "The fit did not converge"
 
 
 def read_session(path: Path) -> Session:
     """The joints of a results file, by name.
 
-    Raises InputError in one sentence where it is no results file of schema bristle-results/1, and OSError where it cannot be read.
+    Raises InputError in one sentence where it is no results file of schema bristle-results/2 or 1, and OSError where it cannot be read.
     """
     check_regular(path)
     with path.open("rb") as file:
@@ -44,8 +45,7 @@ def read_session(path: Path) -> Session:
     if len(data) > LARGEST:
         raise InputError(f"{path}: has {path.stat().st_size} bytes; a results file has at most {LARGEST}")
     try:
-        results = _results(data.decode("utf-8"))
-        return {name: _joint(name, joint, results) for name, joint in results.joints.items()}
+        return _session(data.decode("utf-8"))
     except ValidationError as error:
         raise _no_results(path, _first(error)) from error
     except InputError as error:
@@ -54,14 +54,19 @@ def read_session(path: Path) -> Session:
         raise _no_results(path, shortened(str(error))) from error
 
 
-def _results(text: str) -> ResultsJson:
-    """The document, read twice: as it is written, key by key and number by number, and by pydantic, which takes no text for a number."""
+def _session(text: str) -> Session:
+    """The joints, read twice: as it is written, key by key and number by number, and by pydantic, which takes no text for a number."""
     for what, mark in (("commas", ","), ("objects", "{")):
         _check_most(what, text.count(mark))
-    json.loads(text, parse_constant=_refuse, parse_int=_whole, parse_float=_finite, object_pairs_hook=_once)
-    results = ResultsJson.model_validate_json(text, strict=True)
-    _check_most("joints", len(results.joints))
-    return results
+    found = json.loads(text, parse_constant=_refuse, parse_int=_whole, parse_float=_finite, object_pairs_hook=_once)
+    if isinstance(found, dict) and found.get("schema") == "bristle-results/1":
+        old = Results1.model_validate_json(text, strict=True)
+        inputs = {name: tuple(x.sha256 for x in old.inputs if x.joint == name) for name in old.joints}
+        _check_most("joints", len(old.joints))
+        return {name: _joint(name, joint, inputs[name]) for name, joint in old.joints.items()}
+    joints = adapter().validate_json(text, strict=True).joints
+    _check_most("joints", len(joints))
+    return {name: _joint(name, joint, tuple(x.sha256 for x in joint.inputs)) for name, joint in joints.items()}
 
 
 def _first(error: ValidationError) -> str:
@@ -105,18 +110,17 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _no_results(path: Path, why: str) -> InputError:
     return InputError(
-        f"{path}: is no results file of schema bristle-results/1 ({printable(why)}); expected a results.json that bristle wrote"
+        f"{path}: is no results file of schema bristle-results/2 or 1 ({printable(why)}); expected a results.json that bristle wrote"
     )
 
 
-def _joint(name: str, joint: JointJson, results: ResultsJson) -> SessionJoint:
+def _joint(name: str, joint: Joint | Joint1, inputs: tuple[str, ...]) -> SessionJoint:
     _shown(name, "joint")
     try:
         fits = tuple(_fits(joint))
         _check_most("parameters of a joint", sum(len(fit.parameters) for fit in fits))
     except InputError as error:
         raise InputError(f"{shortened(name)}: {error}") from error
-    inputs = tuple(x.sha256 for x in results.inputs if x.joint == name)
     return SessionJoint(kind=joint.kind, fits=fits, simulated=joint.simulated, inputs=inputs)
 
 
@@ -127,77 +131,70 @@ def _shown(text: str, what: str) -> str:
     return check_name(text, what)
 
 
-def _fits(joint: JointJson) -> Iterator[Fit]:
+def _fits(joint: Joint | Joint1) -> Iterator[Fit]:
     """The fits of a joint in the order in which their numbers are used."""
     for source, moving in (("joint", joint.joint_fit), ("tracking", joint.tracking)):
         if moving is not None:
-            yield _moving(source, moving)
+            yield Fit(
+                source=source,
+                parameters={_name(name): _checked(e) for name, e in moving.parameters.items()},
+                names=tuple(map(_name, moving.names)),
+                covariance=_covariance(moving),
+                distrusted=str(moving.outcome) if moving.outcome.kind is Kind.NOT_CONVERGED else "",
+            )
     for d, fit in joint.static.items():
         if fit.degrees_of_freedom < 0:
             raise InputError(f"a fit has {fit.degrees_of_freedom} degrees of freedom")
         yield Fit(
             source=f"static {d}",
-            parameters=_parameters(fit, d),
-            names=tuple(_named(name, d) for name in fit.free),
-            covariance=_matrix(fit),
+            parameters={_named(name, d): _checked(e) for name, e in fit.parameters.items()},
+            names=tuple(_named(name, d) for name in fit.names),
+            covariance=_covariance(fit),
             freedom=max(fit.degrees_of_freedom, 1),
         )
-    for d, slow in joint.presliding.items():
+    for d, slow in _slow(joint).items():
         own = {"edges": slow.edges, "samples": slow.samples}.get(slow.recommended)
         if own is not None:
-            yield Fit(source=f"presliding {d}", parameters={_named("sigma_0", d): _estimate(own)})
+            yield Fit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(own)})
 
 
-def _named(name: str, direction: str = "") -> ParameterName:
+def _slow(joint: Joint | Joint1) -> Mapping[str, PreslidingFit | PreslidingFit1]:
+    if isinstance(joint, Joint1):
+        return joint.presliding
+    return joint.presliding.fits if joint.presliding else {}
+
+
+def _name(name: ParameterName) -> ParameterName:
+    return ParameterName(_shown(name.name, "parameter"), name.direction)
+
+
+def _named(name: str, direction: str) -> ParameterName:
     """A parameter as a fit of some direction names it."""
     bare = ParameterName.parse(_shown(name, "parameter"))
     return ParameterName(name, Direction(direction)) if _shown(direction, "direction") in ("+", "-") else bare
 
 
-def _parameters(fit: FitJson | TrackingJson, direction: str = "") -> dict[ParameterName, Estimate]:
-    return {_named(name, direction): _estimate(p) for name, p in fit.parameters.items()}
-
-
-def _moving(source: str, fit: TrackingJson) -> Fit:
-    outcome = _shown(fit.outcome, "outcome")
-    return Fit(
-        source=source,
-        parameters=_parameters(fit),
-        names=tuple(map(_named, fit.free)),
-        covariance=_matrix(fit),
-        freedom=inf,
-        distrusted=outcome if outcome.startswith(_NOT_CONVERGED) else "",
-    )
-
-
-def _estimate(p: ParameterJson) -> Estimate:
-    """The estimate; raises InputError where its numbers are none, or contradict one another."""
-    interval = None if p.interval is None else (_number(p.interval[0]), _number(p.interval[1]))
-    if not all(x is None or x == 0 or 1 / _FAR < abs(x) < _FAR for x in (p.value, p.standard_error)):
+def _checked(e: Estimate) -> Estimate:
+    """The estimate alone; raises InputError where its numbers are none, or contradict one another."""
+    interval = None if e.interval is None else (_near(e.interval[0]), _near(e.interval[1]))
+    if not all(x is None or x == 0 or 1 / _FAR < abs(x) < _FAR for x in (e.value, e.standard_error)):
         raise InputError(f"a value or standard error is beyond {_FAR:g}, or below {1 / _FAR:g}")
-    if (p.standard_error or 0.0) < 0 or (interval is not None and not interval[0] <= interval[1]):
+    if (e.standard_error or 0.0) < 0 or (interval is not None and not interval[0] <= interval[1]):
         raise InputError("a standard error is negative, or an interval ends before it begins")
-    return Estimate(
-        value=p.value,
-        unit=_shown(p.unit, "unit"),
-        standard_error=p.standard_error,
-        interval=interval,
-    )
+    return Estimate(value=e.value, unit=_shown(e.unit, "unit"), standard_error=e.standard_error, interval=interval)
 
 
-def _number(bound: Bound) -> float:
+def _near(bound: float) -> float:
     """A bound; one that is far beyond every parameter is none, and one far below is zero."""
-    x = float(bound)
-    if abs(x) < 1 / _FAR:
+    if abs(bound) < 1 / _FAR:
         return 0.0
-    return x if abs(x) < _FAR else copysign(inf, x)
+    return bound if abs(bound) < _FAR else copysign(inf, bound)
 
 
-def _matrix(fit: FitJson | TrackingJson) -> Array:
-    """The covariance of the free parameters, square, nan where it has no number; raises InputError where it has another shape."""
-    rows, size = fit.covariance, len(fit.free)
-    if len(rows) != size or any(len(row) != size for row in rows):
+def _covariance(fit: StaticFit | StaticFit1 | TrackingFit | MovingFit1) -> Array:
+    """Of the free parameters, square, nan where it has no number; raises InputError where it has another shape."""
+    size = len(fit.names)
+    if fit.covariance.shape != (size, size):
         raise InputError(f"a covariance is not of the {size} parameters that are free")
-    found = np.array([[np.nan if x is None or abs(x) > _FAR**2 else x for x in row] for row in rows], dtype=float)
-    found[np.abs(found) < 1 / _FAR**2] = 0.0
-    return found.reshape(size, size)
+    known = np.where(np.abs(fit.covariance) > _FAR**2, np.nan, fit.covariance)
+    return np.where(np.abs(known) < 1 / _FAR**2, 0.0, known)
