@@ -64,7 +64,7 @@ def ramp(quantum: float, phase: float, noise: float, rng: np.random.Generator) -
     """The fit of one slow ramp to 0.85 g0."""
     time = np.arange(0, 25, 0.01)
     torque = 0.85 * G0 * time / 25
-    y = evaluate(functions.loading_displacement(), torque, G0, P.sigma_0)[0]
+    y = evaluate(functions.loading_displacement_function(), torque, G0, P.sigma_0)[0]
     measured = torque + noise * rng.standard_normal(time.size)
     record = Record(file="ramp", time=time, position=quantum * np.floor(y / quantum + phase), torque=measured)
     found = find_loadings(record, 2.0 if noise else 1e3, quantum, None)

@@ -163,7 +163,7 @@ def inspect(
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     from bristle.api import inspect as run
-    from bristle.questions.joint_report.console import segments as lines
+    from bristle.questions.joint_report.console import segment_lines
 
     _check(output)
     if output is not None:
@@ -171,7 +171,7 @@ def inspect(
 
         figure_kind(output)
     measured = run(experiment)
-    _print(lines(measured))
+    _print(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
 

@@ -26,7 +26,7 @@ TORQUE = 0.85 * G0 * TIME / 20
 
 def run(quantum: float, phase: float, noise: float = 0.0, seed: int = 0) -> Record:
     """A slow ramp, as an encoder that rests `phase` of a count beyond an edge sees it."""
-    y = evaluate(functions.loading_displacement(), TORQUE, G0, GRIPPER.sigma_0)[0]
+    y = evaluate(functions.loading_displacement_function(), TORQUE, G0, GRIPPER.sigma_0)[0]
     position = y if quantum == 0 else quantum * np.floor(y / quantum + phase)
     torque = TORQUE + noise * np.random.default_rng(seed).standard_normal(TIME.size)
     return Record(file="ramp.csv", time=TIME, position=position, torque=torque)
@@ -43,7 +43,7 @@ def test_the_loading_curve_solves_the_law() -> None:
     """Along T(y) the bristle obeys (4) at vanishing velocity: dz/dy = 1 - sigma_0 z / g0, with T = sigma_0 z."""
     T = np.linspace(0.01, 0.95, 50) * G0
     h = 1e-6 * G0
-    y = [evaluate(functions.loading_displacement(), T + s * h, G0, GRIPPER.sigma_0)[0] for s in (-1, 1)]
+    y = [evaluate(functions.loading_displacement_function(), T + s * h, G0, GRIPPER.sigma_0)[0] for s in (-1, 1)]
     slope = 2 * h / GRIPPER.sigma_0 / (y[1] - y[0])
     rate = np.array([float(law.bristle_rate(t / GRIPPER.sigma_0, 1e-9, GRIPPER._replace(v_s=1.0))) / 1e-9 for t in T])
     np.testing.assert_allclose(slope, rate, rtol=1e-6)
@@ -146,7 +146,7 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
 def slid(name: str, level: float) -> Record:
     """A ramp that breaks away at a torque."""
     torque = 1.3 * level * TIME / 20
-    y = evaluate(functions.loading_displacement(), np.minimum(torque, 0.99 * level), level, GRIPPER.sigma_0)[0]
+    y = evaluate(functions.loading_displacement_function(), np.minimum(torque, 0.99 * level), level, GRIPPER.sigma_0)[0]
     return Record(file=name, time=TIME, position=y + np.cumsum(np.maximum(torque - level, 0)) * 0.2, torque=torque)
 
 

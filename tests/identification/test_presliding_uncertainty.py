@@ -28,7 +28,7 @@ WAYS = ("edges", "samples")
 def loadings(seed: int, noise: float = 0.02, runs: int = 2) -> list[Loading]:
     """Slow ramps that rest anywhere in a count, with noise in the torque."""
     rng = np.random.default_rng(seed)
-    y = evaluate(functions.loading_displacement(), TORQUE, G0, GRIPPER.sigma_0)[0]
+    y = evaluate(functions.loading_displacement_function(), TORQUE, G0, GRIPPER.sigma_0)[0]
     found: list[Loading] = []
     for _ in range(runs):
         position = FINE * np.floor(y / FINE + rng.uniform())

@@ -65,7 +65,7 @@ def rollout(
     """
     velocity, step = _checked(velocity, step)
     z_all, torque = np.empty((2, velocity.size))
-    advance, friction = vectorised(functions.step()), vectorised(functions.torque())
+    advance, friction = vectorised(functions.step_function()), vectorised(functions.torque_function())
     z = _start(velocity, parameters)[0] if z0 is None else z0
     for at, drawn in _chunks(velocity, step, parameters, rough):
         nodes, signs = _settled(drawn, z, parameters)
@@ -107,7 +107,10 @@ def rollout_into(
     """
     velocity, step = _checked(velocity, step)
     names = functions.step_parameters()
-    advance, friction = vectorised(functions.step_sensitivity()), vectorised(functions.torque_sensitivity())
+    advance, friction = (
+        vectorised(functions.step_sensitivity_function()),
+        vectorised(functions.torque_sensitivity_function()),
+    )
     enters = _positions(names, parameters)
     z_all, torque = np.empty((2, velocity.size))
     *by_parameters, by_z0 = rows
@@ -164,7 +167,7 @@ def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Arr
     """The set that acts at (z, v): six numbers, or six arrays where the directions differ."""
     if isinstance(parameters, Lugre):
         return parameters
-    return evaluate(functions.active(), z, v, *parameters.positive, *parameters.negative)
+    return evaluate(functions.active_function(), z, v, *parameters.positive, *parameters.negative)
 
 
 def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
@@ -193,7 +196,7 @@ def _positions(names: Sequence[str], parameters: _Parameters) -> Index:
 def _start(velocity: Array, parameters: _Parameters) -> tuple[float, Array]:
     """The steady deflection at the first velocity, and its derivatives with respect to the parameters that enter z."""
     v = velocity[:1] if velocity.size else np.zeros(1)
-    z, *by = evaluate(functions.steady_deflection(), v, *_acting(parameters, v, v))
+    z, *by = evaluate(functions.steady_deflection_function(), v, *_acting(parameters, v, v))
     names = functions.step_parameters()
     rows = np.array([by[Lugre._fields.index(name)] for name in names])
     return float(z[0]), _by_set(rows, parameters, v, v, names)[:, 0]
@@ -215,7 +218,7 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
     """
     if isinstance(parameters, Lugre):
         return nodes, np.zeros(0)
-    advance = vectorised(functions.step())
+    advance = vectorised(functions.step_function())
     ahead = np.sign(nodes.heading)
     cut, old, signs = nodes, np.arange(nodes.v.size), ahead
     before = np.full(nodes.v.size, np.inf)
@@ -239,7 +242,7 @@ def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: 
     While g is constant, z reaches zero after the share log(1 + abs(z0 / z_ss)) / (h lambda) of the way travelled, and v is linear in time.
     """
     v0, v1, h = nodes.v[steps], nodes.v[steps + 1], nodes.h if isinstance(nodes.h, float) else nodes.h[steps]
-    a, b = evaluate(functions.step(), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
+    a, b = evaluate(functions.step_function(), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
     forgotten = np.clip(1 - a, 1e-9, 1 - 1e-15)
     with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
         way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)

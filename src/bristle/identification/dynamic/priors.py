@@ -152,7 +152,7 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
         alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
         sigma_0 = _value(_stiffness(slow, d), alpha_0 / (_BENDS * travel))
         inertia_guess = max(extra.get(INERTIA, 0.0), 1e-3 * torque / speed)
-        (sigma_1, *_) = evaluate(functions.presliding_damping(), sigma_0, inertia_guess, DAMPING_RATIO)
+        (sigma_1, *_) = evaluate(functions.presliding_damping_function(), sigma_0, inertia_guess, DAMPING_RATIO)
         first = Lugre(
             alpha_0=alpha_0,
             alpha_1=_value(known.get("alpha_1"), 0.3 * alpha_0),

@@ -182,7 +182,7 @@ def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: JointKind) -> Estim
         why = Kind.NO_STIFFNESS() if known else Kind.NO_INERTIA()
         return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(Kind.NO_SIGMA_1(why=why),))
     value, by_sigma_0, by_J = (
-        float(x) for x in evaluate(functions.presliding_damping(), sigma_0.value, inertia.value, DAMPING_RATIO)
+        float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
     )
     return Estimate(
         value=value,

@@ -93,7 +93,7 @@ def printed_bias(u: Array) -> tuple[Array, Array, Array]:
 
 def _unbent(torque: Array, g0: float) -> Array:
     """U = sigma_0 y of slow loading to this torque, N*m."""
-    return evaluate(functions.loading_displacement(), torque, g0, 1.0)[0]
+    return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
 
 
 def of_loading(loading: Loading, g0: float) -> Piece:

@@ -171,7 +171,7 @@ def _filled(own: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugr
         alpha_2=0.1 * alpha_0 / limits.velocity,
         v_s=float(np.sqrt(limits.slowest * limits.velocity / 3)),
         sigma_0=sigma_0 or 0.0,
-        sigma_1=float(evaluate(functions.presliding_damping(), sigma_0 or 0.0, J, DAMPING_RATIO)[0]),
+        sigma_1=float(evaluate(functions.presliding_damping_function(), sigma_0 or 0.0, J, DAMPING_RATIO)[0]),
     )
     missing = [name for name in Lugre._fields if name not in own]
     if {"alpha_1", "v_s"} & set(missing):  # neither is anything without the other
