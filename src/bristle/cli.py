@@ -223,7 +223,7 @@ def _cross_checked(experiment: Path) -> "Results":
     from bristle.questions.method_validation.cases import check_fitted
 
     with shown() as progress:
-        results = run(experiment, second_route=True, progress=progress)
+        results = run(experiment, crosscheck=True, progress=progress)
     for joint in results.joints:
         check_fitted(joint)
         _print(checks(joint))

@@ -11,7 +11,7 @@ from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.diagnostics import Kind
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
-from bristle.identification.presliding.stiffness import Level, printed_bias
+from bristle.identification.presliding.stiffness import KnownValue, printed_bias
 from bristle.identification.results import PreslidingFit
 from bristle.model import functions, law
 from bristle.model.vectorize import evaluate
@@ -19,7 +19,7 @@ from bristle.model.vectorize import evaluate
 from .conftest import GRIPPER
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
-LEVEL = Level(G0, 0.002 * G0, "the static fit")
+LEVEL = KnownValue(G0, 0.002 * G0, "the static fit")
 TIME = np.arange(0, 20, 0.01)
 TORQUE = 0.85 * G0 * TIME / 20
 
@@ -106,8 +106,8 @@ def _holds(fit: PreslidingFit) -> bool:
 def test_the_error_of_g0_enters() -> None:
     """An uncertain g0 widens the interval of sigma_0, by about what moving g0 moves it."""
     loadings = find_loadings(run(2 * np.pi / 2**14, 0.3), 1e3, 2 * np.pi / 2**14, None)
-    sure, unsure = (fit_presliding(loadings, Level(G0, s * G0, ""), None, "revolute").edges for s in (1e-6, 0.02))
-    moved = fit_presliding(loadings, Level(1.02 * G0, 0.0, ""), None, "revolute").edges
+    sure, unsure = (fit_presliding(loadings, KnownValue(G0, s * G0, ""), None, "revolute").edges for s in (1e-6, 0.02))
+    moved = fit_presliding(loadings, KnownValue(1.02 * G0, 0.0, ""), None, "revolute").edges
     assert sure.standard_error is not None
     assert unsure.standard_error is not None
     assert moved.value is not None
@@ -132,7 +132,7 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
     """(15): 0.2 sqrt(J sigma_0), with the errors of both, called a prior; without J it is absent, with the reason."""
     loadings = find_loadings(run(2 * np.pi / 2**16, 0.2), 1e3, 2 * np.pi / 2**16, None)
     J = 1.37e-3
-    fit = fit_presliding(loadings, LEVEL, Level(J, 0.1 * J, "the experiment file"), "revolute")
+    fit = fit_presliding(loadings, LEVEL, KnownValue(J, 0.1 * J, "the experiment file"), "revolute")
     assert fit.edges.value is not None
     assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * fit.edges.value), rel=1e-12)
     assert fit.sigma_1.value is not None

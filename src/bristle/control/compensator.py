@@ -177,7 +177,7 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
             z, first + last, state.parameters
         ).sigma_0  # where z has passed zero, that of its new side
         crossed = stiffness != p.sigma_0
-        other, slope = law.restiffened(z, rest / (1 - by_z + 1e-300), stiffness / p.sigma_0)
+        other, slope = law.rescaled_deflection(z, rest / (1 - by_z + 1e-300), stiffness / p.sigma_0)
         z, slopes = ca.if_else(crossed, other, z), tuple(ca.if_else(crossed, slope * s, s) for s in slopes)
     return z, learnt._replace(sensitivity=slopes)
 

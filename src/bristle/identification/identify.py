@@ -16,8 +16,8 @@ from bristle.data.experiment.load import Experiment, Run, load_experiment, read_
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.dynamic.priors import track
-from bristle.identification.model_selection import of_moving, of_points
+from bristle.identification.dynamic.priors import fit_with_priors
+from bristle.identification.model_selection import compare_on_motion, compare_on_points
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     gravity,
@@ -27,7 +27,7 @@ from bristle.identification.moving_runs import (
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.presliding.fit import identify_presliding, with_damping
-from bristle.identification.presliding.stiffness import Level
+from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import (
     Consistency,
     Crosscheck,
@@ -85,7 +85,7 @@ def identify_joint(
     measured: Measured,
     timings: dict[str, float] | None = None,
     *,
-    second_route: bool = False,
+    crosscheck: bool = False,
     uncertainty: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Joint:
@@ -93,7 +93,7 @@ def identify_joint(
 
     Points at constant velocity give the static parameters where there are any, else the moving runs do, with their regressors; slow runs give the
     presliding ones; moving runs give all, alone and with the other stages as priors. Seconds spent are written into `timings` by name; they are no
-    part of the result. With `second_route` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its
+    part of the result. With `crosscheck` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its
     parameters get their intervals by profile and bootstrap too, as static and presliding ones always do, and `progress` is told how far that is.
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
@@ -115,14 +115,14 @@ def identify_joint(
     if training:
         started = perf_counter()
         load = partial(_presliding, experiment, slow) if slow else None
-        alone, both, agree, presliding = track(
+        alone, both, agree, presliding = fit_with_priors(
             experiment,
             training,
             held,
             static,
             load,
             static_is_apart=bool(points),
-            second_route=second_route,
+            crosscheck=crosscheck,
             uncertainty=uncertainty,
             progress=progress,
         )
@@ -130,7 +130,7 @@ def identify_joint(
             timings["moving runs"] = perf_counter() - started
         J = (both or alone).parameters.get(INERTIA)
         if presliding is not None and experiment.inertia is None and J is not None and J.value:
-            known = Level(J.value, J.standard_error or 0.0, "the moving runs")
+            known = KnownValue(J.value, J.standard_error or 0.0, "the moving runs")
             presliding = with_damping(presliding, known, experiment.joint.kind)
     return Joint(
         name=experiment.joint.name,
@@ -187,10 +187,10 @@ def _models(
                 _points_problem(own, directions, asked) for own in (held,) if own
             ]
 
-        found.append(of_points(experiment, np.array([s.velocity for s in points]), pose, static))
+        found.append(compare_on_points(experiment, np.array([s.velocity for s in points]), pose, static))
     if alone is not None:
         records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
-        found.append(of_moving(experiment, records, tests, {} if points else static, alone))
+        found.append(compare_on_motion(experiment, records, tests, {} if points else static, alone))
     if timings is not None:
         timings["models"] = perf_counter() - started
     return tuple(x for x in found if x is not None)
@@ -331,13 +331,13 @@ def _presliding(
     """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
     levels = {d: level for d in DIRECTIONS if (level := _level(fit, d)) is not None}
     J = experiment.inertia
-    known = None if J is None else Level(J.value, J.standard_error or 0.0, "the experiment file")
+    known = None if J is None else KnownValue(J.value, J.standard_error or 0.0, "the experiment file")
     return identify_presliding(
         slow, levels, known, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
     )
 
 
-def _level(found: Mapping[str, StaticFit] | TrackingFit, direction: str) -> Level | None:
+def _level(found: Mapping[str, StaticFit] | TrackingFit, direction: str) -> KnownValue | None:
     """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives; alpha_0 alone where no Stribeck term was seen."""
     moving = isinstance(found, TrackingFit)
     fit = found if isinstance(found, TrackingFit) else found.get(direction) or found.get("both")
@@ -356,7 +356,7 @@ def _level(found: Mapping[str, StaticFit] | TrackingFit, direction: str) -> Leve
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
     source = "the moving runs" if moving else "the static fit"
-    return Level(
+    return KnownValue(
         value,
         error,
         source if len(terms) == 2 else f"alpha_0 of {source}, which {'show' if moving else 'shows'} no peak",

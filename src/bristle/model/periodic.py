@@ -10,7 +10,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair
-from bristle.model.time_refinement import Nodes, refined
+from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan
 
 SAMPLES = 200
@@ -46,7 +46,7 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
 def _period(amplitude: float, frequency: float, v_s: float, samples: int) -> Nodes:
     """One period of the velocity from its largest value on, with nodes as close at low speed as the smallest v_s asks for."""
     v = 2 * pi * frequency * amplitude * np.cos(2 * pi * np.arange(samples + 1) / samples)
-    return refined(Nodes(v, 1 / (frequency * samples), slice(0, samples + 1)), v_s)
+    return with_extra_nodes(Nodes(v, 1 / (frequency * samples), slice(0, samples + 1)), v_s)
 
 
 def _rms(pair: Pair[Array], nodes: Nodes) -> Array:

@@ -1,4 +1,4 @@
-"""The fit of moving data judged: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
+"""The fit of moving data: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,9 +12,14 @@ from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.missing_terms import lacking
-from bristle.identification.dynamic.multistart import equations_left, judge, with_deflections, without_deflections
-from bristle.identification.dynamic.problem import Tracking, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.missing_terms import missing_terms
+from bristle.identification.dynamic.multistart import (
+    equations_left,
+    solve_dynamic,
+    with_deflections,
+    without_deflections,
+)
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, fit
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
@@ -35,24 +40,24 @@ _WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 
 
-class Tracked(NamedTuple):
+class DynamicSolution(NamedTuple):
     """A fit with the problem that it solved in the end, where what the motion does not show is fixed, every free value, and the minimum."""
 
     fit: TrackingFit
-    problem: Tracking
+    problem: DynamicProblem
     values: Values
-    judged: MultistartSolution[Unknown]
+    solution: MultistartSolution[Unknown]
 
 
 def fit_tracking(
-    problem: Tracking,
+    problem: DynamicProblem,
     start: Values,
     kind: JointKind,
-    held: Sequence[tuple[str, Tracking]] = (),
+    held: Sequence[tuple[str, DynamicProblem]] = (),
     starts: int = STARTS,
     seed: int = SEED,
     others: Sequence[Values] = (),
-) -> Tracked:
+) -> DynamicSolution:
     """All parameters of moving data with intervals and warnings.
 
     Args:
@@ -66,17 +71,17 @@ def fit_tracking(
 
     Raises InputError where a start shows no dependence on any parameter.
     """
-    problem, judged, bent = _settled(problem, start, starts, seed, others)
+    problem, solution, bent = _settled(problem, start, starts, seed, others)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _judged_estimates(judged, kind, bent)
+    estimates = _all_estimates(solution, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
-    free = tuple(n for n in judged.names if n in estimates)
-    rows = equations_left(problem, judged)
+    free = tuple(n for n in solution.names if n in estimates)
+    rows = equations_left(problem, solution)
     warnings = (
-        *lacking(problem, judged, kind),
-        *_warnings(judged, rows, unseen),
-        *_physics(problem, judged.values, unseen),
+        *missing_terms(problem, solution, kind),
+        *_warnings(solution, rows, unseen),
+        *_physics(problem, solution.values, unseen),
         *_named(unseen),
     )
     found = TrackingFit(
@@ -84,15 +89,15 @@ def fit_tracking(
         rms=float(np.sqrt(np.mean(rows**2))),
         relative_error=float(100 * np.linalg.norm(rows) / problem.extent),
         n=rows.size,
-        outcome=_outcome(estimates, converged=judged.minimum.converged),
-        starts=judged.starts,
-        reached=judged.reached,
-        condition=condition(judged.minimum.jacobian[:, _seen(judged)]),
+        outcome=_outcome(estimates, converged=solution.minimum.converged),
+        starts=solution.starts,
+        reached=solution.reached,
+        condition=condition(solution.minimum.jacobian[:, _seen(solution)]),
         warnings=warnings,
-        hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
+        hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, solution.values)) for file, p in held),
         names=free,
-        covariance=judged.covariance[: len(free), : len(free)],
-        fixed={**problem.fixed, **{name: judged.values[name] for name in unseen if name in judged.values}},
+        covariance=solution.covariance[: len(free), : len(free)],
+        fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
         time=problem.time,
         velocity=problem.velocity,
         measured=problem.measured,
@@ -101,30 +106,30 @@ def fit_tracking(
         starts_of_runs=problem.stretches,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
-    return Tracked(found, problem, judged.values, judged)
+    return DynamicSolution(found, problem, solution.values, solution)
 
 
 def _settled(
-    problem: Tracking, start: Values, starts: int, seed: int, others: Sequence[Values]
-) -> tuple[Tracking, MultistartSolution[Unknown], dict[ParameterName, float]]:
+    problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values]
+) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, float]]:
     """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
-    judged = judge(problem, start, starts, seed, others)
-    problem, changed = _weighted(problem, judged)
+    solution = solve_dynamic(problem, start, starts, seed, others)
+    problem, changed = _weighted(problem, solution)
     if changed:
-        judged = judge(problem, without_deflections(judged.values), starts, seed)
-    bent = _bent(problem, judged)
+        solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed)
+    bent = _bent(problem, solution)
     if bent:
         problem = replace(problem, fixed={**problem.fixed, **bent})
-        rest = {n: v for n, v in without_deflections(judged.values).items() if n not in bent}
-        judged = judge(problem, rest, starts, seed)
-    return problem, judged, bent
+        rest = {n: v for n, v in without_deflections(solution.values).items() if n not in bent}
+        solution = solve_dynamic(problem, rest, starts, seed)
+    return problem, solution, bent
 
 
-def _judged_estimates(
-    judged: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
+def _all_estimates(
+    solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
-    estimates = _estimates(judged, kind)
+    estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
@@ -139,9 +144,9 @@ def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) ->
     return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
 
 
-def _weighted(problem: Tracking, judged: MultistartSolution[Unknown]) -> tuple[Tracking, bool]:
+def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[DynamicProblem, bool]:
     """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
-    rows = equations_left(problem, judged)
+    rows = equations_left(problem, solution)
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
     scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
@@ -170,9 +175,9 @@ def _without(e: Estimate) -> Estimate:
     return replace(e, value=None, standard_error=None, warnings=said)
 
 
-def _bent(problem: Tracking, judged: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
+def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
     """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
-    values, upper = judged.values, judged.posed.unknowns.upper
+    values, upper = solution.values, solution.posed.unknowns.upper
     told = {name for prior in problem.priors for name in prior.names}
     found: dict[ParameterName, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
@@ -195,7 +200,7 @@ def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     return [*said, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else said
 
 
-def relative_error(problem: Tracking, values: Values) -> float:
+def relative_error(problem: DynamicProblem, values: Values) -> float:
     """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
 
     Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start: that of each window,
@@ -210,17 +215,17 @@ def relative_error(problem: Tracking, values: Values) -> float:
     return float(100 * np.linalg.norm(rows) / problem.extent)
 
 
-def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[ParameterName, Estimate]:
+def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
-    scale = judged.posed.unknowns.scale
+    scale = solution.posed.unknowns.scale
     out = {}
-    reach = student(judged.freedom)
+    reach = student(solution.freedom)
     for name, x, error, size in zip(
-        judged.names, judged.minimum.x, judged.scaled_errors.tolist(), scale.tolist(), strict=True
+        solution.names, solution.minimum.x, solution.scaled_errors.tolist(), scale.tolist(), strict=True
     ):
         if not isinstance(name, ParameterName):
             continue
-        bare, value = name.name, judged.values[name]
+        bare, value = name.name, solution.values[name]
         warnings: list[Diagnostic] = []
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
@@ -248,43 +253,45 @@ def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[Par
 
 
 def _warnings(
-    judged: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
+    solution: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
 ) -> tuple[Diagnostic, ...]:
     found = []
-    if judged.minimum.steps == 0:
+    if solution.minimum.steps == 0:
         found.append(Kind.DID_NOT_MOVE())
-    if not judged.minimum.converged:
+    if not solution.minimum.converged:
         found.append(Kind.OUT_OF_STEPS())
-    if judged.stretch > sqrt(2):
-        found.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=judged.stretch))
-    if judged.reached < judged.starts / 2:
-        found.append(Kind.FEW_STARTS(reached=judged.reached, starts=judged.starts))
-    return (*found, *_unseen(judged, unseen))
+    if solution.stretch > sqrt(2):
+        found.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.stretch))
+    if solution.reached < solution.starts / 2:
+        found.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
+    return (*found, *_unseen(solution, unseen))
 
 
-def _seen(judged: MultistartSolution[Unknown]) -> list[int]:
+def _seen(solution: MultistartSolution[Unknown]) -> list[int]:
     """Columns of the parameters, starts of the motions apart, of which anything is seen."""
-    return [k for k, n in enumerate(judged.names) if isinstance(n, ParameterName) and judged.scaled_errors[k] < np.inf]
+    return [
+        k for k, n in enumerate(solution.names) if isinstance(n, ParameterName) and solution.scaled_errors[k] < np.inf
+    ]
 
 
-def _unseen(judged: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """The directions in parameter space that the data hardly see."""
-    keep = _seen(judged)
-    jacobian = judged.minimum.jacobian[:, keep]
+    keep = _seen(solution)
+    jacobian = solution.minimum.jacobian[:, keep]
     jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
     _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
     said = []
     for value, direction in zip(values, directions, strict=True):
         if value < _UNSEEN * values[0]:
             members = [
-                (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
+                (solution.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
             if any(name in unseen or name.name not in Lugre._fields for name, _ in members):
                 said.append(hardly_seen(members))
     said += [
         Kind.NOTHING_SEEN(name=n)
-        for k, n in enumerate(judged.names)
-        if judged.scaled_errors[k] == np.inf and isinstance(n, ParameterName)
+        for k, n in enumerate(solution.names)
+        if solution.scaled_errors[k] == np.inf and isinstance(n, ParameterName)
     ]
     return said
 
@@ -300,7 +307,7 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
     return Kind.ONLY_AS_SUM(all=(*up, *down), up=tuple(up), down=tuple(down))
 
 
-def _physics(problem: Tracking, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+def _physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
     said = []
     p = parameters(problem, values)

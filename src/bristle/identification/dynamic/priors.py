@@ -14,11 +14,11 @@ from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
-from bristle.identification.dynamic.fit import SEED, STARTS, Tracked, fit_tracking
-from bristle.identification.dynamic.multistart import judge, without_deflections
+from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
+from bristle.identification.dynamic.multistart import solve_dynamic, without_deflections
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import Prior, Tracking, Unknown, Values, tracking, with_priors
-from bristle.identification.dynamic.uncertainty import explored, with_three_ways
+from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
+from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model import functions
@@ -42,7 +42,7 @@ _BENDS = 0.01
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
-def track(
+def fit_with_priors(
     experiment: Experiment,
     records: Sequence[Record],
     held: Sequence[Record],
@@ -50,7 +50,7 @@ def track(
     load: Load | None,
     *,
     static_is_apart: bool,
-    second_route: bool = False,
+    crosscheck: bool = False,
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...], Presliding | None]:
@@ -63,7 +63,7 @@ def track(
         static: the static fits.
         load: makes the presliding stage from fits that tell g0; None where there are no such runs.
         static_is_apart: whether the static fits rest on other data than these runs.
-        second_route: whether to solve the problem by CasADi and IPOPT as well, which takes long.
+        crosscheck: whether to solve the problem by CasADi and IPOPT as well, which takes long.
         uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
         progress: called with what is done, how much of it, and of how much.
 
@@ -71,33 +71,37 @@ def track(
     """
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
-    pose = partial(_driven if by_torque else _simulated, experiment, moving)
+    pose = partial(_equation_error_problem if by_torque else _output_error_problem, experiment, moving)
     count = resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
-    def fitted(posed: Tracking, starts: int, *others: Values) -> tuple[Tracked, Mapping[Unknown, Profiled]]:
+    def fitted(
+        posed: DynamicProblem, starts: int, *others: Values
+    ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
         found = fit_tracking(posed, start, kind, tests, starts=starts, others=others)
         if not uncertainty:
             return found, {}
-        return explored(found, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress)
+        return profile_until_stable(
+            found, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress
+        )
 
-    def finished(found: Tracked, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
+    def finished(found: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
         """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
         fit = without_count_bias(found, records, pose, options.position_cutoff, count) if count else found.fit
         return with_three_ways(found, fit, profiles) if uncertainty else fit
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
-    whole = _driven(experiment, moving, records, {})
+    whole = _equation_error_problem(experiment, moving, records, {})
     fixed = _fixed(experiment, whole)
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
     problem = whole = replace(whole, fixed=fixed)
     if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
         problem = pose(records, fixed)
-        start = without_deflections(judge(whole, start, _SURE, SEED).values)
+        start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
     tests = [(r.file, pose([r], fixed)) for r in held]
     found, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
-    if second_route and by_torque:
+    if crosscheck and by_torque:
         check = check_tracking(found)
         said = () if check.agrees else (check.verdict,)
         found = found._replace(fit=replace(found.fit, check=check, warnings=(*found.fit.warnings, *said)))
@@ -113,32 +117,34 @@ def track(
     return alone, replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint))), agree, slow
 
 
-def _simulated(
+def _output_error_problem(
     experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
-) -> Tracking:
-    """The same as `_driven` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
+) -> DynamicProblem:
+    """The same as `_equation_error_problem` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
     known, _ = inertia(experiment)
     options, asked = experiment.fit, regressors(experiment)
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = tracking(records, moving, asked, 1, None, fixed, options.shared)
+    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared)
     return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
 
 
-def _driven(
+def _equation_error_problem(
     experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
-) -> Tracking:
+) -> DynamicProblem:
     """The problem that some records pose, with the experiment's options, in the directions `moving`."""
     known, _ = inertia(experiment)
     options = experiment.fit
-    return tracking(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+    return dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
 
 
 def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticFit | None:
     return static.get(direction) or static.get(Direction.BOTH)
 
 
-def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding | None) -> dict[ParameterName, float]:
+def _start(
+    problem: DynamicProblem, static: Mapping[str, StaticFit], slow: Presliding | None
+) -> dict[ParameterName, float]:
     """A first guess of every parameter, from the stages where they have one."""
     torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
     speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
@@ -184,7 +190,7 @@ def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
 
 
-def _fixed(experiment: Experiment, problem: Tracking) -> dict[ParameterName, float]:
+def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterName, float]:
     """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
     known = (*problem.friction_names, *problem.extra_names)
     fixed: dict[ParameterName, float] = {}
@@ -199,7 +205,7 @@ def _fixed(experiment: Experiment, problem: Tracking) -> dict[ParameterName, flo
 
 
 def _priors(
-    problem: Tracking, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
+    problem: DynamicProblem, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
 ) -> list[Prior]:
     """What static, presliding and the experiment file say, as normal distributions."""
     found = []

@@ -19,7 +19,7 @@ from bristle.identification.static.fit_warnings import huber_warnings
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.stribeck_test import Inferred, infer
+from bristle.identification.static.stribeck_test import StaticSolution, solve_static
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
@@ -67,7 +67,7 @@ def fit_static(
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
-    core = infer(problem, options, kind, v_s_range)
+    core = solve_static(problem, options, kind, v_s_range)
     beside = _beside(problem, core, options, kind, v_s_range, where)
     errors = tuple(
         HoldOut(file=file, relative_error=replace(p, peaks=core.problem.peaks).relative_error(core.solution.theta))
@@ -87,7 +87,7 @@ def fit_static(
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
     """The parameters of one direction alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
-    core = infer(problem, options, kind, options.v_s_range or default_range(problem.velocity))
+    core = solve_static(problem, options, kind, options.v_s_range or default_range(problem.velocity))
     return {name.name: e for name, e in core.parameters.items()}
 
 
@@ -136,7 +136,7 @@ class _Beside:
 
 def _beside(
     problem: Regression,
-    core: Inferred,
+    core: StaticSolution,
     options: FitOptions,
     kind: JointKind,
     v_s_range: tuple[float, float],
@@ -163,7 +163,7 @@ def _beside(
         if nothing := _too_few(rest):
             warnings.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
-            alone = infer(rest, options, kind, options.v_s_range or default_range(rest.velocity))
+            alone = solve_static(rest, options, kind, options.v_s_range or default_range(rest.velocity))
             without = alone.parameters
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
@@ -178,7 +178,7 @@ def _equation_velocity(problem: Regression) -> Array:
 
 
 def _static_fit(
-    core: Inferred, part: Direction, where: PointInfo, beside: _Beside, errors: tuple[HoldOut, ...]
+    core: StaticSolution, part: Direction, where: PointInfo, beside: _Beside, errors: tuple[HoldOut, ...]
 ) -> StaticFit:
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
     problem, theta = core.problem, core.solution.theta
@@ -236,16 +236,16 @@ def _with_warnings(estimate: Estimate, three: Uncertainty) -> Estimate:
     return estimate if at_bound else replace(estimate, warnings=(*estimate.warnings, *three.warnings))
 
 
-def _outcome(core: Inferred, part: Direction, beside: _Beside) -> Outcome:
+def _outcome(core: StaticSolution, part: Direction, beside: _Beside) -> Outcome:
     name = ParameterName("alpha_1", part)
     rests = name in core.parameters and bool(beside.without) and name not in beside.without
     return Outcome.STICK_SLIP if rests else core.outcome
 
 
-def _unit_like(core: Inferred, name: str, part: Direction) -> str:
+def _unit_like(core: StaticSolution, name: str, part: Direction) -> str:
     torque = core.parameters[ParameterName("alpha_0", part)].unit
     return unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
 
 
-def _errors(core: Inferred) -> Array:
+def _errors(core: StaticSolution) -> Array:
     return np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])

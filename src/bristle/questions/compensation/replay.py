@@ -16,7 +16,7 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.packing import flat, symbols
-from bristle.identification.dynamic.problem import Motion, tracking
+from bristle.identification.dynamic.problem import Motion, dynamic_problem
 from bristle.identification.identify import Measured
 from bristle.identification.moving_runs import inertia, regressors
 from bristle.identification.results import Joint
@@ -105,7 +105,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
     found = []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
-        problem = tracking([record], ("both",), regressors(measured.experiment), 1, fixed)
+        problem = dynamic_problem([record], ("both",), regressors(measured.experiment), 1, fixed)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         found += [_replay(loop, record.file, problem.motions, extra, *way) for way in ways]
     return tuple(found)

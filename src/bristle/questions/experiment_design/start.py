@@ -202,11 +202,11 @@ def _noises(
         noise = _scatters(joint, tuple(sets), said)
     if moving is not None and moving.quantity == "torque":
         step = float(np.median(np.diff(moving.time)))
-        stretch = inflation(moving.residuals)
-        equation = moving.rms * float(np.sqrt(stretch))
+        variance_inflation = inflation(moving.residuals)
+        equation = moving.rms * float(np.sqrt(variance_inflation))
         said.append(
             f"Noise: an equation of a moving run, one in {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far, "
-            f"and counts for 1/{stretch:.2g}: residuals are correlated."
+            f"and counts for 1/{variance_inflation:.2g}: residuals are correlated."
         )
         if not noise:
             noise = dict.fromkeys(sets, equation * float(np.sqrt(step / limits.hold)))
