@@ -16,7 +16,8 @@ import yaml
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import Measured, measure
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.results import Estimate, Joint
 from bristle.identification.static.fit import estimate_static

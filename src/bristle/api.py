@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError
-from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import moving_fits
+from bristle.identification.measured import Measured, measure
 from bristle.identification.results import Joint
 from bristle.page.wording import FITS
 from bristle.progress import Progress

@@ -16,7 +16,8 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.identification import model_selection
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
-from bristle.identification.identify import identify_joint, measure
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import measure
 from bristle.identification.model_criteria import APART, COULOMB, LUGRE, ONE, STRIBECK, SYMMETRIC, VISCOUS, Candidate
 from bristle.identification.model_criteria import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit

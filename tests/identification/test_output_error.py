@@ -18,7 +18,8 @@ from bristle.identification.dynamic.multistart import solve_dynamic, with_deflec
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, dynamic_problem, residuals
 from bristle.identification.dynamic.unknowns import fit, least_squares
-from bristle.identification.identify import identify_joint, measure
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import measure
 from bristle.identification.results import Joint
 from bristle.model import law, motor
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Motor, Pair, ParameterName

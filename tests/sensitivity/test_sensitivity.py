@@ -14,8 +14,9 @@ import bristle
 from bristle import api
 from bristle.arrays import Array
 from bristle.identification.fisher import names_of
-from bristle.identification.identify import identify_joint, measure
+from bristle.identification.identify import identify_joint
 from bristle.identification.limits import limits_of
+from bristle.identification.measured import measure
 from bristle.model import functions
 from bristle.model.parameters import Kind, Lugre, Pair
 from bristle.model.rollout import rollout

@@ -7,7 +7,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.load import Run
 from bristle.errors import InputError
-from bristle.identification.identify import Measured
+from bristle.identification.measured import Measured
 from bristle.model.parameters import Kind, unit
 
 HOLD = 3.0

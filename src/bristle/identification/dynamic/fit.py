@@ -84,7 +84,7 @@ def fit_tracking(
         *_physics(problem, solution.values, unseen),
         *_named(unseen),
     )
-    found = TrackingFit(
+    result = TrackingFit(
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
         relative_error=float(100 * np.linalg.norm(rows) / problem.extent),
@@ -106,7 +106,7 @@ def fit_tracking(
         starts_of_runs=problem.stretches,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
-    return DynamicSolution(found, problem, solution.values, solution)
+    return DynamicSolution(result, problem, solution.values, solution)
 
 
 def _settled(
@@ -171,22 +171,22 @@ def _is_weak(e: Estimate) -> bool:
 
 def _without(e: Estimate) -> Estimate:
     """What is left of an estimate that the motion does not show: its interval, and the reason."""
-    said = e.warnings if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
-    return replace(e, value=None, standard_error=None, warnings=said)
+    reasons = e.warnings if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
+    return replace(e, value=None, standard_error=None, warnings=reasons)
 
 
 def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
     """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
     values, upper = solution.values, solution.posed.unknowns.upper
-    told = {name for prior in problem.priors for name in prior.names}
-    found: dict[ParameterName, float] = {}
+    with_prior = {name for prior in problem.priors for name in prior.names}
+    bent: dict[ParameterName, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
         if not isinstance(name, ParameterName) or name.name != "v_s":
             continue
         alpha_1 = name._replace(name="alpha_1")
-        if alpha_1 in values and not told & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
-            found |= {alpha_1: 0.0, name: values[name]}
-    return found
+        if alpha_1 in values and not with_prior & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
+            bent |= {alpha_1: 0.0, name: values[name]}
+    return bent
 
 
 def _refused(name: ParameterName, kind: JointKind) -> Estimate:
@@ -195,9 +195,9 @@ def _refused(name: ParameterName, kind: JointKind) -> Estimate:
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
-    said = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
-    refused = any(warning.kind is Kind.UNSEEN_BEND for e in unseen.values() for warning in e.warnings)
-    return [*said, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else said
+    warnings = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
+    refused = any(w.kind is Kind.UNSEEN_BEND for e in unseen.values() for w in e.warnings)
+    return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
 
 
 def relative_error(problem: DynamicProblem, values: Values) -> float:
@@ -209,8 +209,8 @@ def relative_error(problem: DynamicProblem, values: Values) -> float:
     known = without_deflections(values)
     whole = with_deflections(problem, known)
     if problem.quantity == "position":
-        own = replace(problem, fixed={**problem.fixed, **known}, priors=())
-        whole |= fit(own, {name: whole[name] for name in own.names}, _TRIES)[0]
+        of_starts = replace(problem, fixed={**problem.fixed, **known}, priors=())
+        whole |= fit(of_starts, {name: whole[name] for name in of_starts.names}, _TRIES)[0]
     rows, _ = residuals(problem, whole)
     return float(100 * np.linalg.norm(rows) / problem.extent)
 
@@ -255,16 +255,16 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
 def _warnings(
     solution: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
 ) -> tuple[Diagnostic, ...]:
-    found = []
+    warnings = []
     if solution.minimum.steps == 0:
-        found.append(Kind.DID_NOT_MOVE())
+        warnings.append(Kind.DID_NOT_MOVE())
     if not solution.minimum.converged:
-        found.append(Kind.OUT_OF_STEPS())
-    if solution.stretch > sqrt(2):
-        found.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.stretch))
+        warnings.append(Kind.OUT_OF_STEPS())
+    if solution.widening > sqrt(2):
+        warnings.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.widening))
     if solution.reached < solution.starts / 2:
-        found.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
-    return (*found, *_unseen(solution, unseen))
+        warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
+    return (*warnings, *_unseen(solution, unseen))
 
 
 def _seen(solution: MultistartSolution[Unknown]) -> list[int]:
@@ -280,20 +280,20 @@ def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName
     jacobian = solution.minimum.jacobian[:, keep]
     jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
     _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
-    said = []
+    warnings = []
     for value, direction in zip(values, directions, strict=True):
         if value < _UNSEEN * values[0]:
             members = [
                 (solution.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
             if any(name in unseen or name.name not in Lugre._fields for name, _ in members):
-                said.append(hardly_seen(members))
-    said += [
+                warnings.append(hardly_seen(members))
+    warnings += [
         Kind.NOTHING_SEEN(name=n)
         for k, n in enumerate(solution.names)
         if solution.scaled_errors[k] == np.inf and isinstance(n, ParameterName)
     ]
-    return said
+    return warnings
 
 
 def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
@@ -309,16 +309,16 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
 
 def _physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
-    said = []
+    warnings = []
     p = parameters(problem, values)
     sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))
     J = values.get(INERTIA, problem.fixed.get(INERTIA))
-    for d, own in sets.items():
-        if not is_passive(own) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
-            least = own.sigma_1 * own.alpha_1 / own.alpha_0
-            said.append(Kind.NOT_PASSIVE(direction=d, alpha_2=own.alpha_2, least=least))
+    for d, lugre in sets.items():
+        if not is_passive(lugre) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
+            least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
+            warnings.append(Kind.NOT_PASSIVE(direction=d, alpha_2=lugre.alpha_2, least=least))
         if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
-            ratio = (own.sigma_1 + own.alpha_2) / (2 * sqrt(J * own.sigma_0))
+            ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:
-                said.append(Kind.ODD_DAMPING(direction=d, ratio=ratio))
-    return said
+                warnings.append(Kind.ODD_DAMPING(direction=d, ratio=ratio))
+    return warnings

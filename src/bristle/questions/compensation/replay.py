@@ -17,7 +17,7 @@ from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.packing import flat, symbols
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
-from bristle.identification.identify import Measured
+from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import inertia, regressors
 from bristle.identification.results import Joint
 from bristle.model import law

@@ -12,8 +12,8 @@ from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
 from bristle.data.differentiation import stretches
 from bristle.identification.fisher import covariance, gram
-from bristle.identification.identify import Measured
 from bristle.identification.limits import SAMPLES, Limits
+from bristle.identification.measured import Measured
 from bristle.model.parameters import Direction, Lugre, Pair, pair_of
 from bristle.model.rollout import rollout_into
 from bristle.questions.experiment_design.start import Start

@@ -11,8 +11,8 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.data.slow_loading import Loading
 from bristle.identification.fisher import covariance
-from bristle.identification.identify import Measured
 from bristle.identification.limits import Limits
+from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.parameters import Direction, Lugre
@@ -66,7 +66,7 @@ def plan_loading(
     measured: Measured, joint: Joint, start: Start, direction: Direction, limits: Limits, share: float
 ) -> LoadingDesign:
     """Slow loading in a direction, + or -, from what is known of the joint and the noise of its loadings so far."""
-    p, hold_noise = start.p(direction), start.noise[start.own(direction)]
+    p, hold_noise = start.p(direction), start.noise[start.direction_of(direction)]
     of_g0 = seen_covariance(start.known, start.indices(direction, ("alpha_0", "alpha_1")))
     g0_error = float(np.sqrt(of_g0.sum())) if of_g0.size else hold_noise
     slow = joint.presliding.fits.get(direction) if joint.presliding else None

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.identification.identify import Measured
 from bristle.identification.known_joint import moving_fits
+from bristle.identification.measured import Measured
 from bristle.identification.results import Crosscheck, Joint
 from bristle.page.wording import FITS
 
