@@ -140,7 +140,7 @@ class InPython:
 
 def stepper(step: Callable[..., Any], model: Pair[float]) -> Step:
     """A step of bristle's as a loop in real time takes it, with its state kept and its arguments made at each sample."""
-    state = compensating.start(ADAPTIVE, model)
+    state = compensating.initial_state(ADAPTIVE, model)
 
     def call(y_ref: float, v: float, y: float) -> float:
         nonlocal state

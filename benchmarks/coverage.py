@@ -16,13 +16,14 @@ import yaml
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import Measured, measure
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.results import Estimate, Joint
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.stribeck_test import infer
+from bristle.identification.static.stribeck_test import solve_static
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.simulation import bench, edro
@@ -111,7 +112,7 @@ def designs(repetitions: int) -> None:
         hits, errors = {way: dict.fromkeys(NAMES, 0) for way in WAYS}, []
         for _ in range(repetitions):
             torque = bench.steady_points(P, velocities, noise, rng, 1)[0]
-            found = infer(from_points(velocities, torque, ("+",)), FitOptions(), "revolute", v_s_range)
+            found = solve_static(from_points(velocities, torque, ("+",)), FitOptions(), "revolute", v_s_range)
             v_s = found.parameters.get(ParameterName("v_s", Direction.POSITIVE))
             if v_s is None:
                 continue

@@ -18,9 +18,9 @@ from bristle.data.slow_loading import find_loadings
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import Tracking, tracking
+from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.presliding.fit import fit_presliding
-from bristle.identification.presliding.stiffness import Level, printed_bias
+from bristle.identification.presliding.stiffness import KnownValue, printed_bias
 from bristle.identification.results import PreslidingFit, TrackingFit
 from bristle.model import functions
 from bristle.model.motor import drive_torque
@@ -64,11 +64,11 @@ def ramp(quantum: float, phase: float, noise: float, rng: np.random.Generator) -
     """The fit of one slow ramp to 0.85 g0."""
     time = np.arange(0, 25, 0.01)
     torque = 0.85 * G0 * time / 25
-    y = evaluate(functions.loading_displacement(), torque, G0, P.sigma_0)[0]
+    y = evaluate(functions.loading_displacement_function(), torque, G0, P.sigma_0)[0]
     measured = torque + noise * rng.standard_normal(time.size)
     record = Record(file="ramp", time=time, position=quantum * np.floor(y / quantum + phase), torque=measured)
     found = find_loadings(record, 2.0 if noise else 1e3, quantum, None)
-    return fit_presliding(found, Level(G0, 0.005 * G0, "assumed"), None, "revolute")
+    return fit_presliding(found, KnownValue(G0, 0.005 * G0, "assumed"), None, "revolute")
 
 
 def error(fits: Sequence[PreslidingFit], method: str) -> Array:
@@ -102,8 +102,8 @@ def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     """One seed's fit as it is, and with the bias taken off."""
     run = measured(quantum, seed)
 
-    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> Tracking:
-        return tracking(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
+        return dynamic_problem(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], {}), truth(), "revolute", starts=1)
     return found.fit, without_count_bias(found, [run], pose, edro.CUTOFF, quantum)
@@ -131,11 +131,11 @@ def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     known = {name: value for name, value in truth().items() if name.name in ("alpha_1", "v_s")}
     start = {name: value for name, value in truth().items() if name not in known}
 
-    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> Tracking:
-        return tracking(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
+        return dynamic_problem(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], known), start, "revolute", starts=1)
-    whole = tracking([run], ("+", "-"), ("inertia",), 1, None, known)
+    whole = dynamic_problem([run], ("+", "-"), ("inertia",), 1, None, known)
     windows = simulation([run], whole, edro.motor("gripper rotation"), 0.5, edro.DECIMATION)
     return without_count_bias(found, [run], pose, edro.CUTOFF, quantum), fit_tracking(
         windows, start, "revolute", starts=1

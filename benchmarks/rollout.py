@@ -80,7 +80,7 @@ def line(v0: float, slope: float, t: float) -> float:
 
 def torque(z: Array, velocity: Array, p: Lugre[float] = GRIPPER) -> Array:
     """T_f at given deflections."""
-    return evaluate(functions.torque(), z, velocity, *p)[0]
+    return evaluate(functions.torque_function(), z, velocity, *p)[0]
 
 
 def relative(got: Array, expected: Array) -> float:
@@ -152,8 +152,8 @@ def compiled(folder: Path) -> Callable[[Array], Array] | None:
     if compiler is None:
         return None
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
-    generator.add(functions.step())
-    generator.add(functions.torque())
+    generator.add(functions.step_function())
+    generator.add(functions.torque_function())
     generator.generate(f"{folder}/")
     (folder / "roll.c").write_text(C_LOOP)
     library = folder / "roll.so"

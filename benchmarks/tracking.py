@@ -41,7 +41,7 @@ from bristle.identification.dynamic import unknowns
 from bristle.model import functions, law
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
-from bristle.model.time_refinement import Nodes, refined
+from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.simulation.edro import TABLE_1
 from timing import Call, least, once
 
@@ -63,7 +63,7 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 class Case(NamedTuple):
     """The data, n samples, and the start of every fit."""
 
-    problem: trajectory.Tracking
+    problem: trajectory.DynamicProblem
     start: dict[trajectory.Unknown, float]
     posed: LeastSquares[trajectory.Unknown]
 
@@ -92,7 +92,7 @@ class Case(NamedTuple):
 
     def steps(self) -> tuple[Array, Array, Array, Any]:
         """v0, v1 and h of one step to each node, the first of no duration, (N,); and which nodes are the samples."""
-        nodes = refined(Nodes(self.velocity, H, slice(0, self.velocity.size)), math.inf)
+        nodes = with_extra_nodes(Nodes(self.velocity, H, slice(0, self.velocity.size)), math.inf)
         v0, h = np.append(nodes.v[0], nodes.v[:-1]), np.append(0.0, np.broadcast_to(nodes.h, nodes.v.size - 1))
         return v0, nodes.v, h, nodes.samples
 
@@ -107,9 +107,9 @@ def case(n: int) -> Case:
     v = sum((size * np.sin(2 * np.pi * f * t) for size, f in LINES), np.zeros(n))
     torque = rollout(v, H, TRUTH, 0.0).torque + NOISE * np.random.default_rng(0).standard_normal(n)
     record = Record(file="benchmark", time=t, velocity=v, torque=torque)
-    problem = trajectory.tracking([record], ("both",), (), 1, None)
+    problem = trajectory.dynamic_problem([record], ("both",), (), 1, None)
     friction = (off * p for off, p in zip(OFF, TRUTH, strict=True))
-    start = dict(zip(problem.friction_names, friction, strict=True)) | {trajectory.Begin("z0", 0): 0.0}
+    start = dict(zip(problem.friction_names, friction, strict=True)) | {trajectory.InitialState("z0", 0): 0.0}
     return Case(problem, start, unknowns.least_squares(problem, start))
 
 

@@ -11,7 +11,7 @@ import pytest
 import bristle
 from bristle import Results, api
 from bristle.data.experiment.load import Experiment, load_experiment
-from bristle.identification.identify import Measured
+from bristle.identification.measured import Measured
 from bristle.identification.results import Joint, StaticFit
 from bristle.simulation import edro
 
@@ -159,7 +159,7 @@ def test_results_cannot_be_changed(clean: Results) -> None:
 
 def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`inspect` gives runs and segments, frozen too, and never comes near a fit."""
-    monkeypatch.delattr("bristle.identification.identify.fit_static")
+    monkeypatch.delattr("bristle.identification.static.points.fit_static")
     measured = bristle.inspect(write(tmp_path, FEW))
     assert isinstance(measured, Measured)
     assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()

@@ -23,7 +23,7 @@ from bristle.data import text_table
 from bristle.data.experiment import yaml_file
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
-from bristle.identification.identify import measure
+from bristle.identification.measured import measure
 from bristle.model.rollout import rollout
 from bristle.page import output_folder as report_files
 from bristle.questions.compensation import ablation, paper_experiments, parameter_studies

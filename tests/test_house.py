@@ -1,6 +1,7 @@
-"""The house: imports run down only, no question knows another, no stage knows another, and only the CLI prints."""
+"""The house: imports run down only, no question or stage knows another, one name means one thing, and only the CLI prints."""
 
 import ast
+from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -100,6 +101,30 @@ def test_only_the_cli_prints(path: Path) -> None:
     """No file but cli.py calls print."""
     calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
     assert path.name == "cli.py" or not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"]
+
+
+def test_no_class_name_stands_twice() -> None:
+    """A class's name means one class in the whole package, nested ones included."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in FILES]
+    names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    assert not [name for name, count in names.items() if count > 1]
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in FILES}), ids=lambda p: str(p.relative_to(SOURCE)))
+def test_no_public_function_name_stands_twice_in_a_folder(folder: Path) -> None:
+    """A public function's name means one module-level function of its folder; a command of cli.py is named as what it calls."""
+    names = Counter(
+        node.name
+        for path in folder.glob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not is_command(node)
+    )
+    assert not [name for name, count in names.items() if count > 1]
+
+
+def is_command(function: ast.FunctionDef) -> bool:
+    """Whether a function is decorated by `app.command()`, as the commands of cli.py are."""
+    return any(ast.unparse(decorator) == "app.command()" for decorator in function.decorator_list)
 
 
 def test_every_part_has_a_floor() -> None:

@@ -14,7 +14,7 @@ import typer.main
 
 from bristle import cli
 from bristle.data.experiment.load import load_experiment
-from bristle.model.functions import steady_torque
+from bristle.model.functions import steady_torque_function
 from bristle.model.motor import voltage
 from bristle.model.parameters import Motor
 from bristle.model.vectorize import evaluate
@@ -86,7 +86,7 @@ def test_the_loop_in_the_docs_compensates() -> None:
     names: dict[str, Any] = {}
     exec(compile(code, "compensation.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
     p = TABLE_1["gripper rotation"].positive
-    (steady,) = evaluate(steady_torque(), 0.1, *p[:4])
+    (steady,) = evaluate(steady_torque_function(), 0.1, *p[:4])
     assert names["torque"] == pytest.approx(float(steady), rel=1e-3)
 
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError
-from bristle.identification.identify import Measured, identify_joint, measure
+from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import moving_fits
+from bristle.identification.measured import Measured, measure
 from bristle.identification.results import Joint
 from bristle.page.wording import FITS
 from bristle.progress import Progress
@@ -106,11 +107,11 @@ def _of_fits(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
 
 
 def identify(
-    *experiments: Source, progress: Progress | None = None, second_route: bool = False, uncertainty: bool = False
+    *experiments: Source, progress: Progress | None = None, crosscheck: bool = False, uncertainty: bool = False
 ) -> Results:
     """Identify the joints of one or more experiment files; with none, the embedded Ed-Ro (simulated).
 
-    With `second_route` moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
+    With `crosscheck` moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
     With `uncertainty` each parameter of moving runs gets its intervals by profile and bootstrap too; those of static and presliding fits always do.
 
     Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
@@ -124,7 +125,7 @@ def identify(
         spent: dict[str, float] = {}
         measured = measure(experiment)
         joints.append(
-            identify_joint(measured, spent, second_route=second_route, uncertainty=uncertainty, progress=progress)
+            identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
         )
         timings |= {f"{experiment.joint.name}: {what}": seconds for what, seconds in spent.items()}
     return Results(joints=tuple(joints), timings=timings)

@@ -163,7 +163,7 @@ def inspect(
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     from bristle.api import inspect as run
-    from bristle.questions.joint_report.console import segments as lines
+    from bristle.questions.joint_report.console import segment_lines
 
     _check(output)
     if output is not None:
@@ -171,7 +171,7 @@ def inspect(
 
         figure_kind(output)
     measured = run(experiment)
-    _print(lines(measured))
+    _print(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
 
@@ -223,7 +223,7 @@ def _cross_checked(experiment: Path) -> "Results":
     from bristle.questions.method_validation.cases import check_fitted
 
     with shown() as progress:
-        results = run(experiment, second_route=True, progress=progress)
+        results = run(experiment, crosscheck=True, progress=progress)
     for joint in results.joints:
         check_fitted(joint)
         _print(checks(joint))

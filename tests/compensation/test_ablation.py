@@ -9,7 +9,7 @@ from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.control_period import LoopOptions
 from bristle.questions.compensation import ablation as trying
-from bristle.questions.compensation.ablation import SHARES, WAYS, AblationRow, ablation
+from bristle.questions.compensation.ablation import SHARES, WAYS, AblationRow, ablate
 
 from ..simulation.joints import joint_loop
 
@@ -22,7 +22,7 @@ def rows() -> tuple[AblationRow, ...]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trying, "BITS", (20,))
         patch.setattr(trying, "DELAYS", (0, 5))
-        return ablation(joint_loop())
+        return ablate(joint_loop())
 
 
 def of(rows: tuple[AblationRow, ...], compensator: str, delay: int = 0) -> dict[float, AblationRow]:

@@ -11,12 +11,12 @@ from bristle.model.parameters import Lugre, Pair
 from bristle.questions.compensation import parameter_studies
 from bristle.questions.compensation.paper_experiments import Errors, adapted, errors, followed
 from bristle.questions.compensation.parameter_studies import (
-    adaptation_map,
     band,
-    controllers,
+    compare_controllers,
+    compare_sampling,
     drifts,
     gradients,
-    sampling,
+    map_adaptation,
 )
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import one_way
@@ -111,7 +111,7 @@ def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(parameter_studies, "FREQUENCIES", (2.0, 1.0))
     monkeypatch.setattr(parameter_studies, "AMPLITUDES", (1.0, 0.5, 2.0))
     one = one_way(joint_loop(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
-    found = adaptation_map(one)
+    found = map_adaptation(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
     assert found.by_gamma.shape == (2, 3, 2)
     assert found.by_amplitude.shape == (2, 3, 2)
@@ -169,7 +169,7 @@ def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
 
 def test_a_thin_sliding_mode_chatters() -> None:
     """On the gripper the thinnest layer chatters at least ten times as much as the PID; the widest is the PD that the PID contains."""
-    bare, fed, wide, _, thin = controllers(joint_loop())
+    bare, fed, wide, _, thin = compare_controllers(joint_loop())
     assert (bare.controller, fed.controller) == ("PID alone", "PID with LuGre feed-forward")
     assert thin.controller.startswith("sliding mode, layer")
     assert thin.chatter > 10 * bare.chatter
@@ -181,7 +181,7 @@ def test_a_thin_sliding_mode_chatters() -> None:
 
 def test_the_sampled_loop_comes_to_the_continuous_one() -> None:
     """At twice, once and half the period the distance falls, in proportion to it."""
-    found = sampling([joint_loop(period=2e-3)])
+    found = compare_sampling([joint_loop(period=2e-3)])
     assert [r.period for r in found] == [4e-3, 2e-3, 1e-3]
     for coarse, fine in pairwise(found):
         assert 1.5 < coarse.distance / fine.distance < 3.5
@@ -189,7 +189,7 @@ def test_the_sampled_loop_comes_to_the_continuous_one() -> None:
 
 def test_a_period_that_the_loop_does_not_bear_is_left_out_of_the_sampling() -> None:
     """The gripper's loop bears 13 ms: of 16, 8 and 4 ms the first is not told."""
-    assert [r.period for r in sampling([joint_loop(period=8e-3)])] == [8e-3, 4e-3]
+    assert [r.period for r in compare_sampling([joint_loop(period=8e-3)])] == [8e-3, 4e-3]
 
 
 def spread(pair: Pair[float], rng: np.random.Generator, share: float) -> tuple[Pair[float], float]:
@@ -229,7 +229,7 @@ def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatc
     """With rates of zero nothing moves, over the whole map."""
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
         monkeypatch.setattr(parameter_studies, name, (1.0,))
-    found = adaptation_map(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
+    found = map_adaptation(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
     np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
 
 
@@ -240,7 +240,7 @@ def test_the_plans_own_law_has_the_plans_own_rates(monkeypatch: pytest.MonkeyPat
     for law in ("partial", "partial-theta", "total"):
         one = one_way(joint_loop(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
         ends = [x.final for x in adapted(one).factors if x.law == law]
-        np.testing.assert_allclose(adaptation_map(one).by_gamma.ravel(), ends, rtol=1e-9)
+        np.testing.assert_allclose(map_adaptation(one).by_gamma.ravel(), ends, rtol=1e-9)
 
 
 def test_a_gradient_that_is_rounding_alone_divides_nothing() -> None:

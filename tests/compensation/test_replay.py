@@ -8,7 +8,7 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
-from bristle.identification.identify import measure
+from bristle.identification.measured import measure
 from bristle.model.parameters import Pair
 from bristle.model.rollout import rollout
 from bristle.questions.compensation.replay import Replay, replays

@@ -18,7 +18,7 @@ from bristle.control.compensator import (
     Measurement,
     Reference,
     compiled,
-    start,
+    initial_state,
     step,
 )
 from bristle.model import functions, law
@@ -38,7 +38,7 @@ def number(x: object) -> float:
 
 def torque_of(name: str, z: float, v: float) -> float:
     """The derivative of T_f by one parameter at given z, by CasADi."""
-    out = functions.torque_sensitivity()(z, v, *P)
+    out = functions.torque_sensitivity_function()(z, v, *P)
     return number(out[2 + Lugre._fields.index(name)])
 
 
@@ -56,7 +56,7 @@ def test_printed_is_the_derivative_by_alpha_1(v: float, z: float) -> None:
 def test_laws_in_steady_sliding(v: float) -> None:
     """There the total derivative by alpha_0 is sgn(v), the partial one sigma_1 abs(v) / g sgn(v), and that by theta alpha_0 times the partial."""
     z, g = float(ca.DM(law.steady_deflection(v, P))), float(ca.DM(law.stribeck(v, P)))
-    dz = float(ca.DM(functions.steady_deflection()(v, *P)[1]))
+    dz = float(ca.DM(functions.steady_deflection_function()(v, *P)[1]))
     learnt = Learnt((1.0, 1.0), (P.alpha_0 * dz, 0.0), ())
     found = {name: gradient(Adaptation(law=name), z, v, P, learnt) for name in LAWS}
     assert number(found["total"][0]) == pytest.approx(np.sign(v), rel=1e-12)
@@ -69,7 +69,7 @@ def test_laws_in_steady_sliding(v: float) -> None:
 
 def follow(compensator: Compensator, v: np.ndarray, e: float = 0.0) -> tuple[CompensatorState, np.ndarray]:
     """State at the end and torque at every sample, the reference moving at v (n,), the joint off by e."""
-    run, state, out = compiled(compensator), start(compensator, PAIR, e), []
+    run, state, out = compiled(compensator), initial_state(compensator, PAIR, e), []
     y = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * H)])
     for position, speed in zip(y.tolist(), v.tolist(), strict=True):
         state, T = run(state, Reference(position, speed, 0.0), Measurement(position + e, speed), H)
@@ -102,7 +102,7 @@ def test_sensitivity_beside_the_bristle_is_that_of_another_gain(names: tuple[str
         ends = []
         for factor in (1 + 1e-6, 1 - 1e-6):
             pair = Pair(*(p._replace(**{name: factor * getattr(p, name)}) for p in PAIR))
-            run, own = compiled(Compensator()), start(Compensator(), pair)
+            run, own = compiled(Compensator()), initial_state(Compensator(), pair)
             for speed in v.tolist():
                 own, _ = run(own, Reference(0.0, speed, 0.0), Measurement(0.0, speed), H)
             ends.append(own.deflection)
@@ -127,7 +127,7 @@ def test_least_squares_keeps_its_matrix_positive() -> None:
     """P of least squares stays symmetric and positive, and its trace no larger than it began, with and without forgetting."""
     for forgetting in (0.0, 5.0):
         a = Adaptation(step="least-squares", forgetting=forgetting, gamma=(50.0, 200.0))
-        learnt, rng = adapting.start(a), np.random.default_rng(0)
+        learnt, rng = adapting.nothing_learnt(a), np.random.default_rng(0)
         for _ in range(300):
             G = tuple(rng.standard_normal(2) * 10)
             learnt = learn(a, learnt, G, 0.01, 1e-2)
@@ -148,7 +148,7 @@ def test_gains_stay_within_their_limits_whatever_comes(
 ) -> None:
     """For any law, step, rate and sampling, and any signals, infinite and undefined ones too, every gain is finite and within its limits."""
     a = Adaptation(law=way[0], step=way[1], gamma=(gamma, gamma), limits=(0.2, 4.0))
-    run, state = compiled(Compensator(adaptation=a)), start(Compensator(adaptation=a), PAIR)
+    run, state = compiled(Compensator(adaptation=a)), initial_state(Compensator(adaptation=a), PAIR)
     for position, speed, measured in samples:
         state, _ = run(state, Reference(position, speed, 0.0), Measurement(measured, speed), h)
         assert all(0.2 <= theta <= 4.0 for theta in state.learnt.theta)
@@ -158,7 +158,7 @@ def test_gains_stay_within_their_limits_whatever_comes(
 def test_one_step_is_the_same_with_numbers_symbols_and_compiled(name: str) -> None:
     """With floats, and compiled from symbols, a step of every compensator gives one torque and one state."""
     c = Compensator(name=name, inertia=0.01, share=0.8, adaptation=Adaptation() if name.startswith("lugre") else None)  # type: ignore[arg-type]
-    state = start(c, PAIR, 0.1)
+    state = initial_state(c, PAIR, 0.1)
     for velocity in (0.2, None):
         r, m = Reference(0.1, 0.3, 0.5), Measurement(0.11, velocity)
         plain, T = step(c, state, r, m, H)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from bristle.arrays import Array
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Law, Step
 from bristle.control.closed_loop import simulate
-from bristle.control.compensator import Compensator, Measurement, Name, Reference, compiled, start
+from bristle.control.compensator import Compensator, Measurement, Name, Reference, compiled, initial_state
 from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.control.pid import Gains
 from bristle.control.stability import refuse_long_period
@@ -145,7 +145,7 @@ def test_limits_and_normalisation_keep_inertia_from_being_learnt_as_friction(nam
 
 def torques(compensator: Compensator, pair: Pair[float], v: Array, h: float = H) -> Array:
     """The compensator's torque at every sample of a motion at v, (n,), from rest."""
-    run, state, found = compiled(compensator), start(compensator, pair), []
+    run, state, found = compiled(compensator), initial_state(compensator, pair), []
     y = np.concatenate([[0.0], np.cumsum(v[1:] + v[:-1]) * h / 2])
     for position, speed in zip(y.tolist(), v.tolist(), strict=True):
         state, T = run(state, Reference(position, speed, 0.0), Measurement(position, speed), h)

@@ -15,7 +15,7 @@ from bristle.data.experiment.schema import SegmentLimits
 from bristle.data.experiment.signals import Context
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
-from bristle.model.functions import steady_torque
+from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
 RATE = 500.0
@@ -26,7 +26,7 @@ TRUE = (1.3, 0.2, 0.75, 0.1)
 
 def friction(velocity: Array) -> Array:
     """Steady torque of the true parameters."""
-    return evaluate(steady_torque(), velocity, TRUE[0], TRUE[1], TRUE[2], TRUE[3])[0]
+    return evaluate(steady_torque_function(), velocity, TRUE[0], TRUE[1], TRUE[2], TRUE[3])[0]
 
 
 def staircase(seed: int = 0, hold: float = 2.0, signs: tuple[int, ...] = (1, -1)) -> Record:

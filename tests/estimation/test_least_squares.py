@@ -88,7 +88,7 @@ def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None
     matrix, freedom = solution.covariance, solution.freedom
     textbook, _ = covariance(columns, solution.minimum.cost)
     assert matrix == pytest.approx(textbook, rel=0.1, abs=0.1 * np.sqrt(textbook.diagonal().prod()))
-    assert solution.stretch == pytest.approx(1.0, abs=0.1)
+    assert solution.widening == pytest.approx(1.0, abs=0.1)
     found, better = profiles(solution)
     drawn, _ = bootstrap_at(solution)
     assert better is None
@@ -149,7 +149,7 @@ def test_blocks_that_err_together_widen_the_jackknife() -> None:
     found = solved(problem, {"a": 1.0})
     assert np.sqrt(found.covariance[0, 0]) == pytest.approx(offsets.std() / np.sqrt(39), rel=1e-6)
     assert found.freedom == 39
-    assert found.stretch == pytest.approx(5.0, rel=0.05)
+    assert found.widening == pytest.approx(5.0, rel=0.05)
 
 
 def test_the_lowest_of_several_minima_is_kept() -> None:

@@ -17,12 +17,12 @@ def test_the_error_of_sigma_0_is_what_simulated_loadings_scatter_by() -> None:
     """With g0 known, weighted straight lines through simulated count edges scatter by the error predicted for as many independent edges."""
     g0, edges, noise = P.alpha_0 + P.alpha_1, 40, 1e-4
     peak = 0.6 * g0
-    reach = float(evaluate(functions.loading_displacement(), peak, g0, P.sigma_0)[0])
+    reach = float(evaluate(functions.loading_displacement_function(), peak, g0, P.sigma_0)[0])
     predicted = loading._stiffness_error(P, peak, 0.0, noise, reach / edges, rise=0.1 * edges)
     y = reach * (np.arange(edges) + 0.5) / edges
     T = g0 * -np.expm1(-P.sigma_0 * y / g0)
     rng = np.random.default_rng(0)
-    U = evaluate(functions.loading_displacement(), T + noise * rng.standard_normal((4000, edges)), g0, 1.0)[0]
+    U = evaluate(functions.loading_displacement_function(), T + noise * rng.standard_normal((4000, edges)), g0, 1.0)[0]
     weight = 1 - T / g0
     slopes = np.polynomial.polynomial.polyfit(y, U.T, 1, w=weight)[1]
     assert slopes.mean() == pytest.approx(P.sigma_0, rel=0.02)
@@ -45,7 +45,7 @@ def test_loading_is_planned_as_its_error_asks() -> None:
     unsure = design_loading(Direction.POSITIVE, P, 0.005 * P.alpha_0, 1e-4, fine)
     assert unsure.share < known.share
     assert unsure.error > known.error
-    reach = float(evaluate(functions.loading_displacement(), known.peak, P.alpha_0 + P.alpha_1, P.sigma_0)[0])
+    reach = float(evaluate(functions.loading_displacement_function(), known.peak, P.alpha_0 + P.alpha_1, P.sigma_0)[0])
     assert known.counts == pytest.approx(reach / fine)
     assert design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine, share=0.5).rise == known.rise / 2
 
@@ -65,7 +65,7 @@ def test_what_loading_neglects_is_within_the_error_that_is_promised(rise: float,
 
     found = solve_ivp(speed, (0.0, rise), [0.0, 0.0], method="LSODA", t_eval=time, rtol=1e-9, atol=1e-13)
     T, x = peak * time[10:] / rise, found.y[1][10:]
-    U = evaluate(functions.loading_displacement(), T, g0, 1.0)[0]
+    U = evaluate(functions.loading_displacement_function(), T, g0, 1.0)[0]
     slope = np.polynomial.polynomial.polyfit(x, U, 1, w=1 - T / g0)[1]
     row, column = loading.RISES.tolist().index(rise), int(np.abs(loading.PEAKS - share).argmin())
     promised = design_loading(Direction.POSITIVE, P, 0.0, 1e-12, 0.0).errors[row, column]

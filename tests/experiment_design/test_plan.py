@@ -9,8 +9,8 @@ import pytest
 
 import bristle
 from bristle.diagnostics import Kind
-from bristle.identification.identify import Measured, measure
 from bristle.identification.limits import followed, limits_of
+from bristle.identification.measured import Measured, measure
 from bristle.identification.results import StaticFit
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation

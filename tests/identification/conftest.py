@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bristle.arrays import Array
-from bristle.model.functions import steady_torque
+from bristle.model.functions import steady_torque_function
 from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate
 
@@ -13,7 +13,7 @@ GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 
 def curve(velocity: Array, p: Lugre[float]) -> Array:
     """Equation (9)."""
-    return evaluate(steady_torque(), velocity, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)[0]
+    return evaluate(steady_torque_function(), velocity, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)[0]
 
 
 @pytest.fixture

@@ -17,7 +17,14 @@ from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.problem import Begin, Prior, Tracking, residuals, tracking, with_priors
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    InitialState,
+    Prior,
+    dynamic_problem,
+    residuals,
+    with_priors,
+)
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.results import TrackingFit
@@ -30,7 +37,7 @@ from .conftest import GRIPPER
 STEP = 1e-3
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
 J = 1.27e-3
-Z0 = Begin("z0", 0)
+Z0 = InitialState("z0", 0)
 """What the only motion begins with."""
 
 
@@ -66,9 +73,9 @@ def values_of(p: Lugre[float] | Pair[float]) -> dict[ParameterName, float]:
     return every | {INERTIA: J}
 
 
-def posed(run: Record, directions: tuple[str, ...] = ("both",), decimation: int = 1) -> Tracking:
+def posed(run: Record, directions: tuple[str, ...] = ("both",), decimation: int = 1) -> DynamicProblem:
     """The problem of one run with its inertia."""
-    return tracking([run], directions, ("inertia",), decimation, None)
+    return dynamic_problem([run], directions, ("inertia",), decimation, None)
 
 
 def shifted(values: Mapping[ParameterName, float], factor: float = 1.25) -> dict[ParameterName, float]:
@@ -233,12 +240,12 @@ def test_each_stretch_has_its_own_deflection_and_no_gap_is_crossed() -> None:
         file="two.csv", time=time, starts=starts, velocity=velocity, torque=torque, acceleration=acceleration
     )
     problem = posed(joined)
-    assert problem.names[-2:] == (Z0, Begin("z0", 1))
+    assert problem.names[-2:] == (Z0, InitialState("z0", 1))
     assert [str(name) for name in problem.names[-2:]] == ["z0[0]", "z0[1]"]
-    values, minimum = fit(problem, shifted(values_of(GRIPPER), 1.1) | {Z0: 0.0, Begin("z0", 1): 0.0})
+    values, minimum = fit(problem, shifted(values_of(GRIPPER), 1.1) | {Z0: 0.0, InitialState("z0", 1): 0.0})
     assert minimum.cost < 1e-16
     assert values[Z0] == pytest.approx(2e-3, rel=1e-4)
-    assert values[Begin("z0", 1)] == pytest.approx(-1e-3, rel=1e-4)
+    assert values[InitialState("z0", 1)] == pytest.approx(-1e-3, rel=1e-4)
 
 
 def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
@@ -272,8 +279,8 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
         file="run.csv", time=t, position=quantum * np.floor(position / quantum), torque=record(GRIPPER).torque
     )
 
-    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> Tracking:
-        return tracking(records, ("both",), ("inertia",), 5, None, fixed)
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
+        return dynamic_problem(records, ("both",), ("inertia",), 5, None, fixed)
 
     run = estimate_motion(counted, 40.0)
     truth = values_of(GRIPPER)
@@ -317,7 +324,7 @@ def test_a_wrong_inertia_that_was_given_is_named() -> None:
     run, start = record(GRIPPER, noise=2e-4), {n: x for n, x in values_of(GRIPPER).items() if n != INERTIA}
     said = []
     for factor in (1.0, 1.05):
-        problem = tracking([run], ("both",), (), 2, factor * J)
+        problem = dynamic_problem([run], ("both",), (), 2, factor * J)
         warnings = fit_tracking(problem, start, "revolute", starts=1).fit.warnings
         said.append([d for d in warnings if d.kind in {Kind.INERTIA_DOUBTED, Kind.TORQUE_DELAYED}])
     assert said[0] == []
@@ -374,7 +381,7 @@ def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
 def test_what_both_directions_share_is_one_parameter() -> None:
     """A pair that shares sigma_0 and sigma_1, posed so, has ten friction parameters, an exact Jacobian, and comes back from noise-free data."""
     pair = Pair(GRIPPER, OTHER._replace(sigma_0=GRIPPER.sigma_0, sigma_1=GRIPPER.sigma_1))
-    problem = tracking([record(pair)], ("+", "-"), ("inertia",), 1, None, shared=("sigma_0", "sigma_1"))
+    problem = dynamic_problem([record(pair)], ("+", "-"), ("inertia",), 1, None, shared=("sigma_0", "sigma_1"))
     sigma_0, sigma_1 = parse("sigma_0"), parse("sigma_1")
     assert [n for n in problem.names if n.name.startswith("sigma")] == [sigma_0, sigma_1]
     assert len(problem.friction_names) == 10
@@ -394,7 +401,7 @@ def test_what_is_fixed_stays() -> None:
     run, truth = record(GRIPPER, 3e-4), values_of(GRIPPER)
     free = fit_tracking(posed(run, decimation=5), truth, "revolute", starts=1).fit
     sigma_1 = parse("sigma_1")
-    problem = tracking([run], ("both",), ("inertia",), 5, None, {sigma_1: GRIPPER.sigma_1})
+    problem = dynamic_problem([run], ("both",), ("inertia",), 5, None, {sigma_1: GRIPPER.sigma_1})
     own = {name: value for name, value in truth.items() if name != sigma_1}
     held = fit_tracking(problem, own, "revolute", starts=1).fit
     assert sigma_1 not in held.names
@@ -410,7 +417,7 @@ def test_a_noisy_run_counts_for_less() -> None:
     """Of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone."""
     quiet, noisy = record(GRIPPER, 2e-4, seed=1), replace(record(GRIPPER, 2e-3, seed=2), file="noisy.csv")
     truth = values_of(GRIPPER)
-    both = fit_tracking(tracking([quiet, noisy], ("both",), ("inertia",), 5, None), truth, "revolute", starts=1)
+    both = fit_tracking(dynamic_problem([quiet, noisy], ("both",), ("inertia",), 5, None), truth, "revolute", starts=1)
     alone = fit_tracking(posed(quiet, decimation=5), truth, "revolute", starts=1).fit
     weights = [m.weight for m in both.problem.motions]
     assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)

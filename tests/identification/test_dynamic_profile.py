@@ -12,10 +12,18 @@ from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profiles
-from bristle.identification.dynamic.fit import Tracked, fit_tracking
-from bristle.identification.dynamic.multistart import judge
-from bristle.identification.dynamic.problem import Motion, Prior, Tracking, Unknown, Values, tracking, with_priors
-from bristle.identification.dynamic.uncertainty import explored, with_three_ways
+from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
+from bristle.identification.dynamic.multistart import solve_dynamic
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    Motion,
+    Prior,
+    Unknown,
+    Values,
+    dynamic_problem,
+    with_priors,
+)
+from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.results import Estimate, TrackingFit
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
@@ -41,19 +49,19 @@ def record(noise: float, seed: int, speed: float = 1.0, slow: float = 0.25) -> R
     return Record(file="run.csv", time=t, velocity=v, torque=torque, acceleration=acceleration)
 
 
-def fitted(run: Record, priors: Sequence[Prior] = ()) -> Tracked:
+def fitted(run: Record, priors: Sequence[Prior] = ()) -> DynamicSolution:
     """The fit of one run from the truth on."""
-    problem = tracking([run], ("both",), ("inertia",), 1, None)
+    problem = dynamic_problem([run], ("both",), ("inertia",), 1, None)
     return fit_tracking(with_priors(problem, priors, 3e-4), TRUTH, "revolute", starts=1)
 
 
 @pytest.fixture(scope="module")
-def gripper() -> Tracked:
+def gripper() -> DynamicSolution:
     """A fit that sees all parameters."""
     return fitted(record(3e-4, 0))
 
 
-def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Tracking:
+def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> DynamicProblem:
     """A problem with a column for each of a, b and so on, and nothing else that is free."""
     names = (A, B, C)[: columns.shape[1]]
     t = np.arange(torque.size, dtype=np.float64)
@@ -62,34 +70,34 @@ def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Tracki
     )
 
     def linear(
-        _: Tracking, known: Values, __: Sequence[dict[Unknown, Array]]
+        _: DynamicProblem, known: Values, __: Sequence[dict[Unknown, Array]]
     ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
         """What the columns leave, and the columns."""
         yield torque - columns @ [known[n] for n in names], dict(zip(names, columns.T, strict=True))
 
-    return Tracking(
+    return DynamicProblem(
         motions=(motion,),
         directions=(Direction.BOTH,),
         extra_names=names,
         fixed=LUGRE,
-        begins=(),
+        initial_states=(),
         equations=linear,
         priors=tuple(priors),
         sigma=1.0,
     )
 
 
-def solved(problem: Tracking, start: Values) -> Tracked:
+def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
     """The problem's minimum next to a start, with a fit that says its intervals by the covariance."""
-    judged = judge(problem, start, 1, 0)
-    reach = student(judged.freedom)
-    errors = judged.scaled_errors * judged.posed.unknowns.scale
+    solution = solve_dynamic(problem, start, 1, 0)
+    reach = student(solution.freedom)
+    errors = solution.scaled_errors * solution.posed.unknowns.scale
     parameters = {
         name: Estimate(
-            value=judged.values[name],
+            value=solution.values[name],
             unit="",
             standard_error=error,
-            interval=(judged.values[name] - reach * error, judged.values[name] + reach * error),
+            interval=(solution.values[name] - reach * error, solution.values[name] + reach * error),
         )
         for name, error in zip(problem.names, errors.tolist(), strict=True)
         if isinstance(name, ParameterName)
@@ -97,7 +105,7 @@ def solved(problem: Tracking, start: Values) -> Tracked:
     found = TrackingFit(
         parameters=parameters, rms=1.0, relative_error=1.0, n=1, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=1.0
     )  # fmt: skip  # a list of values
-    return Tracked(found, problem, judged.values, judged)
+    return DynamicSolution(found, problem, solution.values, solution)
 
 
 def close(one: tuple[float, float] | None, other: tuple[float, float] | None, share: float) -> None:
@@ -118,7 +126,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     rows = np.vstack([columns, [[10.0 * told, 0.0, 0.0]]])
     exact = np.linalg.lstsq(rows, np.append(torque, 11.0 * told))[0]
     found = solved(posed(columns, torque, priors), dict(zip((A, B, C), exact.tolist(), strict=True)))
-    seen, better = profiles(found.judged)
+    seen, better = profiles(found.solution)
     assert better is None
     three = with_three_ways(found, found.fit, seen).uncertainty
     for name in (A, B, C):
@@ -128,24 +136,24 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     assert three[A].draws.std() > 0
 
 
-def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: Tracked) -> None:
+def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: DynamicSolution) -> None:
     """Each end, put in as a fixed value and all else fitted by the whole descent, costs J_min + (t error)**2 / (J'J)**-1_jj."""
-    seen, _ = profiles(gripper.judged)
-    problem, judged = gripper.problem, gripper.judged
-    rows, jacobian = judged.minimum.residuals, judged.minimum.jacobian
+    seen, _ = profiles(gripper.solution)
+    problem, solution = gripper.problem, gripper.solution
+    rows, jacobian = solution.minimum.residuals, solution.minimum.jacobian
     inverse = np.diag(np.linalg.inv(jacobian.T @ jacobian))
     for j, name in enumerate(problem.names[:-1]):
         assert isinstance(name, ParameterName)
-        high = (student(judged.freedom) * judged.scaled_errors[j]) ** 2 / inverse[j]
+        high = (student(solution.freedom) * solution.scaled_errors[j]) ** 2 / inverse[j]
         for value in seen[name].interval:
             rest = replace(problem, fixed={name: value})
             _, minimum = fit(rest, {n: v for n, v in gripper.values.items() if n != name})
             assert (minimum.cost - rows @ rows) / high == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_curve_runs_from_end_to_end(gripper: Tracked) -> None:
+def test_a_curve_runs_from_end_to_end(gripper: DynamicSolution) -> None:
     """It is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it."""
-    seen, _ = profiles(gripper.judged)
+    seen, _ = profiles(gripper.solution)
     for name, (interval, (values, height), warnings) in seen.items():
         assert not warnings
         assert (np.diff(values) > 0).all()
@@ -156,31 +164,31 @@ def test_a_curve_runs_from_end_to_end(gripper: Tracked) -> None:
         np.testing.assert_allclose(np.interp(interval, values, height), 1.0, atol=1e-6)
 
 
-def test_few_evaluations_suffice(gripper: Tracked) -> None:
+def test_few_evaluations_suffice(gripper: DynamicSolution) -> None:
     """A well-posed fit costs two evaluations a side (28 for seven parameters); progress is told parameter by parameter."""
     count, told = [0], list[tuple[str, int, int]]()
-    posed = gripper.judged.posed
+    posed = gripper.solution.posed
 
     def counted(x: Array) -> tuple[Array, Array]:
         """One more."""
         count[0] += 1
         return posed.evaluate(x)
 
-    judged = gripper.judged._replace(posed=replace(posed, evaluate=counted))
-    profiles(judged, lambda *what: told.append(what))
+    solution = gripper.solution._replace(posed=replace(posed, evaluate=counted))
+    profiles(solution, lambda *what: told.append(what))
     assert count[0] <= 30
     assert [done for _, done, _ in told] == list(range(7))
     assert {of for _, _, of in told} == {7}
 
 
-def two_minima(k: float = 1.0, tilt: float = 0.2) -> Tracking:
+def two_minima(k: float = 1.0, tilt: float = 0.2) -> DynamicProblem:
     """A cost with a minimum near a = -1 and a lower one at a = 1: k**2 (a**2 - 1)**2 + tilt**2 (a - 1)**2, and noise that a does not touch."""
     problem = posed(np.ones((60, 1)), np.ones(60))
     noise = np.random.default_rng(0).standard_normal(60)
     noise[:2] = 0.0
 
     def double(
-        _: Tracking, known: Values, __: Sequence[dict[Unknown, Array]]
+        _: DynamicProblem, known: Values, __: Sequence[dict[Unknown, Array]]
     ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
         """What is left, and what it grows by with -a."""
         a, rest, slope = known[A], noise.copy(), np.zeros(60)
@@ -196,8 +204,8 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     problem = two_minima()
     first = solved(problem, {A: -1.0})
     assert first.values[A] == pytest.approx(-1.0, abs=0.1)
-    assert profiles(first.judged)[1] is not None
-    again, seen = explored(first, lambda end: solved(problem, {A: end[A]}))
+    assert profiles(first.solution)[1] is not None
+    again, seen = profile_until_stable(first, lambda end: solved(problem, {A: end[A]}))
     assert again.values[A] == pytest.approx(1.0, abs=1e-3)
     assert any(warning.kind is Kind.REFITTED for warning in again.fit.warnings)
     assert seen[A].interval[0] < 1 < seen[A].interval[1]
@@ -206,19 +214,19 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
 def test_a_fit_that_does_not_follow_is_distrusted() -> None:
     """Where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval."""
     first = solved(two_minima(), {A: -1.0})
-    again, seen = explored(first, lambda _: first)
+    again, seen = profile_until_stable(first, lambda _: first)
     assert any(warning.kind is Kind.STILL_LOWER for warning in again.fit.warnings)
     assert np.isfinite(seen[A].interval).all()
 
 
-def test_a_fit_in_its_only_minimum_is_left_alone(gripper: Tracked) -> None:
+def test_a_fit_in_its_only_minimum_is_left_alone(gripper: DynamicSolution) -> None:
     """No restart, no warning, the same fit."""
 
-    def never(_: Values) -> Tracked:
+    def never(_: Values) -> DynamicSolution:
         """Not called."""
         raise AssertionError
 
-    again, _ = explored(gripper, never)
+    again, _ = profile_until_stable(gripper, never)
     assert again.fit.warnings == gripper.fit.warnings
     assert again.values == gripper.values
 
@@ -228,7 +236,7 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
     found = fitted(record(3e-3, 1, slow=2.0))
     unseen = {name for name, e in found.fit.parameters.items() if e.value is None}
     assert {parse("alpha_1"), parse("v_s")} <= unseen
-    found, seen = explored(found, lambda _: fitted(record(3e-3, 1, slow=2.0)))
+    found, seen = profile_until_stable(found, lambda _: fitted(record(3e-3, 1, slow=2.0)))
     fit_ = with_three_ways(found, found.fit, seen)
     assert set(fit_.uncertainty) == set(fit_.parameters)
     for name, three in fit_.uncertainty.items():
@@ -243,9 +251,9 @@ def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
     assert fit_.uncertainty[parse("alpha_1")].profile[1] == np.inf  # type: ignore[index]
 
 
-def test_the_bias_of_counts_moves_all_three_alike(gripper: Tracked) -> None:
+def test_the_bias_of_counts_moves_all_three_alike(gripper: DynamicSolution) -> None:
     """Where the estimate was moved and its error widened, ends and draws are moved and spread by the same; open ends stay."""
-    seen, _ = profiles(gripper.judged)
+    seen, _ = profiles(gripper.solution)
     alpha_1 = parse("alpha_1")
     seen[alpha_1] = seen[alpha_1]._replace(interval=(0.0, np.inf))
     plain = with_three_ways(gripper, gripper.fit, seen).uncertainty
@@ -281,7 +289,7 @@ def test_intervals_hold_the_truth_and_agree() -> None:
             for n, s in errors.items()
         ]
         found = fitted(record(3e-4, seed), priors)
-        seen, better = profiles(found.judged)
+        seen, better = profiles(found.solution)
         assert better is None
         three = with_three_ways(found, found.fit, seen).uncertainty
         for name, truth in TRUTH.items():
@@ -291,9 +299,9 @@ def test_intervals_hold_the_truth_and_agree() -> None:
     assert all(0.89 * 140 <= hits <= 140 for hits in held.values()), held
 
 
-def test_the_seed_says_it_all(gripper: Tracked) -> None:
+def test_the_seed_says_it_all(gripper: DynamicSolution) -> None:
     """The same seed draws the same bytes, another one others; profiles have none."""
-    seen, _ = profiles(gripper.judged)
+    seen, _ = profiles(gripper.solution)
     one, same, other = (
         with_three_ways(gripper, gripper.fit, seen, seed).uncertainty[parse("v_s")].draws.tobytes()
         for seed in (0, 0, 1)

@@ -9,13 +9,13 @@ from bristle.estimation.covariance import covariance as fitted_covariance
 from bristle.identification.fisher import (
     Information,
     covariance,
-    directions,
     gram,
     motion_information,
     motion_jacobian,
     names_of,
     static_information,
     static_jacobian,
+    unseen_directions,
 )
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import default_range
@@ -121,7 +121,7 @@ def test_motion_jacobian_is_the_derivative_of_the_torque() -> None:
 def test_slow_velocities_see_only_a_sum() -> None:
     """Where all speeds are far below v_s, alpha_0 and alpha_1 are seen as a sum only, and that is said."""
     v = np.linspace(1e-3, 2e-3, 10) * P.v_s
-    said = directions(static_information(v, P._replace(v_s=P.v_s), NOISE), Stribeck._fields)
+    said = unseen_directions(static_information(v, P._replace(v_s=P.v_s), NOISE), Stribeck._fields)
     assert any("alpha_0" in s and "alpha_1" in s and "only as a sum" in s for s in said)
 
 

@@ -12,7 +12,7 @@ from bristle.estimation.interval_comparison import FACTOR, warnings
 from bristle.identification.results import Uncertainty
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.stribeck_test import Inferred, infer
+from bristle.identification.static.stribeck_test import StaticSolution, solve_static
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Lugre, ParameterName, Stribeck
 
@@ -85,18 +85,18 @@ def test_at_a_bound_and_alone_nothing_is_said() -> None:
 
 def fitted(
     velocity: Array, noise: float, seed: int, truth: Lugre[float] = GRIPPER, *, two: bool = False
-) -> tuple[Inferred, dict[ParameterName, Uncertainty]]:
+) -> tuple[StaticSolution, dict[ParameterName, Uncertainty]]:
     """A fit of simulated points with its three intervals."""
     if two:
         velocity = np.concatenate([velocity, -velocity])
     torque = curve(velocity, truth) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     v_s_range = default_range(velocity)
     problem = from_points(velocity, torque, ("+", "-") if two else ("both",))
-    found = infer(problem, FitOptions(), "revolute", v_s_range)
+    found = solve_static(problem, FitOptions(), "revolute", v_s_range)
     return found, three_ways(found, v_s_range)
 
 
-def assert_sound(found: Inferred, three: dict[ParameterName, Uncertainty]) -> None:
+def assert_sound(found: StaticSolution, three: dict[ParameterName, Uncertainty]) -> None:
     """Each parameter has three intervals about its estimate, never nan, and a curve below one inside the profile's interval alone."""
     assert tuple(three) == found.problem.names
     for name, own in three.items():

@@ -15,10 +15,11 @@ from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification import model_selection
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.problem import tracking
-from bristle.identification.identify import identify_joint, measure
+from bristle.identification.dynamic.problem import dynamic_problem
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import measure
 from bristle.identification.model_criteria import APART, COULOMB, LUGRE, ONE, STRIBECK, SYMMETRIC, VISCOUS, Candidate
-from bristle.identification.model_criteria import compared as choose
+from bristle.identification.model_criteria import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit
 from bristle.identification.static.moving_data import fit_moving
 from bristle.model.parameters import INERTIA, Direction, Lugre, Pair, ParameterName
@@ -196,7 +197,9 @@ def moved(
     )
     experiment, records, held = load_experiment(path), [run(Pair(GRIPPER, OTHER))], [run(Pair(GRIPPER, OTHER), seed=1)]
     alone = fitted(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
-    compared = model_selection.of_moving(experiment, records, held, fit_moving(experiment, records, [], None)[0], alone)
+    compared = model_selection.compare_on_motion(
+        experiment, records, held, fit_moving(experiment, records, [], None)[0], alone
+    )
     assert compared is not None
     return compared, alone
 
@@ -209,7 +212,7 @@ def fitted(
     asked = model_selection.asked_regressors(experiment, directions, moving=True)
     start = {ParameterName(n, Direction(d)): x for d in directions for n, x in sets[d]._asdict().items()}
     start |= {INERTIA: J, parse("offset"): 0.0} if "offset" in asked else {INERTIA: J}
-    problem, test = (tracking(r, directions, asked, experiment.fit.decimation, None) for r in (records, held))
+    problem, test = (dynamic_problem(r, directions, asked, experiment.fit.decimation, None) for r in (records, held))
     return fit_tracking(problem, start, "revolute", [("held", test)], starts=1).fit
 
 

@@ -14,11 +14,12 @@ from bristle.arrays import Array
 from bristle.data.experiment.load import load_experiment
 from bristle.data.record import Record
 from bristle.identification.dynamic.fit import fit_tracking, relative_error
-from bristle.identification.dynamic.multistart import judge, with_deflections
+from bristle.identification.dynamic.multistart import solve_dynamic, with_deflections
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import Begin, Tracking, residuals, tracking
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, dynamic_problem, residuals
 from bristle.identification.dynamic.unknowns import fit, least_squares
-from bristle.identification.identify import identify_joint, measure
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import measure
 from bristle.identification.results import Joint
 from bristle.model import law, motor
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Motor, Pair, ParameterName
@@ -75,14 +76,14 @@ def solved(pair: Pair[float], t: Array, V: Array, *, torque: bool = False) -> Ar
 
 def posed(
     t: Array, V: Array, position: Array, horizon: float, *, torque: bool = False, decimation: int = 1
-) -> Tracking:
+) -> DynamicProblem:
     """The problem of one run in windows of `horizon`."""
     v = np.gradient(position, t)
     run = Record(
         file="run.csv", time=t, position=position, velocity=v, acceleration=np.gradient(v, t),
         torque=V if torque else motor.drive_torque(V, v, MOTOR), voltage=None if torque else V,
     )  # fmt: skip  # a list of values
-    whole = tracking([run], ("+", "-"), ("inertia", "offset", "gravity"), 1, None)
+    whole = dynamic_problem([run], ("+", "-"), ("inertia", "offset", "gravity"), 1, None)
     return simulation([run], whole, None if torque else MOTOR, horizon, decimation)
 
 
@@ -97,7 +98,7 @@ def test_simulated_position_is_that_of_a_stiff_solver(*, torque: bool) -> None:
         truth = solved(pair, t, V, torque=torque)
         fine = np.arange(0, t[-1] + step / 2, step)
         problem = posed(fine, np.interp(fine, t, V), np.interp(fine, t, truth), 10.0, torque=torque)
-        rest, _ = residuals(problem, values_of(pair) | {Begin(name, 0): 0.0 for name in ("y0", "v0", "z0")})
+        rest, _ = residuals(problem, values_of(pair) | {InitialState(name, 0): 0.0 for name in ("y0", "v0", "z0")})
         off.append(float(np.abs(rest[:: round(STEP / step)]).max() / np.ptp(truth)))
     assert off[0] < 1e-3
     assert off[1] < 0.4 * off[0]
@@ -108,10 +109,14 @@ def test_derivatives_are_those_of_finite_differences() -> None:
     t = np.arange(0, 1.2, STEP)
     position = 0.3 * np.sin(2 * t)
     problem = posed(t, drive(t), position, 0.4, decimation=3)
-    begins: dict[Begin, float] = {}
+    initial_states: dict[InitialState, float] = {}
     for k, m in enumerate(problem.motions):
-        begins |= {Begin("y0", k): float(m.measured[0]), Begin("v0", k): float(m.velocity[0]), Begin("z0", k): 1e-4}
-    values = values_of(Pair(GRIPPER, OTHER)) | begins
+        initial_states |= {
+            InitialState("y0", k): float(m.measured[0]),
+            InitialState("v0", k): float(m.velocity[0]),
+            InitialState("z0", k): 1e-4,
+        }
+    values = values_of(Pair(GRIPPER, OTHER)) | initial_states
     about = least_squares(problem, values)
     x, evaluate = about.unknowns.scaled(values), about.evaluate
     assert about.unknowns.values(x) == pytest.approx(values)
@@ -155,7 +160,7 @@ def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
     free = named({"alpha_0": GRIPPER.alpha_0, "alpha_2": GRIPPER.alpha_2, "inertia": LOADS["inertia"]})
     fixed = {n: x for n, x in named(GRIPPER._asdict() | LOADS).items() if n not in free}
     problem = replace(problem, directions=(Direction.BOTH,), fixed=fixed)
-    whole = judge(problem, free, 1, 0)
+    whole = solve_dynamic(problem, free, 1, 0)
     again = []
     for k in range(len(problem.motions)):
         rest = replace(problem, motions=(*problem.motions[:k], *problem.motions[k + 1 :]))
@@ -236,9 +241,9 @@ def test_without_an_inertia_nothing_can_be_simulated() -> None:
     run = Record(
         file="run.csv", time=t, position=np.sin(t), velocity=np.cos(t), torque=drive(t), acceleration=-np.sin(t)
     )
-    whole = tracking([run], ("both",), (), 1, None)
+    whole = dynamic_problem([run], ("both",), (), 1, None)
     with pytest.raises(ValueError, match=r"fit\.predict: position simulates the motor, which needs an inertia"):
         simulation([run], whole, None, 0.5, 1)
     blind = replace(run, position=None)
     with pytest.raises(ValueError, match=r"run\.csv: fit\.predict: position needs the position"):
-        simulation([blind], tracking([blind], ("both",), ("inertia",), 1, None), None, 0.5, 1)
+        simulation([blind], dynamic_problem([blind], ("both",), ("inertia",), 1, None), None, 0.5, 1)

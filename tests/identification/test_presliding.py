@@ -11,7 +11,7 @@ from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.diagnostics import Kind
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
-from bristle.identification.presliding.stiffness import Level, printed_bias
+from bristle.identification.presliding.stiffness import KnownValue, printed_bias
 from bristle.identification.results import PreslidingFit
 from bristle.model import functions, law
 from bristle.model.vectorize import evaluate
@@ -19,14 +19,14 @@ from bristle.model.vectorize import evaluate
 from .conftest import GRIPPER
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
-LEVEL = Level(G0, 0.002 * G0, "the static fit")
+LEVEL = KnownValue(G0, 0.002 * G0, "the static fit")
 TIME = np.arange(0, 20, 0.01)
 TORQUE = 0.85 * G0 * TIME / 20
 
 
 def run(quantum: float, phase: float, noise: float = 0.0, seed: int = 0) -> Record:
     """A slow ramp, as an encoder that rests `phase` of a count beyond an edge sees it."""
-    y = evaluate(functions.loading_displacement(), TORQUE, G0, GRIPPER.sigma_0)[0]
+    y = evaluate(functions.loading_displacement_function(), TORQUE, G0, GRIPPER.sigma_0)[0]
     position = y if quantum == 0 else quantum * np.floor(y / quantum + phase)
     torque = TORQUE + noise * np.random.default_rng(seed).standard_normal(TIME.size)
     return Record(file="ramp.csv", time=TIME, position=position, torque=torque)
@@ -43,7 +43,7 @@ def test_the_loading_curve_solves_the_law() -> None:
     """Along T(y) the bristle obeys (4) at vanishing velocity: dz/dy = 1 - sigma_0 z / g0, with T = sigma_0 z."""
     T = np.linspace(0.01, 0.95, 50) * G0
     h = 1e-6 * G0
-    y = [evaluate(functions.loading_displacement(), T + s * h, G0, GRIPPER.sigma_0)[0] for s in (-1, 1)]
+    y = [evaluate(functions.loading_displacement_function(), T + s * h, G0, GRIPPER.sigma_0)[0] for s in (-1, 1)]
     slope = 2 * h / GRIPPER.sigma_0 / (y[1] - y[0])
     rate = np.array([float(law.bristle_rate(t / GRIPPER.sigma_0, 1e-9, GRIPPER._replace(v_s=1.0))) / 1e-9 for t in T])
     np.testing.assert_allclose(slope, rate, rtol=1e-6)
@@ -106,8 +106,8 @@ def _holds(fit: PreslidingFit) -> bool:
 def test_the_error_of_g0_enters() -> None:
     """An uncertain g0 widens the interval of sigma_0, by about what moving g0 moves it."""
     loadings = find_loadings(run(2 * np.pi / 2**14, 0.3), 1e3, 2 * np.pi / 2**14, None)
-    sure, unsure = (fit_presliding(loadings, Level(G0, s * G0, ""), None, "revolute").edges for s in (1e-6, 0.02))
-    moved = fit_presliding(loadings, Level(1.02 * G0, 0.0, ""), None, "revolute").edges
+    sure, unsure = (fit_presliding(loadings, KnownValue(G0, s * G0, ""), None, "revolute").edges for s in (1e-6, 0.02))
+    moved = fit_presliding(loadings, KnownValue(1.02 * G0, 0.0, ""), None, "revolute").edges
     assert sure.standard_error is not None
     assert unsure.standard_error is not None
     assert moved.value is not None
@@ -132,7 +132,7 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
     """(15): 0.2 sqrt(J sigma_0), with the errors of both, called a prior; without J it is absent, with the reason."""
     loadings = find_loadings(run(2 * np.pi / 2**16, 0.2), 1e3, 2 * np.pi / 2**16, None)
     J = 1.37e-3
-    fit = fit_presliding(loadings, LEVEL, Level(J, 0.1 * J, "the experiment file"), "revolute")
+    fit = fit_presliding(loadings, LEVEL, KnownValue(J, 0.1 * J, "the experiment file"), "revolute")
     assert fit.edges.value is not None
     assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * fit.edges.value), rel=1e-12)
     assert fit.sigma_1.value is not None
@@ -146,7 +146,7 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
 def slid(name: str, level: float) -> Record:
     """A ramp that breaks away at a torque."""
     torque = 1.3 * level * TIME / 20
-    y = evaluate(functions.loading_displacement(), np.minimum(torque, 0.99 * level), level, GRIPPER.sigma_0)[0]
+    y = evaluate(functions.loading_displacement_function(), np.minimum(torque, 0.99 * level), level, GRIPPER.sigma_0)[0]
     return Record(file=name, time=TIME, position=y + np.cumsum(np.maximum(torque - level, 0)) * 0.2, torque=torque)
 
 

@@ -89,10 +89,10 @@ def assert_ends(
                 assert above == pytest.approx(0, abs=rel * room), (name, end)
 
 
-def solved(problem: Regression, stretch: float = 1.0) -> tuple[Solution, StaticProfiles]:
+def solved(problem: Regression, variance_inflation: float = 1.0) -> tuple[Solution, StaticProfiles]:
     """A problem's solution and its profiles."""
     solution = solve(problem, default_range(problem.velocity))
-    return solution, profiled(problem, solution, stretch)
+    return solution, profiled(problem, solution, variance_inflation)
 
 
 def measured(truth: Lugre[float], velocity: Array, noise: float, seed: int) -> Array:
@@ -113,17 +113,17 @@ def without_peak(velocity: Array, torque: Array, extra: dict[str, Array] | None 
     )
 
 
-@given(seed=st.integers(0, 10**6), stretch=st.floats(1.0, 3.0))
+@given(seed=st.integers(0, 10**6), variance_inflation=st.floats(1.0, 3.0))
 @settings(max_examples=50, deadline=None)
-def test_without_a_peak_the_profile_is_the_students_interval(seed: int, stretch: float) -> None:
+def test_without_a_peak_the_profile_is_the_students_interval(seed: int, variance_inflation: float) -> None:
     """A linear problem away from its bounds: every profile ends where Student's t with the covariance does, to 1e-9, extra regressors too."""
     rng = np.random.default_rng(seed)
     velocity = rng.uniform(-1, 1, 30)
     extra = {"offset": np.ones(30), "gravity_sin": np.sin(3 * rng.uniform(-1, 1, 30))}
     torque = 0.5 * np.sign(velocity) + velocity - 0.2 + 0.3 * extra["gravity_sin"] + 0.02 * rng.standard_normal(30)
     problem = without_peak(velocity, torque, extra)
-    solution, found = solved(problem, stretch)
-    covariance, freedom = uncertainty(problem.linear, solution.cost, stretch)
+    solution, found = solved(problem, variance_inflation)
+    covariance, freedom = uncertainty(problem.linear, solution.cost, variance_inflation)
     reach = stats.t.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
     for name, value, half in zip(problem.names, solution.theta, reach, strict=True):
         assert found.intervals[name] == pytest.approx((value - half, value + half), rel=1e-9, abs=1e-9 * half)

@@ -25,7 +25,7 @@ from bristle.identification.results import (
     Profile,
     StaticFit,
 )
-from bristle.model.functions import loading_displacement, stribeck_shape
+from bristle.model.functions import loading_displacement_function, stribeck_shape_function
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
 from bristle.questions.joint_report.curves import curve
@@ -93,7 +93,7 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
 
 def costs(v: Array, torque: Array, grid: Array) -> Array:
     """The profile of the cost over v_s."""
-    shapes = [np.column_stack([np.sign(v), evaluate(stribeck_shape(), v, s)[0], v]) for s in grid.tolist()]
+    shapes = [np.column_stack([np.sign(v), evaluate(stribeck_shape_function(), v, s)[0], v]) for s in grid.tolist()]
     return np.array([np.linalg.lstsq(a, torque, rcond=None)[1][0] for a in shapes])
 
 
@@ -170,7 +170,7 @@ def loading(direction: str, phase: float, file: str, breakaway: float | None = N
     p = TABLE_1[direction]
     g0 = p.alpha_0 + p.alpha_1
     T = np.linspace(0.0, 0.9 * g0, 1501)
-    y = evaluate(loading_displacement(), T, g0, p.sigma_0)[0] + phase * QUANTUM
+    y = evaluate(loading_displacement_function(), T, g0, p.sigma_0)[0] + phase * QUANTUM
     edges = np.arange(1, np.floor(y[-1] / QUANTUM) + 1)
     return Loading(
         file=file, direction=direction, start=40, time=np.linspace(0.0, 15.0, T.size), displacement=QUANTUM * np.floor(y / QUANTUM), torque=T,

@@ -95,14 +95,14 @@ def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
         assert frame.empty
         assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
     assert interval_figures.figures(slide) == {}
-    assert interval_tables.section(slide)["tables"] == {}
+    assert interval_tables.interval_section(slide)["tables"] == {}
 
 
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
     none = Kind.NO_BOOTSTRAP(few="<b>few</b> blocks", least=9)
     joint = changed(open_, "alpha_0", bootstrap=None, warnings=(none,))
-    cells = {cell for row in interval_tables.section(joint)["tables"]["static"].rows for cell in row}
+    cells = {cell for row in interval_tables.interval_section(joint)["tables"]["static"].rows for cell in row}
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)
     page.write_report([joint], tmp_path, title="t", seed=0)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from bristle.data.record import Record
 from bristle.identification.results import Joint
-from bristle.model.functions import steady_jacobian
+from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import MOST_POINTS, render_as, thinned
 from bristle.questions.joint_report import static_figures
@@ -63,7 +63,7 @@ def test_band_is_the_delta_method(joint: Joint) -> None:
     half = band(np.array([0.05]), fit)
     assert p is not None
     assert half is not None
-    j = np.array(evaluate(steady_jacobian(), np.array([0.05]), *p[:4]))[:, 0]
+    j = np.array(evaluate(steady_jacobian_function(), np.array([0.05]), *p[:4]))[:, 0]
     assert half[0] == pytest.approx(2.2281388519649385 * np.sqrt(j @ fit.covariance @ j), rel=1e-9)  # t(0.975; 10)
 
 

@@ -10,7 +10,7 @@ from bristle.control.plant import State, plant_step
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.diagnostics import NOT_IDENTIFIABLE, Kind
-from bristle.identification.identify import measure
+from bristle.identification.measured import measure
 from bristle.identification.results import Joint, StaticFit, TrackingFit
 from bristle.model.parameters import Motor, Pair, ParameterName
 from bristle.questions.compensation.replay import replays

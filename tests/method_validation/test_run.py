@@ -30,7 +30,7 @@ from bristle.questions.method_validation.results import (
     Validation,
 )
 from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, spread, validate
-from bristle.questions.method_validation.solvers import NAMES, Case
+from bristle.questions.method_validation.solvers import NAMES, ValidationCase
 from bristle.questions.method_validation.verdict import overall, verdict
 from bristle.simulation import edro
 from bristle.simulation.bench import steady_points
@@ -42,7 +42,7 @@ P = edro.TABLE_1["gripper rotation"].positive
 WIDE, EVEN, NONE_BELOW = range(3)
 
 
-def case_of(design: int, noise: float = 0.05, sign: float = 1.0) -> Case:
+def case_of(design: int, noise: float = 0.05, sign: float = 1.0) -> ValidationCase:
     """Gripper rotation (+) at one of the sweep's designs."""
     return next(
         c
@@ -56,7 +56,7 @@ def designs() -> list[str]:
     return list(dict.fromkeys(c.design for c in sweep().cases))
 
 
-def torques_of(case: Case, sets: int, seed: int = 0) -> Array:
+def torques_of(case: ValidationCase, sets: int, seed: int = 0) -> Array:
     """Simulated data sets, (n, sets)."""
     rng = np.random.default_rng(seed)
     return np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, sets).T)
@@ -114,7 +114,7 @@ def test_plain_grids_of_many_sets_are_those_of_each(
 def test_a_bound_is_kept_by_the_plain_grid_of_many_sets() -> None:
     """Where alpha_2 is zero, half of the free solutions are negative: both ways of the plain grid give the same bounded ones."""
     case = case_of(WIDE)
-    flat = Case(
+    flat = ValidationCase(
         label="",
         design="",
         truth=P.stribeck._replace(alpha_2=0.0),

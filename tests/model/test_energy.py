@@ -22,7 +22,7 @@ def acting_torque(z: float, v: float, pair: Pair[float]) -> float:
 
 def power(z: Array, v: Array, pair: Pair[float]) -> Array:
     """Power into the bristle spring, sigma_0 z v, W."""
-    stiffness = evaluate(functions.active(), z, v, *pair.positive, *pair.negative)[4]
+    stiffness = evaluate(functions.active_function(), z, v, *pair.positive, *pair.negative)[4]
     return stiffness * z * v
 
 
@@ -136,7 +136,7 @@ def test_only_a_set_that_is_not_passive_can_push_forward(table_set: Lugre[float]
     p = table_set
     v = np.geomspace(0.1, 1e4, 200)
     full = np.full(v.size, (p.alpha_0 + p.alpha_1) / p.sigma_0)
-    (torque,) = evaluate(functions.torque(), full, v, *p)
+    (torque,) = evaluate(functions.torque_function(), full, v, *p)
     assert bool(np.all(torque > 0)) == is_passive(p)
 
 

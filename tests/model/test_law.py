@@ -52,13 +52,13 @@ def test_steady_curve_has_its_limits(table_set: Lugre[float]) -> None:
 def test_steady_curve_is_linear_but_in_v_s(v: float, p: Lugre[float]) -> None:
     """T_ss is its own derivative times alpha_0, alpha_1, alpha_2 (11)-(12), and the Stribeck shape is the column of alpha_1."""
     static = p[:4]
-    (torque,) = evaluate(functions.steady_torque(), v, *static)
-    columns = evaluate(functions.steady_jacobian(), v, *static)
+    (torque,) = evaluate(functions.steady_torque_function(), v, *static)
+    columns = evaluate(functions.steady_jacobian_function(), v, *static)
     assert float(torque) == pytest.approx(
         float(sum(c * x for c, x in zip(columns[:3], static[:3], strict=True))), rel=1e-12
     )
-    (shape,) = evaluate(functions.stribeck_shape(), v, p.v_s)
-    again, slope = evaluate(functions.stribeck_shape_slope(), v, p.v_s)
+    (shape,) = evaluate(functions.stribeck_shape_function(), v, p.v_s)
+    again, slope = evaluate(functions.stribeck_shape_slope_function(), v, p.v_s)
     assert float(again) == float(shape)
     assert float(columns[1]) == pytest.approx(float(shape), rel=1e-12)
     assert float(columns[3]) == pytest.approx(p.alpha_1 * float(slope), rel=1e-12)
@@ -105,10 +105,12 @@ def test_motor_equations_agree(V: float, w: float, k_t: float, R: float, J: floa
     assert motor.drive_torque(V, w, m) == pytest.approx(k_t * i, rel=1e-12, abs=1e-300)
     assert motor.voltage(motor.drive_torque(V, w, m), w, m) == pytest.approx(V, abs=1e-12 * size)
     assert motor.acceleration(i, motor.drive_torque(V, w, m), m) == pytest.approx(0, abs=1e-12 * k_t * size / R / J)
-    assert float(evaluate(functions.drive_torque(), V, w, k_t, R)[0]) == pytest.approx(
+    assert float(evaluate(functions.drive_torque_function(), V, w, k_t, R)[0]) == pytest.approx(
         motor.drive_torque(V, w, m), abs=1e-12 * k_t * size / R
     )
-    assert float(evaluate(functions.voltage(), 1.0, w, k_t, R)[0]) == pytest.approx(motor.voltage(1.0, w, m), rel=1e-12)
+    assert float(evaluate(functions.voltage_function(), 1.0, w, k_t, R)[0]) == pytest.approx(
+        motor.voltage(1.0, w, m), rel=1e-12
+    )
 
 
 def test_units_are_those_of_the_equations() -> None:
@@ -139,9 +141,9 @@ def test_only_base_minus_violates_passivity(table_set: Lugre[float]) -> None:
 
 def test_each_function_is_built_once() -> None:
     """Two calls give the same object, with named inputs and outputs."""
-    assert functions.step() is functions.step()
-    assert functions.step().name_in() == ["v0", "v1", "h", *Lugre._fields]
-    assert functions.step_sensitivity().name_out()[:3] == ["a", "b", "a_alpha_0"]
+    assert functions.step_function() is functions.step_function()
+    assert functions.step_function().name_in() == ["v0", "v1", "h", *Lugre._fields]
+    assert functions.step_sensitivity_function().name_out()[:3] == ["a", "b", "a_alpha_0"]
     assert functions.step_parameters() == ("alpha_0", "alpha_1", "v_s", "sigma_0")
 
 

@@ -66,7 +66,7 @@ def line(t: float, v0: float, slope: float) -> float:
 def torque_error(velocity: Array, step: Array, p: Lugre[float], sigma_0: float, z: Array) -> float:
     """Largest error of the rollout's torque from the one that z gives, relative to the largest torque."""
     p = p._replace(sigma_0=sigma_0)
-    (expected,) = evaluate(functions.torque(), z, velocity, *p)
+    (expected,) = evaluate(functions.torque_function(), z, velocity, *p)
     return float(np.abs(rollout(velocity, step, p, z0=0.0).torque - expected).max() / np.abs(expected).max())
 
 
@@ -150,7 +150,7 @@ def test_rollout_is_odd(velocity: Array, p: Lugre[float], h: float) -> None:
 @given(v=st.floats(1e-3, 10), sign=st.sampled_from([-1, 1]), p=scaled, h=st.floats(1e-5, 1.0))
 def test_constant_velocity_stays_in_steady_state(v: float, sign: int, p: Lugre[float], h: float) -> None:
     """At constant velocity the default start is the steady state, and T_f is T_ss (9) throughout."""
-    (expected,) = evaluate(functions.steady_torque(), sign * v, *p[:4])
+    (expected,) = evaluate(functions.steady_torque_function(), sign * v, *p[:4])
     torque = rollout(np.full(20, sign * v), h, p).torque
     np.testing.assert_allclose(torque, float(expected), rtol=1e-9 * (1 + p.sigma_1 * v / p.alpha_0))
 
@@ -160,7 +160,9 @@ def test_steady_state_is_reached_from_rest(table_set: Lugre[float]) -> None:
     v = 0.05
     time = 40 * (table_set.alpha_0 + table_set.alpha_1) / (table_set.sigma_0 * v)
     torque = rollout(np.full(1001, v), time / 1000, table_set, z0=0.0).torque
-    assert torque[-1] == pytest.approx(float(evaluate(functions.steady_torque(), v, *table_set[:4])[0]), rel=1e-12)
+    assert torque[-1] == pytest.approx(
+        float(evaluate(functions.steady_torque_function(), v, *table_set[:4])[0]), rel=1e-12
+    )
 
 
 def test_at_rest_the_bristle_holds(gripper: Lugre[float]) -> None:
@@ -184,7 +186,9 @@ def test_empty_and_single_sample(gripper: Lugre[float]) -> None:
     """No sample gives empty arrays; one sample is the start, steady or given."""
     assert rollout(np.zeros(0), 1e-3, gripper).torque.shape == (0,)
     one = rollout(np.array([0.05]), np.zeros(0), gripper)
-    assert one.torque == pytest.approx(float(evaluate(functions.steady_torque(), 0.05, *gripper[:4])[0]), rel=1e-12)
+    assert one.torque == pytest.approx(
+        float(evaluate(functions.steady_torque_function(), 0.05, *gripper[:4])[0]), rel=1e-12
+    )
     assert rollout(np.array([0.05]), 1e-3, gripper, z0=2e-3).z[0] == 2e-3
 
 

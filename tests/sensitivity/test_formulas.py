@@ -83,7 +83,7 @@ velocities = st.floats(-3.0, 3.0).filter(lambda v: abs(v) > 1e-3)
 @given(deflections, velocities, sets)
 def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) -> None:
     """Each printed derivative of T_f, as text and as LaTeX, has the value of CasADi's own function anywhere."""
-    _, *slopes = (float(x) for x in functions.torque_sensitivity()(z, v, *p))
+    _, *slopes = (float(x) for x in functions.torque_sensitivity_function()(z, v, *p))
     for name, slope in zip(("z", *Lugre._fields), slopes, strict=True):
         formula = FORMULAS.partial[name]
         for written in (as_text(formula), python_of(as_latex(formula))):
@@ -94,7 +94,7 @@ def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) ->
 @given(velocities, sets)
 def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
     """Each printed derivative of the steady torque has the value of CasADi's; those by sigma_0 and sigma_1 are zero."""
-    slopes = [float(x) for x in functions.steady_jacobian()(v, *p[:4])]
+    slopes = [float(x) for x in functions.steady_jacobian_function()(v, *p[:4])]
     for name, slope in zip(Lugre._fields, [*slopes, 0.0, 0.0], strict=True):
         assert value(as_text(FORMULAS.steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 

@@ -14,8 +14,9 @@ import bristle
 from bristle import api
 from bristle.arrays import Array
 from bristle.identification.fisher import names_of
-from bristle.identification.identify import identify_joint, measure
+from bristle.identification.identify import identify_joint
 from bristle.identification.limits import limits_of
+from bristle.identification.measured import measure
 from bristle.model import functions
 from bristle.model.parameters import Kind, Lugre, Pair
 from bristle.model.rollout import rollout
@@ -26,7 +27,7 @@ from bristle.questions.sensitivity.figures import map_figure
 from bristle.questions.sensitivity.joint import RANGE, of_joint, within
 from bristle.questions.sensitivity.local import (
     FREQUENCIES,
-    Motion,
+    SineMotion,
     claimed,
     grid,
     local,
@@ -51,7 +52,7 @@ SLOW_SMALL = motion(0.02, 0.2)
 STEP = 1e-4
 """Relative, of the finite differences."""
 """Total shares in the order of `Lugre`, as docs/sensitivity.md has them."""
-DOCUMENTED: Mapping[Motion, tuple[str, ...]] = {
+DOCUMENTED: Mapping[SineMotion, tuple[str, ...]] = {
     PAPER: ("0.18", "0.0007", "0.83", "0.0014", "0.015", "0.008"),
     SLOW_SMALL: ("0.74", "0.20", "0.03", "0.03", "0.36", "0.005"),
 }
@@ -65,7 +66,7 @@ def moved(p: Lugre[float] | Pair[float], name: str, share: float) -> Lugre[float
 
 
 @pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
-def test_shares_are_the_documented_ones(at: Motion) -> None:
+def test_shares_are_the_documented_ones(at: SineMotion) -> None:
     """Over 10 s at 1 kHz from an undeflected bristle, every share rounds to the one of docs/sensitivity.md."""
     for figure, share in zip(DOCUMENTED[at], local(P, at).shares(), strict=True):
         digits = len(figure.partition(".")[2])
@@ -82,7 +83,7 @@ def test_the_claim_holds_for_the_papers_motion_and_not_for_small_ones() -> None:
 
 @pytest.mark.parametrize("p", [P, PAIR], ids=["one set", "a pair"])
 @pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
-def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | Pair[float], at: Motion) -> None:
+def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | Pair[float], at: SineMotion) -> None:
     """Each total derivative is the extrapolated central difference of the simulated torque, to 1e-6 of its norm."""
     velocity, found = at.course.velocity, local(p, at)
     for k, name in enumerate(Lugre._fields):
@@ -106,8 +107,12 @@ def test_partial_derivatives_are_differences_at_fixed_z(p: Lugre[float] | Pair[f
         def torque(share: float, name: str = name) -> Array:
             """T_f at this z with one parameter larger by a share."""
             q = moved(p, name, share)
-            acting = q if isinstance(q, Lugre) else evaluate(functions.active(), z, velocity, *q.positive, *q.negative)
-            return evaluate(functions.torque(), z, velocity, *acting)[0]
+            acting = (
+                q
+                if isinstance(q, Lugre)
+                else evaluate(functions.active_function(), z, velocity, *q.positive, *q.negative)
+            )
+            return evaluate(functions.torque_function(), z, velocity, *acting)[0]
 
         difference = (torque(STEP) - torque(-STEP)) / (2 * STEP)
         np.testing.assert_allclose(found.partial[:, k], difference, atol=1e-7 * np.abs(found.partial[:, k]).max())
@@ -115,12 +120,12 @@ def test_partial_derivatives_are_differences_at_fixed_z(p: Lugre[float] | Pair[f
 
 positive = st.floats(0.3, 3.0)
 sets = st.builds(lambda *x: Lugre(*(a * b for a, b in zip(P, x, strict=True))), *[positive] * 6)
-motions = st.builds(Motion, st.floats(0.003, 2.0), st.floats(0.1, 3.0), st.just(2.0), st.just(2e-3))
+motions = st.builds(SineMotion, st.floats(0.003, 2.0), st.floats(0.1, 3.0), st.just(2.0), st.just(2e-3))
 
 
 @FEW
 @given(sets, motions)
-def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: Motion) -> None:
+def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: SineMotion) -> None:
     """T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do.
 
     Their derivatives add up to T_f itself (Euler), total and partial.
@@ -134,11 +139,13 @@ def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: Motion) 
 
 @FEW
 @given(sets, motions, positive, positive, positive)
-def test_shares_do_not_depend_on_units(p: Lugre[float], at: Motion, mass: float, length: float, rate: float) -> None:
+def test_shares_do_not_depend_on_units(
+    p: Lugre[float], at: SineMotion, mass: float, length: float, rate: float
+) -> None:
     """In other units of torque, angle and time every share is the same."""
     units = (mass, mass, mass / (length * rate), length * rate, mass / length, mass / (length * rate))
     other = Lugre(*(x * u for x, u in zip(p, units, strict=True)))
-    scaled = Motion(at.amplitude * length, at.frequency * rate, at.duration / rate, at.period / rate)
+    scaled = SineMotion(at.amplitude * length, at.frequency * rate, at.duration / rate, at.period / rate)
     np.testing.assert_allclose(local(other, scaled).shares(), local(p, at).shares(), rtol=1e-6, atol=1e-12)
 
 

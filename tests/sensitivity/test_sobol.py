@@ -116,10 +116,10 @@ def test_steady_friction_is_additive() -> None:
 
     def torque(x: Array) -> Array:
         """(n, 3) -> (n, speeds)."""
-        return evaluate(functions.steady_torque(), speeds, *x.T[:, :, None], GRIPPER.v_s)[0]
+        return evaluate(functions.steady_torque_function(), speeds, *x.T[:, :, None], GRIPPER.v_s)[0]
 
     width = np.array([high - low for low, high in BOX.values()])
-    slopes = np.array(evaluate(functions.steady_jacobian(), speeds, *GRIPPER[:4])[:3])
+    slopes = np.array(evaluate(functions.steady_jacobian_function(), speeds, *GRIPPER[:4])[:3])
     for own, slope in zip(indices(torque, BOX, 8192), slopes.T, strict=True):
         exact = (slope * width) ** 2 / np.sum((slope * width) ** 2)
         for index in shares(own):

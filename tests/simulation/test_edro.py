@@ -7,7 +7,7 @@ import yaml
 
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.diagnostics import Kind
-from bristle.identification.identify import measure
+from bristle.identification.measured import measure
 from bristle.model.parameters import Pair, is_passive
 from bristle.simulation import bench, edro
 

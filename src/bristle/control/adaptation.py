@@ -112,7 +112,7 @@ class Learnt(NamedTuple):
     """P of least squares, row by row."""
 
 
-def start(adaptation: Adaptation) -> Learnt:
+def nothing_learnt(adaptation: Adaptation) -> Learnt:
     """Nothing learnt yet: gains of 1."""
     n = len(adaptation.parameters)
     rows = tuple(adaptation.gamma[i] if i == j else 0.0 for i in range(n) for j in range(n))
@@ -138,7 +138,7 @@ def gradient(
     """
     if adaptation.law == "printed":
         return tuple(printed(name, z, v, p) for name in adaptation.parameters)
-    T = functions.torque_sensitivity()(z, v, *effective(p, adaptation, learnt.theta))
+    T = functions.torque_sensitivity_function()(z, v, *effective(p, adaptation, learnt.theta))
     by = dict(zip(("T", "z", *Lugre._fields), T, strict=True))
     slopes = [by[name] for name in adaptation.parameters]
     if adaptation.law == "partial-theta":
@@ -163,7 +163,7 @@ def steady_gradient(adaptation: Adaptation, v: Array, p: Lugre[float]) -> Array:
 def _steady_gradient(adaptation: Adaptation) -> ca.Function:
     """(v, *Lugre) -> G of each adapted parameter, z and dz / d theta being steady."""
     v, p = ca.SX.sym("v"), Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
-    z, *by = functions.steady_deflection()(v, *p)
+    z, *by = functions.steady_deflection_function()(v, *p)
     slopes = dict(zip(Lugre._fields, by, strict=True))
     settled = tuple(slopes[name] * getattr(p, name) for name in adaptation.parameters)
     G = gradient(adaptation, z, v, p, Learnt((1.0,) * len(settled), settled, ()))

@@ -1,4 +1,4 @@
-"""Friction compensators with one interface, pure functions of their state: `start(compensator, parameters)`, then `step` at every sample.
+"""Friction compensators with one interface, pure functions of their state: `initial_state(compensator, parameters)`, then `step` at every sample.
 
     none              nothing
     coulomb           alpha_0 tanh(v / v_0)
@@ -20,8 +20,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import casadi as ca
 import numpy as np
 
-from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, learn
-from bristle.control.adaptation import start as nothing_learnt
+from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, learn, nothing_learnt
 from bristle.control.pid import differentiated
 from bristle.errors import InputError
 from bristle.model import functions, law
@@ -109,7 +108,7 @@ class CompensatorState(NamedTuple):
     """Empty where nothing adapts."""
 
 
-def start(compensator: Compensator, parameters: Pair[Any], position: Expression = 0.0) -> CompensatorState:
+def initial_state(compensator: Compensator, parameters: Pair[Any], position: Expression = 0.0) -> CompensatorState:
     """At rest at a position, rad, the bristle not bent, nothing learnt."""
     learnt = nothing_learnt(compensator.adaptation) if compensator.adaptation else Learnt((), (), ())
     return CompensatorState(parameters, 0.0, 0.0, position, learnt)
@@ -166,7 +165,7 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
         p = law.active(z, first + last, state.parameters)
         own = effective(p, a, learnt.theta) if a else p
         if a and a.law == "total":
-            by_z, rest, *by_p = functions.step_sensitivity()(first, last, part, *own)
+            by_z, rest, *by_p = functions.step_sensitivity_function()(first, last, part, *own)
             enter = functions.step_parameters()
             more = {n: by_p[i] * z + by_p[len(enter) + i] for i, n in enumerate(enter)}
             pairs = zip(a.parameters, slopes, strict=True)
@@ -178,7 +177,7 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
             z, first + last, state.parameters
         ).sigma_0  # where z has passed zero, that of its new side
         crossed = stiffness != p.sigma_0
-        other, slope = law.restiffened(z, rest / (1 - by_z + 1e-300), stiffness / p.sigma_0)
+        other, slope = law.rescaled_deflection(z, rest / (1 - by_z + 1e-300), stiffness / p.sigma_0)
         z, slopes = ca.if_else(crossed, other, z), tuple(ca.if_else(crossed, slope * s, s) for s in slopes)
     return z, learnt._replace(sensitivity=slopes)
 
@@ -192,7 +191,7 @@ def compiled(
     With `velocity` the measurement must hold one. A returned function keeps buffers of its own: one thread at a time.
     """
     gains = adapted_count(compensator)
-    memory, q = ca.SX.sym("memory", len(packed(start(compensator, pair_of([0.0] * 12))))), ca.SX.sym("pair", 12)
+    memory, q = ca.SX.sym("memory", len(packed(initial_state(compensator, pair_of([0.0] * 12))))), ca.SX.sym("pair", 12)
     inputs = ca.SX.sym("inputs", 6)
     state = unpacked(ca.vertsplit(memory), pair_of(ca.vertsplit(q)), gains)
     r, m, h = Reference(*ca.vertsplit(inputs[:3])), ca.vertsplit(inputs[3:5]), inputs[5]

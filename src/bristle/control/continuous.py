@@ -83,7 +83,7 @@ def _compensated(
 ) -> tuple[list[Expression], Expression, Expression]:
     """Of the compensator: the rates of its bristle, its gains and dz / d theta; the friction that it predicts, N*m; and its torque, N*m."""
     z, *learnt = own
-    state, forward = compensating.start(compensator, pair), compensator.inertia * r.acceleration
+    state, forward = compensating.initial_state(compensator, pair), compensator.inertia * r.acceleration
     if not compensator.name.startswith("lugre"):
         whole = replace(compensator, share=1.0, inertia=0.0)
         _, T = compensating.step(whole, state, r, m, inf)

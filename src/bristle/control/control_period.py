@@ -192,7 +192,7 @@ def named(case: Case, period: float) -> Numbers:
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """What the loop remembers at rest at its reference, rad."""
     control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
-    own = compensating.packed(compensating.start(options.compensator, _NO_FRICTION, position))
+    own = compensating.packed(compensating.initial_state(options.compensator, _NO_FRICTION, position))
     current = (0.0,) if options.inductance else ()
     return LoopMemory(STILL._replace(position=position), current, control, tuple(own), ((0.0, 0.0),) * options.delay)
 

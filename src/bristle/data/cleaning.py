@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.columns import Key
 from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals
-from bristle.data.experiment.yaml_file import Model
+from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
-from bristle.data.text_table import Table
+from bristle.data.text_table import RawTable
 from bristle.errors import InputError
 
 _TURN = 2 * np.pi
@@ -46,7 +46,7 @@ def keys_of(signals: Signals) -> dict[str, Key]:
 
 def make_record(
     file: str,
-    table: Table,
+    table: RawTable,
     signals: Signals,
     cleaning: Cleaning,
     context: Context,
@@ -79,7 +79,7 @@ def make_record(
 
 def make_points(
     file: str,
-    table: Table,
+    table: RawTable,
     signals: Signals,
     cleaning: Cleaning,
     context: Context,
@@ -95,7 +95,7 @@ def make_points(
     return _record(file, table, rows, (0,), labels or {})
 
 
-def _record(file: str, table: Table, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:
+def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:
     drive: dict[str, Any] = {("torque" if name == "current" else name): values for name, values in rows.data.items()}
     return Record(
         file=file,
@@ -109,12 +109,12 @@ def _record(file: str, table: Table, rows: _Rows, starts: tuple[int, ...], label
     )
 
 
-def _scaled(table: Table, signals: Signals, context: Context) -> _Rows:
+def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
     from bristle.data.units import factor
 
     data = {}
     for name, key in keys_of(signals).items():
-        signal: Model | None = getattr(signals, name)
+        signal: StrictModel | None = getattr(signals, name)
         times = (
             signal.factor(name, context)
             if isinstance(signal, Signal)
@@ -136,7 +136,7 @@ def _refuse_absurd(name: str, values: Array) -> None:
         )
 
 
-def _drop_non_finite(rows: _Rows, table: Table, cleaning: Cleaning) -> None:
+def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
     finite = np.ones(table.rows, dtype=bool)
     for name, values in rows.data.items():
         good = np.isfinite(values)

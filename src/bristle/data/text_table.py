@@ -36,7 +36,7 @@ BINARY = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class RawTable:
     """Columns of one file, each of shape (rows,), as logged: unscaled, and possibly not finite."""
 
     columns: Mapping[Key, Array]
@@ -45,7 +45,7 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
-def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Table:
+def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
     """The columns `keys` of a file; its suffix says which format: .mat, .npz, .parquet, and text for any other.
 
     Raises InputError in one sentence, opening with `shown` (or the path), where the file or a column cannot be read as numbers.
@@ -68,7 +68,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Tab
     rows = next(iter(lengths.values()), 0)
     if rows == 0 and keys:
         raise InputError(f"{name}: holds no row of numbers; expected a log with a row per sample")
-    return Table(columns=columns, rows=rows, sha256=digest, notes=notes)
+    return RawTable(columns=columns, rows=rows, sha256=digest, notes=notes)
 
 
 @contextmanager

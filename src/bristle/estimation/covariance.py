@@ -74,14 +74,14 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     weights = jacobian @ inner
     plain = inner * minimum.cost / max(n - p, 1)
     scores = weights[: n - priors] * rest[: n - priors, None]
-    stretch = np.array([inflation(score) for score in scores.T])
-    spread = np.einsum("np,np->p", scores, scores) * stretch * n / max(n - p, 1)
+    variance_inflation = np.array([inflation(score) for score in scores.T])
+    spread = np.einsum("np,np->p", scores, scores) * variance_inflation * n / max(n - p, 1)
     spread += problem.sigma**2 * np.einsum("np,np->p", weights[n - priors :], weights[n - priors :])
     spread = np.maximum(spread, 0.0 if priors else plain.diagonal())
     ratio = np.sqrt(spread / plain.diagonal())
     shared = np.isin(np.flatnonzero(known), problem.shared)
     widening = float(np.median(ratio[shared])) if shared.any() else 1.0
-    freedom = max(n / float(stretch[shared].max(initial=1.0)) - p, 1.0)
+    freedom = max(n / float(variance_inflation[shared].max(initial=1.0)) - p, 1.0)
     return _in_units(problem, minimum.x, known, spread, plain * np.outer(ratio, ratio), freedom, widening)
 
 

@@ -33,7 +33,7 @@ class MultistartSolution(NamedTuple, Generic[Name]):
     scaled_errors: Array
     covariance: Array
     freedom: float
-    stretch: float
+    widening: float
 
 
 def solve_from_starts(

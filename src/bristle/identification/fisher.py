@@ -51,7 +51,7 @@ class Information:
         errors, correlation = covariance(self.matrix)
         object.__setattr__(self, "standard_errors", errors)
         object.__setattr__(self, "correlation", correlation)
-        object.__setattr__(self, "unseen", directions(self.matrix, self.names))
+        object.__setattr__(self, "unseen", unseen_directions(self.matrix, self.names))
         freeze(self)
 
 
@@ -65,7 +65,7 @@ def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[fl
     """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,): (n, 4), ordered as `Stribeck`, or (n, 8) for a pair, the positive set first."""
     if not isinstance(p, Pair):
         law = p.stribeck if isinstance(p, Lugre) else p
-        return np.column_stack(evaluate(functions.steady_jacobian(), velocity, *law))
+        return np.column_stack(evaluate(functions.steady_jacobian_function(), velocity, *law))
     rows = [static_jacobian(velocity, one) for one in p]
     ways = np.asarray(velocity)[:, None] > 0, np.asarray(velocity)[:, None] < 0
     return np.hstack([row * way for row, way in zip(rows, ways, strict=True)])
@@ -142,7 +142,7 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
     return errors, correlation
 
 
-def directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]:
+def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]:
     """Directions that are hardly seen, in words, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
     size = np.sqrt(np.diag(matrix))
     said = [f"Nothing is seen of {name}." for name, s in zip(names, size, strict=True) if s == 0]

@@ -1,35 +1,30 @@
-"""From an experiment file to everything found out about its joint: reading, segments, static fits, cross-check."""
+"""From what an experiment measured to everything found out about its joint: static, presliding and moving fits, models."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from bristle.arrays import Array
-from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left, unit_mistake
-from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
+from bristle.data.constant_velocity.segments import Segment, unit_mistake
+from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.dynamic.priors import track
-from bristle.identification.model_selection import of_moving, of_points
+from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
+from bristle.identification.measured import Measured, nothing_to_fit
+from bristle.identification.model_selection import compare_on_motion, compare_on_points
 from bristle.identification.moving_runs import (
     DIRECTIONS,
-    gravity,
     refuse_mixed_rates,
-    refuse_opposing,
     refuse_opposing_runs,
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.presliding.fit import identify_presliding, with_damping
-from bristle.identification.presliding.stiffness import Level
+from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import (
-    Consistency,
     Crosscheck,
     Estimate,
     Input,
@@ -39,111 +34,66 @@ from bristle.identification.results import (
     StaticFit,
     TrackingFit,
 )
-from bristle.identification.static import problem
-from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.moving_data import fit_moving
+from bristle.identification.static.points import fit_points, points_problem
 from bristle.identification.static.problem import Regression
 from bristle.model.parameters import INERTIA, Direction, ParameterName
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
-    """What an experiment measured: its runs, and the segments of those at constant velocity."""
-
-    experiment: Experiment
-    runs: tuple[Run, ...]
-    segments: tuple[tuple[Segment, ...], ...]
-    """Per run; empty for moving data."""
-
-    def points(self, *, hold_out: bool) -> tuple[Segment, ...]:
-        """Accepted velocity-torque points of the runs that are, or are not, held out."""
-        pairs = zip(self.runs, self.segments, strict=True)
-        return tuple(s for run, found in pairs if run.hold_out == hold_out for s in found if s.accepted)
-
-    def moving(self, *, hold_out: bool) -> tuple[Record, ...]:
-        """Records of the moving runs that are, or are not, held out."""
-        return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
-
-    @property
-    def slow(self) -> tuple[Record, ...]:
-        """Records of the presliding runs that are fitted."""
-        return tuple(run.record for run in self.runs if run.kind == "presliding" and not run.hold_out)
-
-
-def measure(experiment: Experiment | Path | str) -> Measured:
-    """Read an experiment's runs and cut the constant-velocity ones into segments.
-
-    Raises InputError where a file cannot be read as declared, in one sentence.
-    """
-    experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
-    runs = read_runs(experiment)
-    _refuse_repeated(experiment, runs)
-    return Measured(experiment=experiment, runs=runs, segments=tuple(_segments(experiment, run) for run in runs))
+from bristle.progress import Progress
 
 
 def identify_joint(
     measured: Measured,
     timings: dict[str, float] | None = None,
     *,
-    second_route: bool = False,
+    crosscheck: bool = False,
     uncertainty: bool = False,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Joint:
     """Everything that an experiment tells of its joint, with intervals and warnings, cross-checked.
 
     Points at constant velocity give the static parameters where there are any, else the moving runs do, with their regressors; slow runs give the
     presliding ones; moving runs give all, alone and with the other stages as priors. Seconds spent are written into `timings` by name; they are no
-    part of the result. With `second_route` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its
+    part of the result. With `crosscheck` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its
     parameters get their intervals by profile and bootstrap too, as static and presliding ones always do, and `progress` is told how far that is.
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
     experiment = measured.experiment
-    training, held = measured.moving(hold_out=False), measured.moving(hold_out=True)
+    training = measured.moving(hold_out=False)
     if training:
-        refuse_mixed_rates([*training, *held])
+        refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)
     elif experiment.fit.predict == "position":
         raise InputError(
             f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
         )
-    points, slow = measured.points(hold_out=False), measured.slow
+    points = measured.points(hold_out=False)
     static, checks, left_out = _static(measured, points, timings)
-    alone, both, agree, presliding = None, None, tuple[Consistency, ...](), None
-    if slow and not training:
-        presliding = _presliding(experiment, slow, static)
+    stages = DynamicStages()
     if training:
-        started = perf_counter()
-        load = partial(_presliding, experiment, slow) if slow else None
-        alone, both, agree, presliding = track(
-            experiment,
-            training,
-            held,
+        stages = _moving(
+            measured,
             static,
-            load,
+            timings,
             static_is_apart=bool(points),
-            second_route=second_route,
+            crosscheck=crosscheck,
             uncertainty=uncertainty,
             progress=progress,
         )
-        if timings is not None:
-            timings["moving runs"] = perf_counter() - started
-        J = (both or alone).parameters.get(INERTIA)
-        if presliding is not None and experiment.inertia is None and J is not None and J.value:
-            known = Level(J.value, J.standard_error or 0.0, "the moving runs")
-            presliding = with_damping(presliding, known, experiment.joint.kind)
+    elif measured.slow:
+        stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,
         inputs=tuple(_input(run.record) for run in measured.runs),
-        segments=tuple(s for found in measured.segments for s in found),
+        segments=tuple(s for candidates in measured.segments for s in candidates),
         static=static,
         crosscheck=checks,
-        presliding=presliding,
-        tracking=alone,
-        joint_fit=both,
-        consistency=agree,
-        models=_models(measured, points, static, alone, timings),
+        presliding=stages.presliding,
+        tracking=stages.alone,
+        joint_fit=stages.joint,
+        consistency=stages.consistency,
+        models=_models(measured, points, static, stages.alone, timings),
         warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
         truth=experiment.truth,
         simulated=experiment.simulated,
@@ -152,19 +102,52 @@ def identify_joint(
     )
 
 
+def _moving(
+    measured: Measured,
+    static: Mapping[str, StaticFit],
+    timings: dict[str, float] | None,
+    *,
+    static_is_apart: bool,
+    crosscheck: bool,
+    uncertainty: bool,
+    progress: Progress | None,
+) -> DynamicStages:
+    """All parameters from the moving runs, beside the other stages; sigma_1 by (15) with their inertia, where no other is known."""
+    experiment, started = measured.experiment, perf_counter()
+    stages = fit_with_priors(
+        experiment,
+        measured.moving(hold_out=False),
+        measured.moving(hold_out=True),
+        static,
+        partial(_presliding, experiment, measured.slow) if measured.slow else None,
+        static_is_apart=static_is_apart,
+        crosscheck=crosscheck,
+        uncertainty=uncertainty,
+        progress=progress,
+    )
+    if timings is not None:
+        timings["moving runs"] = perf_counter() - started
+    fit = stages.joint or stages.alone
+    J = fit.parameters.get(INERTIA) if fit else None
+    if stages.presliding is None or experiment.inertia is not None or J is None or not J.value:
+        return stages
+    known = KnownValue(J.value, J.standard_error or 0.0, "the moving runs")
+    return stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
+
+
 def _static(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
     """Static fits and their cross-checks from the points, or else from the moving runs; and warnings about what was left out."""
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
-        return *_fit_points(measured, points, timings), ()
+        return *fit_points(measured, points, timings), ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)
         return fit_moving(measured.experiment, training, held, timings) if by_velocity else ({}, {}, ())
     if not measured.slow or kinds & {"ramp", "points"}:
-        raise InputError(_nothing_to_fit(measured))
+        raise InputError(nothing_to_fit(measured))
     return {}, {}, ()
 
 
@@ -176,171 +159,42 @@ def _models(
     timings: dict[str, float] | None,
 ) -> tuple[ModelComparison, ...]:
     """Friction models side by side, on the points and on the moving runs."""
-    experiment, started, found = measured.experiment, perf_counter(), list[ModelComparison | None]()
+    experiment, started = measured.experiment, perf_counter()
+    comparisons: list[ModelComparison | None] = []
     if points:
         held = measured.points(hold_out=True)
 
         def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
             """The regression of the points, and of those held out."""
             asked = tuple(r for r in asked if r != "inertia")
-            return _points_problem(points, directions, asked), [
-                _points_problem(own, directions, asked) for own in (held,) if own
-            ]
+            tests = [points_problem(held, directions, asked)] if held else []
+            return points_problem(points, directions, asked), tests
 
-        found.append(of_points(experiment, np.array([s.velocity for s in points]), pose, static))
+        comparisons.append(compare_on_points(experiment, np.array([s.velocity for s in points]), pose, static))
     if alone is not None:
         records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
-        found.append(of_moving(experiment, records, tests, {} if points else static, alone))
+        comparisons.append(compare_on_motion(experiment, records, tests, {} if points else static, alone))
     if timings is not None:
         timings["models"] = perf_counter() - started
-    return tuple(x for x in found if x is not None)
-
-
-def _nothing_to_fit(measured: Measured) -> str:
-    """Why no run can be fitted, one sentence."""
-    experiment = measured.experiment
-    pairs = zip(measured.runs, measured.segments, strict=True)
-    training = [(run, found) for run, found in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
-    if not training:
-        return f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
-    candidates = tuple(s for _, found in training for s in found)
-    return nothing_left(candidates, tuple(run.record for run, _ in training), experiment.segments)
-
-
-def _refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
-    """A run given twice would count twice, and a hold-out that was fitted is none."""
-    for k, run in enumerate(runs):
-        for other in runs[:k]:
-            a, b = run.record, other.record
-            same = a.sha256 == b.sha256 and run.kind == other.kind and a.time.size == b.time.size
-            if same and all(_equal(getattr(a, name), getattr(b, name)) for name in ("time", "torque", "velocity")):
-                what = "is held out and fitted as well" if run.hold_out != other.hold_out else "is given twice"
-                raise InputError(
-                    f"{experiment.path.name}: runs: {a.file} {what} (as {b.file}, the same bytes); name each run once"
-                )
-
-
-def _equal(a: Array | None, b: Array | None) -> bool:
-    return (a is None) == (b is None) and (a is None or b is None or np.array_equal(a, b))
-
-
-def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
-    if run.kind == "ramp":
-        return find_segments(run.record, experiment.segments, experiment.encoder_resolution)
-    return _given_points(run.record) if run.kind == "points" else ()
-
-
-_STILL = 1e-12
-"""Of the fastest point: a slower one is at rest, and its velocity rounding."""
-
-
-def _given_points(record: Record) -> tuple[Segment, ...]:
-    velocity, torque = record.velocity, record.torque
-    if velocity is None or torque is None:
-        raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
-    moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
-    return tuple(
-        Segment(
-            file=record.file,
-            start=k,
-            stop=k + 1,
-            velocity=float(v),
-            torque=float(t),
-            standard_error=None,
-            accepted=bool(moves),
-            reasons=() if moves else (Kind.POINT_AT_REST(),),
-            labels=record.labels,
-            position=None if record.position is None else float(record.position[k]),
-        )
-        for k, (v, t, moves) in enumerate(zip(velocity, torque, moving, strict=True))
-    )
-
-
-def _fit_points(
-    measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    experiment = measured.experiment
-    regressors = tuple(experiment.fit.regressors or ())
-    if measured.moving(hold_out=False):  # which can tell the inertia, as points cannot
-        regressors = tuple(r for r in regressors if r != "inertia")
-    if "inertia" in regressors:
-        raise InputError(
-            f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
-            "leave it out, or give the runs as experiment: tracking"
-        )
-    held = measured.points(hold_out=True)
-    if experiment.fit.directions == "symmetric":
-        groups: list[tuple[tuple[str, ...], tuple[Segment, ...]]] = [(("both",), tuple(points))]
-    else:
-        groups = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
-        groups = [(d, own) for d, own in groups if own]
-        if regressors and len(groups) == 2:  # what both directions share comes from one solve
-            groups = [(tuple(DIRECTIONS), tuple(points))]
-    static: dict[str, StaticFit] = {}
-    checks: dict[str, Crosscheck] = {}
-    for d, sign in DIRECTIONS.items() if not regressors else ():
-        v, T = (np.array([getattr(s, x) for s in points if s.velocity * sign > 0]) for x in ("velocity", "torque"))
-        refuse_opposing(experiment, v, T, f"at the {v.size} points of direction {d}")
-    for directions, own in groups:
-        signs = [DIRECTIONS[d] for d in directions if d in DIRECTIONS] or list(DIRECTIONS.values())
-        by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
-        tests = [(file, _points_problem(s, directions, regressors)) for file, s in by_file.items() if s]
-        fits, checked = fit_static(
-            _points_problem(own, directions, regressors),
-            experiment.fit,
-            experiment.joint.kind,
-            _where(own),
-            tests,
-            timings,
-        )
-        static |= fits
-        checks |= checked
-    return static, checks
-
-
-def _points_problem(points: Sequence[Segment], directions: tuple[str, ...], regressors: Sequence[str]) -> Regression:
-    extra: dict[str, Array] = {}
-    if "offset" in regressors:
-        extra["offset"] = np.ones(len(points))
-    if "gravity" in regressors:
-        if any(s.position is None for s in points):
-            raise InputError(
-                "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
-            )
-        extra |= gravity(np.array([s.position for s in points], dtype=float))
-    velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
-    return problem.from_points(velocity, torque, directions, extra)
-
-
-def _where(points: Sequence[Segment]) -> PointInfo:
-    def known(values: list[float | None]) -> Array:
-        """The values, or none of them where any is missing."""
-        return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
-
-    alone = len({s.file for s in points})  # a run of one point has no course over time
-    return PointInfo(
-        segments=tuple(points),
-        time=known([s.time for s in points]) if alone < len(points) else np.zeros(0),
-        position=known([s.position for s in points]),
-    )
+    return tuple(x for x in comparisons if x is not None)
 
 
 def _presliding(
     experiment: Experiment, slow: Sequence[Record], fit: Mapping[str, StaticFit] | TrackingFit
 ) -> Presliding:
     """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
-    levels = {d: level for d in DIRECTIONS if (level := _level(fit, d)) is not None}
+    levels = {d: level for d in DIRECTIONS if (level := _breakaway_torque(fit, d)) is not None}
     J = experiment.inertia
-    known = None if J is None else Level(J.value, J.standard_error or 0.0, "the experiment file")
+    known = None if J is None else KnownValue(J.value, J.standard_error or 0.0, "the experiment file")
     return identify_presliding(
         slow, levels, known, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
     )
 
 
-def _level(found: Mapping[str, StaticFit] | TrackingFit, direction: str) -> Level | None:
+def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: str) -> KnownValue | None:
     """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives; alpha_0 alone where no Stribeck term was seen."""
-    moving = isinstance(found, TrackingFit)
-    fit = found if isinstance(found, TrackingFit) else found.get(direction) or found.get("both")
+    moving = isinstance(fits, TrackingFit)
+    fit = fits if isinstance(fits, TrackingFit) else fits.get(direction) or fits.get("both")
     if fit is None:
         return None
     estimates: Mapping[Any, Estimate] = fit.parameters
@@ -356,7 +210,7 @@ def _level(found: Mapping[str, StaticFit] | TrackingFit, direction: str) -> Leve
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
     source = "the moving runs" if moving else "the static fit"
-    return Level(
+    return KnownValue(
         value,
         error,
         source if len(terms) == 2 else f"alpha_0 of {source}, which {'show' if moving else 'shows'} no peak",
@@ -378,7 +232,7 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_point
     experiment, warnings = measured.experiment, []
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
-        tried = sum(s.velocity * DIRECTIONS[other] > 0 for found in measured.segments for s in found)
+        tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
         why = Kind.NONE_KEPT(tried=tried) if tried else Kind.NOT_MEASURED()
         warnings.append(Kind.DIRECTION_UNKNOWN(direction=other, why=why))
     warnings += _segment_warnings(measured)

@@ -155,7 +155,9 @@ class KnownJoint:
         if "sigma_0" in missing:
             values["sigma_0"] = values["alpha_0"] / (DEFLECTION * way)
         if "sigma_1" in missing:
-            values["sigma_1"] = float(evaluate(functions.presliding_damping(), values["sigma_0"], J, DAMPING_RATIO)[0])
+            values["sigma_1"] = float(
+                evaluate(functions.presliding_damping_function(), values["sigma_0"], J, DAMPING_RATIO)[0]
+            )
         return Lugre(**values)
 
     def pair(self, way: float, J: float) -> Pair[float]:

@@ -1,14 +1,14 @@
 """Within which limits to plan: as the experiment file declares them, else as far as the measured runs went, which is said."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Run
 from bristle.errors import InputError
-from bristle.identification.identify import Measured
-from bristle.model.parameters import unit
+from bristle.identification.measured import Measured
+from bristle.model.parameters import Kind, unit
 
 HOLD = 3.0
 """Time over which a constant velocity is averaged where no run shows any, s; measured holds count from `_HOLDS[0]` to `_HOLDS[1]` s."""
@@ -62,38 +62,18 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
     Raises InputError where declared limits leave no speed to choose, or no time.
     """
     experiment, asked = measured.experiment, measured.experiment.plan
-    kind = experiment.joint.kind
-    said: list[str] = []
-
-    def taken(declared: float | None, found: float, name: str, what: str, source: str, si: str = "") -> float:
-        """The declared value, or what was found, which is then said."""
-        if declared is not None:
-            return declared
-        found = float(f"{found:.3g}")
-        said.append(f"{what}: {found:g} {unit(si, kind) if si else 's'}, {source}; give plan.{name}.")
-        return found
-
     points = [s for s in measured.points(hold_out=False) if not s.stick_slip]
-    speeds = np.abs([s.velocity for s in points]) if points else np.zeros(0)
-    fastest = float(speeds.max()) if speeds.size else _largest(measured.runs, "velocity")
-    velocity = taken(asked.velocity, fastest, "velocity", "Fastest speed", "the fastest measured", "velocity")
-    slowest = taken(
-        asked.minimum_velocity,
-        min(float(speeds.min()), 0.5 * velocity) if speeds.size else _SLOW_SHARE * velocity,
-        "minimum_velocity",
-        "Slowest constant speed",
-        "the slowest measured that did not stick and slip"
-        if speeds.size
-        else f"{_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive begins to stick and slip",
-        "velocity",
-    )
-    hold = taken(asked.hold, _hold(measured), "hold", "Averaged over", "the usual hold so far" if points else "a guess")
+    choice = _Choice(experiment.joint.kind)
+    slowest, velocity = _constant_speeds(measured, np.abs([s.velocity for s in points]), choice)
+    usual = "the usual hold so far" if points else "a guess"
+    hold = choice.taken(asked.hold, _hold(measured), "hold", "Averaged over", usual)
+    position = asked.position or _span(measured, velocity * 1.5 * hold, choice.sentences)
     acceleration = _largest(measured.runs, "acceleration")
     limits = Limits(
-        position=asked.position or _span(measured, velocity * 1.5 * hold, said),
+        position=position,
         slowest=slowest,
         velocity=velocity,
-        acceleration=taken(
+        acceleration=choice.taken(
             asked.acceleration,
             acceleration or velocity / _REACH,
             "acceleration",
@@ -101,7 +81,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
             "the largest measured" if acceleration else f"{_REACH:g} s from rest to the fastest speed",
             "acceleration",
         ),
-        torque=taken(
+        torque=choice.taken(
             asked.torque,
             _largest(measured.runs, "torque"),
             "torque",
@@ -116,13 +96,50 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
         rate=asked.rate,
     )
     if "rate" not in asked.model_fields_set:
-        said.append(f"Rate of the references: {asked.rate:g} Hz, a default; give plan.rate.")
-    if not limits.slowest < limits.velocity:
+        choice.sentences.append(f"Rate of the references: {asked.rate:g} Hz, a default; give plan.rate.")
+    return limits, tuple(choice.sentences)
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """Takes what is declared, else what was measured, which it says."""
+
+    kind: Kind
+    sentences: list[str] = field(default_factory=list)
+
+    def taken(self, declared: float | None, seen: float, name: str, what: str, source: str, si: str = "") -> float:
+        """The declared value of `plan.name`, or the one seen, to three digits; `si` is whose unit it has, s if no one's."""
+        if declared is not None:
+            return declared
+        seen = float(f"{seen:.3g}")
+        self.sentences.append(f"{what}: {seen:g} {unit(si, self.kind) if si else 's'}, {source}; give plan.{name}.")
+        return seen
+
+
+def _constant_speeds(measured: Measured, speeds: Array, choice: _Choice) -> tuple[float, float]:
+    """The slowest and the fastest constant speed, rad/s; `speeds`, (n,), are those measured that did not stick and slip.
+
+    Raises InputError where they leave nothing between them.
+    """
+    experiment, asked = measured.experiment, measured.experiment.plan
+    fastest = float(speeds.max()) if speeds.size else _largest(measured.runs, "velocity")
+    velocity = choice.taken(asked.velocity, fastest, "velocity", "Fastest speed", "the fastest measured", "velocity")
+    slowest = choice.taken(
+        asked.minimum_velocity,
+        min(float(speeds.min()), 0.5 * velocity) if speeds.size else _SLOW_SHARE * velocity,
+        "minimum_velocity",
+        "Slowest constant speed",
+        "the slowest measured that did not stick and slip"
+        if speeds.size
+        else f"{_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive begins to stick and slip",
+        "velocity",
+    )
+    if not slowest < velocity:
         raise InputError(
-            f"{experiment.path.name}: plan: the slowest constant speed, {limits.slowest:g}, is not below the fastest, {limits.velocity:g}; "
+            f"{experiment.path.name}: plan: the slowest constant speed, {slowest:g}, is not below the fastest, {velocity:g}; "
             "give plan.minimum_velocity and plan.velocity"
         )
-    return limits, tuple(said)
+    return slowest, velocity
 
 
 def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Limits, tuple[str, ...]]:
@@ -171,17 +188,17 @@ def _hold(measured: Measured) -> float:
     return float(np.clip(np.median(spans), *_HOLDS)) if spans else HOLD
 
 
-def _span(measured: Measured, wanted: float, said: list[str]) -> tuple[float, float]:
+def _span(measured: Measured, wanted: float, sentences: list[str]) -> tuple[float, float]:
     """From the lowest to the highest position of all runs, or as far as the fastest hold asks for where no run has positions."""
     q = unit("position", measured.experiment.joint.kind)
-    found: list[Array] = [run.record.position for run in measured.runs if run.record.position is not None]
-    if not found:
-        said.append(
+    positions: list[Array] = [run.record.position for run in measured.runs if run.record.position is not None]
+    if not positions:
+        sentences.append(
             f"Positions: 0 to {wanted:.3g} {q}, what the fastest hold asks for: no run has positions; give plan.position."
         )
         return 0.0, float(f"{wanted:.3g}")
-    low, high = min(float(x.min()) for x in found), max(float(x.max()) for x in found)
-    said.append(
+    low, high = min(float(x.min()) for x in positions), max(float(x.max()) for x in positions)
+    sentences.append(
         f"Positions: {low:.3g} to {high:.3g} {q}, as far as the measured runs went, counted as they do; give plan.position."
     )
     return low, high

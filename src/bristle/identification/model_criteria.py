@@ -45,11 +45,11 @@ def power_of(x: Array) -> float:
     return float(x @ x)
 
 
-def compared(
+def rank_models(
     data: Literal["points", "moving runs"],
     found: Sequence[Candidate],
     held_by: str,
-    stretch: float,
+    variance_inflation: float,
     power: float,
     static: Mapping[str, StaticFit],
     alone: TrackingFit | None,
@@ -61,7 +61,7 @@ def compared(
         data: what the equations are about.
         found: the candidates, on the same n equations.
         held_by: what their `hold_out` is about.
-        stretch: n over the number of independent equations.
+        variance_inflation: n over the number of independent equations.
         power: sum of squares of what they explain, (N*m)**2.
         static: static fits of these data.
         alone: the fit of all parameters to these data.
@@ -70,7 +70,7 @@ def compared(
     if not found:
         return None
     n = found[0].residuals.size
-    scores = [_scores(c, n / stretch, power) for c in found]
+    scores = [_scores(c, n / variance_inflation, power) for c in found]
     lowest_aicc = min((aicc for aicc, _ in scores if aicc is not None), default=0.0)
     lowest_bic = min(bic for _, bic in scores)
     kept, seen = _keeps_stribeck(static, alone), alone is not None and _sees_bristle(alone)
@@ -94,7 +94,7 @@ def compared(
     return ModelComparison(
         data=data,
         n=n,
-        effective=n / stretch,
+        effective=n / variance_inflation,
         hold_out_by=held_by,
         rows=rows,
         sentence=_sentence(rows, static, kept=kept),

@@ -14,7 +14,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.multistart import with_deflections
-from bristle.identification.dynamic.problem import Tracking, tracking
+from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.model_criteria import (
     APART,
@@ -25,8 +25,8 @@ from bristle.identification.model_criteria import (
     SYMMETRIC,
     VISCOUS,
     Candidate,
-    compared,
     power_of,
+    rank_models,
 )
 from bristle.identification.moving_runs import DIRECTIONS, inertia, regressors
 from bristle.identification.results import ModelComparison, StaticFit, TrackingFit
@@ -45,7 +45,7 @@ Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Reg
 _OFFSET = ParameterName("offset", Direction.SHARED)
 
 
-def of_points(
+def compare_on_points(
     experiment: Experiment, velocity: Array, pose: Pose, static: Mapping[str, StaticFit]
 ) -> ModelComparison | None:
     """The models on points at constant velocity, where LuGre is its Stribeck curve (9); None where no model can be fitted.
@@ -61,10 +61,10 @@ def of_points(
     found, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
     held = bool(pose(("both",), ())[1])
     said = (*left, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart.")
-    return compared("points", found, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, said)
+    return rank_models("points", found, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, said)
 
 
-def of_moving(
+def compare_on_motion(
     experiment: Experiment,
     records: Sequence[Record],
     held: Sequence[Record],
@@ -108,8 +108,10 @@ def of_moving(
             if not c.settled
         ),
     )
-    stretch = inflation(min((c.residuals for c in found), key=power_of, default=np.zeros(0)))
-    return compared("moving runs", found, HELD if held else "", stretch, _measured(pose), static, alone, left)
+    variance_inflation = inflation(min((c.residuals for c in found), key=power_of, default=np.zeros(0)))
+    return rank_models(
+        "moving runs", found, HELD if held else "", variance_inflation, _measured(pose), static, alone, left
+    )
 
 
 def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, moving: bool) -> tuple[str, ...]:
@@ -233,9 +235,9 @@ def _refitted(
     """LuGre in other directions than those of the fit, from where that fit ended, by a few steps."""
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
 
-    def posed(chosen: Sequence[Record]) -> Tracking:
+    def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
-        whole = tracking(chosen, directions, asked, experiment.fit.decimation, fixed)
+        whole = dynamic_problem(chosen, directions, asked, experiment.fit.decimation, fixed)
         return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
 
     problem = posed(records)
@@ -252,7 +254,7 @@ def _refitted(
     )
 
 
-def _carried(problem: Tracking, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
+def _carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
     """Values of one problem by the names of another: one set for both directions, or the geometric mean of two; 0 for what is not known.
 
     An offset and half the difference of the two Coulomb terms are the same thing, and become one another.

@@ -15,21 +15,21 @@ from bristle.model.parameters import Lugre, Motor, Pair, Stribeck
 
 
 @cache
-def steady_torque() -> ca.Function:
+def steady_torque_function() -> ca.Function:
     """(v, *Stribeck) -> T: the steady curve T_ss(v) of (9), N*m."""
     v, p, T = _steady()
     return _function("steady_torque", {"v": v, **p}, {"T": T})
 
 
 @cache
-def steady_jacobian() -> ca.Function:
+def steady_jacobian_function() -> ca.Function:
     """(v, *Stribeck) -> the derivative of T_ss(v) (9) with respect to each, named `T_alpha_0` and so on."""
     v, p, T = _steady()
     return _function("steady_jacobian", {"v": v, **p}, _derivatives("T", T, p))
 
 
 @cache
-def linear_shapes() -> ca.Function:
+def linear_shapes_function() -> ca.Function:
     """(v) -> (T_alpha_0, T_alpha_2): what multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12)."""
     v, p, T = _steady()
     return _function(
@@ -38,14 +38,14 @@ def linear_shapes() -> ca.Function:
 
 
 @cache
-def stribeck_shape() -> ca.Function:
+def stribeck_shape_function() -> ca.Function:
     """(v, v_s) -> s: what multiplies alpha_1 in (9), dimensionless."""
     v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
     return _function("stribeck_shape", {"v": v, "v_s": v_s}, {"s": law.stribeck_shape(v, v_s)})
 
 
 @cache
-def stribeck_shape_slope() -> ca.Function:
+def stribeck_shape_slope_function() -> ca.Function:
     """(v, v_s) -> (s, s_v_s): `stribeck_shape` with its derivative with respect to v_s, s/rad."""
     v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
     s = law.stribeck_shape(v, v_s)
@@ -53,7 +53,7 @@ def stribeck_shape_slope() -> ca.Function:
 
 
 @cache
-def loading_displacement() -> ca.Function:
+def loading_displacement_function() -> ca.Function:
     """(T, g0, sigma_0) -> (y, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
     s = _symbols("T", "g0", "sigma_0")
     y = law.loading_displacement(**s)
@@ -62,7 +62,7 @@ def loading_displacement() -> ca.Function:
 
 
 @cache
-def loading_slope() -> ca.Function:
+def loading_slope_function() -> ca.Function:
     """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `loading_displacement` with the derivative by the torque as well."""
     s = _symbols("T", "g0", "sigma_0")
     y = law.loading_displacement(**s)
@@ -70,7 +70,7 @@ def loading_slope() -> ca.Function:
 
 
 @cache
-def presliding_damping() -> ca.Function:
+def presliding_damping_function() -> ca.Function:
     """(sigma_0, J, damping_ratio) -> (sigma_1, sigma_1_sigma_0, sigma_1_J): (15) for any damping ratio, with its derivatives."""
     s = _symbols("sigma_0", "J", "damping_ratio")
     sigma_1 = law.presliding_damping(s["sigma_0"], s["J"], s["damping_ratio"])
@@ -79,21 +79,21 @@ def presliding_damping() -> ca.Function:
 
 
 @cache
-def drive_torque() -> ca.Function:
+def drive_torque_function() -> ca.Function:
     """(V, w, k_t, R) -> T: the torque that voltage V drives at velocity w (7)-(8), N*m."""
     s = _symbols("V", "w", "k_t", "R")
     return _function("drive_torque", s, {"T": motor.drive_torque(s["V"], s["w"], Motor(s["k_t"], s["R"], 0.0, 0.0))})
 
 
 @cache
-def voltage() -> ca.Function:
+def voltage_function() -> ca.Function:
     """(T, w, k_t, R) -> V: the voltage that drives torque T at velocity w, the inverse of (7)-(8), V."""
     s = _symbols("T", "w", "k_t", "R")
     return _function("voltage", s, {"V": motor.voltage(s["T"], s["w"], Motor(s["k_t"], s["R"], 0.0, 0.0))})
 
 
 @cache
-def faded_sine() -> ca.Function:
+def faded_sine_function() -> ca.Function:
     """(t, amplitude, frequency, phase, duration, rest) -> (x, x_t, x_tt): a sine that is faded in and out over `rest`, and its derivatives by t."""
     s = _symbols("t", "amplitude", "frequency", "phase", "duration", "rest")
     r = ca.fmin(ca.fmax(ca.fmin(s["t"], s["duration"] - s["t"]) / s["rest"], 0), 1)
@@ -103,14 +103,14 @@ def faded_sine() -> ca.Function:
 
 
 @cache
-def torque() -> ca.Function:
+def torque_function() -> ca.Function:
     """(z, v, *Lugre) -> T: the friction torque T_f of (3)-(5), N*m."""
     s, p = _symbols("z", "v"), _lugre()
     return _function("torque", {**s, **p._asdict()}, {"T": law.torque(s["z"], s["v"], p)})
 
 
 @cache
-def torque_sensitivity() -> ca.Function:
+def torque_sensitivity_function() -> ca.Function:
     """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1): T_f with its partial derivatives, each at fixed other arguments."""
     s, p = _symbols("z", "v"), _lugre()
     T = law.torque(s["z"], s["v"], p)
@@ -120,7 +120,7 @@ def torque_sensitivity() -> ca.Function:
 
 
 @cache
-def steady_deflection() -> ca.Function:
+def steady_deflection_function() -> ca.Function:
     """(v, *Lugre) -> (z, z_alpha_0, ..., z_sigma_1): the deflection where dz/dt = 0, rad, with its derivatives."""
     v, p = ca.SX.sym("v"), _lugre()
     z = law.steady_deflection(v, p)
@@ -128,7 +128,7 @@ def steady_deflection() -> ca.Function:
 
 
 @cache
-def step() -> ca.Function:
+def step_function() -> ca.Function:
     """(v0, v1, h, *Lugre) -> (a, b): the bristle step z(t + h) = a z(t) + b of `law.bristle_step`."""
     inputs, _, outputs = _step()
     return _function("step", inputs, outputs)
@@ -143,7 +143,7 @@ def step_parameters() -> tuple[str, ...]:
 
 
 @cache
-def step_sensitivity() -> ca.Function:
+def step_sensitivity_function() -> ca.Function:
     """(v0, v1, h, *Lugre) -> (a, b, a_p..., b_p...): the step with its derivatives, p running over `step_parameters`."""
     inputs, p, outputs = _step()
     free = {name: getattr(p, name) for name in step_parameters()}
@@ -152,7 +152,7 @@ def step_sensitivity() -> ca.Function:
 
 
 @cache
-def active() -> ca.Function:
+def active_function() -> ca.Function:
     """(z, v, *positive, *negative) -> *Lugre: the set of a pair that acts at (z, v), by `law.active`."""
     s, pair = _symbols("z", "v"), Pair(_lugre("_positive"), _lugre("_negative"))
     inputs = {x.name(): x for x in (*s.values(), *pair.positive, *pair.negative)}

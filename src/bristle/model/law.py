@@ -90,7 +90,7 @@ def active(z: Expression, v: Expression, pair: Pair[Any]) -> Lugre[Any]:
     return Lugre(*by_v)._replace(sigma_0=ca.if_else(z < 0, negative.sigma_0, positive.sigma_0))
 
 
-def restiffened(z: Expression, z_ss: Expression, harder: Expression) -> tuple[Expression, Expression]:
+def rescaled_deflection(z: Expression, z_ss: Expression, harder: Expression) -> tuple[Expression, Expression]:
     """Where a bristle is that rose from zero to z towards z_ss, had it been `harder` times as stiff on the way; rad, and its derivative by z.
 
     While g is constant dz/dt = abs(v) (1 - z / z_ss) has z = z_ss (1 - exp(-way / z_ss)), and z_ss is as much smaller as the bristle is harder.

@@ -10,7 +10,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair
-from bristle.model.time_refinement import Nodes, refined
+from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan
 
 SAMPLES = 200
@@ -46,12 +46,12 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
 def _period(amplitude: float, frequency: float, v_s: float, samples: int) -> Nodes:
     """One period of the velocity from its largest value on, with nodes as close at low speed as the smallest v_s asks for."""
     v = 2 * pi * frequency * amplitude * np.cos(2 * pi * np.arange(samples + 1) / samples)
-    return refined(Nodes(v, 1 / (frequency * samples), slice(0, samples + 1)), v_s)
+    return with_extra_nodes(Nodes(v, 1 / (frequency * samples), slice(0, samples + 1)), v_s)
 
 
 def _rms(pair: Pair[Array], nodes: Nodes) -> Array:
     z = _deflection(pair, nodes)
-    (T,) = evaluate(functions.torque(), z, nodes.v, *_acting(pair, z, nodes.v))
+    (T,) = evaluate(functions.torque_function(), z, nodes.v, *_acting(pair, z, nodes.v))
     h = np.broadcast_to(nodes.h, nodes.v.size - 1)
     mean: Array = (T[:, :-1] ** 2 + T[:, 1:] ** 2) @ h / (2 * h.sum())
     return np.sqrt(mean)
@@ -60,11 +60,11 @@ def _rms(pair: Pair[Array], nodes: Nodes) -> Array:
 def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:
     """The periodic z at the nodes, (m, N): repeated with the signs that it had, for sigma_0 is that of the sign of z."""
     heading = np.sign(nodes.heading)
-    a, b = evaluate(functions.step(), *nodes.steps, *_acting(pair, heading, nodes.heading))
+    a, b = evaluate(functions.step_function(), *nodes.steps, *_acting(pair, heading, nodes.heading))
     z = _closed(a, b)
     for _ in range(_PASSES):
         signs, before = np.where(z[:, :-1] == 0, heading, np.sign(z[:, :-1])), z
-        a, b = evaluate(functions.step(), *nodes.steps, *_acting(pair, signs, nodes.heading))
+        a, b = evaluate(functions.step_function(), *nodes.steps, *_acting(pair, signs, nodes.heading))
         z = _closed(a, b)
         if (np.abs(z - before).max(axis=1) <= _STILL * np.abs(z).max(axis=1)).all():
             break
@@ -85,4 +85,4 @@ def _scanned(a: Array, b: Array, z0: Array) -> Array:
 
 
 def _acting(pair: Pair[Array], z: Array, v: Array) -> tuple[Array, ...]:
-    return evaluate(functions.active(), z, v, *pair.positive, *pair.negative)
+    return evaluate(functions.active_function(), z, v, *pair.positive, *pair.negative)

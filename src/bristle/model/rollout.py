@@ -12,7 +12,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair
-from bristle.model.time_refinement import Index, Nodes, inserted, refined
+from bristle.model.time_refinement import Index, Nodes, inserted, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan, vectorised
 
 _CHUNK = 15_000
@@ -49,7 +49,7 @@ class RolloutJacobian(Rollout):
 
 
 def rollout(
-    velocity: Array, step: float | Array, parameters: _Parameters, z0: float | None = None, rough: float = 1.0
+    velocity: Array, step: float | Array, parameters: _Parameters, z0: float | None = None, coarsening: float = 1.0
 ) -> Rollout:
     """Bristle deflection and friction torque (3)-(5) along a velocity that is linear between its samples.
 
@@ -58,16 +58,16 @@ def rollout(
         step: time between samples, s, > 0: scalar or (n - 1,).
         parameters: one set, or a pair of sets: sigma_0 by the sign of z, all others by the sign of v.
         z0: deflection at the first sample, rad; by default the steady one for the first velocity, 0 where that is 0.
-        rough: how many times farther apart than usual nodes may stand between samples; 10 is quick, and good for a start.
+        coarsening: how many times farther apart than usual nodes may stand between samples; 10 is quick, and good for a start.
 
     Raises:
         ValueError: where velocity is not a finite (n,) array, or step is not positive or of another length.
     """
     velocity, step = _checked(velocity, step)
     z_all, torque = np.empty((2, velocity.size))
-    advance, friction = vectorised(functions.step()), vectorised(functions.torque())
+    advance, friction = vectorised(functions.step_function()), vectorised(functions.torque_function())
     z = _start(velocity, parameters)[0] if z0 is None else z0
-    for at, drawn in _chunks(velocity, step, parameters, rough):
+    for at, drawn in _chunks(velocity, step, parameters, coarsening):
         nodes, signs = _settled(drawn, z, parameters)
         a, b = advance(*nodes.steps, *_acting_over(parameters, signs, nodes))
         inside = scan(a, b, z)
@@ -99,7 +99,7 @@ def rollout_into(
     step: float | Array,
     parameters: _Parameters,
     z0: float | None = None,
-    rough: float = 1.0,
+    coarsening: float = 1.0,
 ) -> Rollout:
     """The rollout, and its derivatives written to `rows`: (n,) for each of the 6 or 12 parameters, then for z0.
 
@@ -107,13 +107,16 @@ def rollout_into(
     """
     velocity, step = _checked(velocity, step)
     names = functions.step_parameters()
-    advance, friction = vectorised(functions.step_sensitivity()), vectorised(functions.torque_sensitivity())
+    advance, friction = (
+        vectorised(functions.step_sensitivity_function()),
+        vectorised(functions.torque_sensitivity_function()),
+    )
     enters = _positions(names, parameters)
     z_all, torque = np.empty((2, velocity.size))
     *by_parameters, by_z0 = rows
     z, carry = _start(velocity, parameters) if z0 is None else (z0, np.zeros(enters.size))
     faded = 1.0
-    for at, drawn in _chunks(velocity, step, parameters, rough):
+    for at, drawn in _chunks(velocity, step, parameters, coarsening):
         nodes, signs = _settled(drawn, z, parameters)
         slopes = np.empty((2 + 2 * len(names), nodes.v.size - 1))
         advance(*nodes.steps, *_acting_over(parameters, signs, nodes), out=list(slopes))
@@ -164,7 +167,7 @@ def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Arr
     """The set that acts at (z, v): six numbers, or six arrays where the directions differ."""
     if isinstance(parameters, Lugre):
         return parameters
-    return evaluate(functions.active(), z, v, *parameters.positive, *parameters.negative)
+    return evaluate(functions.active_function(), z, v, *parameters.positive, *parameters.negative)
 
 
 def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
@@ -193,19 +196,22 @@ def _positions(names: Sequence[str], parameters: _Parameters) -> Index:
 def _start(velocity: Array, parameters: _Parameters) -> tuple[float, Array]:
     """The steady deflection at the first velocity, and its derivatives with respect to the parameters that enter z."""
     v = velocity[:1] if velocity.size else np.zeros(1)
-    z, *by = evaluate(functions.steady_deflection(), v, *_acting(parameters, v, v))
+    z, *by = evaluate(functions.steady_deflection_function(), v, *_acting(parameters, v, v))
     names = functions.step_parameters()
     rows = np.array([by[Lugre._fields.index(name)] for name in names])
     return float(z[0]), _by_set(rows, parameters, v, v, names)[:, 0]
 
 
-def _chunks(velocity: Array, step: Array, parameters: _Parameters, rough: float) -> Iterator[tuple[slice, Nodes]]:
+def _chunks(velocity: Array, step: Array, parameters: _Parameters, coarsening: float) -> Iterator[tuple[slice, Nodes]]:
     """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the last sample of all)."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, _CHUNK):
         stop = min(start + _CHUNK, velocity.size)
         h = step[start:stop] if step.ndim else float(step)
-        yield slice(start, stop), refined(Nodes(velocity[start : stop + 1], h, slice(0, stop - start)), v_s, rough)
+        yield (
+            slice(start, stop),
+            with_extra_nodes(Nodes(velocity[start : stop + 1], h, slice(0, stop - start)), v_s, coarsening),
+        )
 
 
 def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, Array]:
@@ -215,7 +221,7 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
     """
     if isinstance(parameters, Lugre):
         return nodes, np.zeros(0)
-    advance = vectorised(functions.step())
+    advance = vectorised(functions.step_function())
     ahead = np.sign(nodes.heading)
     cut, old, signs = nodes, np.arange(nodes.v.size), ahead
     before = np.full(nodes.v.size, np.inf)
@@ -239,7 +245,7 @@ def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: 
     While g is constant, z reaches zero after the share log(1 + abs(z0 / z_ss)) / (h lambda) of the way travelled, and v is linear in time.
     """
     v0, v1, h = nodes.v[steps], nodes.v[steps + 1], nodes.h if isinstance(nodes.h, float) else nodes.h[steps]
-    a, b = evaluate(functions.step(), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
+    a, b = evaluate(functions.step_function(), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
     forgotten = np.clip(1 - a, 1e-9, 1 - 1e-15)
     with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
         way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)

@@ -44,12 +44,12 @@ class Nodes:
         return heading
 
 
-def refined(samples: Nodes, v_s: float, rough: float = 1.0) -> Nodes:
-    """The samples, and between them the zero crossings of v and what fast changes at low speed need; where `rough`, that many times farther apart."""
+def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nodes:
+    """The samples, and between them the zero crossings of v and what fast changes at low speed need, `coarsening` times farther apart."""
     v0, v1, _ = samples.steps
     crossing = np.flatnonzero(v0 * v1 < 0)
     change = np.abs(v1 - v0)
-    fine = _FINE * rough * v_s
+    fine = _FINE * coarsening * v_s
     wide = np.flatnonzero(change > fine)
     slowest = np.where(v0[wide] * v1[wide] < 0, 0.0, np.minimum(np.abs(v0[wide]), np.abs(v1[wide])))
     wide = wide[slowest < _NEAR * v_s]

@@ -102,7 +102,7 @@ def ramp_experiment(rig: Rig, ramps: Ramps, seed: Seed) -> pd.DataFrame:
     return pd.DataFrame({"time": logs.time, "position": logs.position[0], "voltage": logs.voltage[0]})
 
 
-def tracking_logs(rig: Rig, sines: Multisine, duration: float, seeds: Sequence[Seed]) -> Logs:
+def record_tracking(rig: Rig, sines: Multisine, duration: float, seeds: Sequence[Seed]) -> Logs:
     """A motion followed under the rig's controller, once for each seed; the voltage is the mean of the two logged intervals about each sample.
 
     A voltage that is held until the next sample belongs half an interval later than the position: at 17 Hz and 500 Hz that is 0.1 rad of phase. The
@@ -114,7 +114,7 @@ def tracking_logs(rig: Rig, sines: Multisine, duration: float, seeds: Sequence[S
     return _logged(rig, time, motion, seeds, centred=True)
 
 
-def load_logs(rig: Rig, loads: SlowLoads, seeds: Sequence[Seed]) -> Logs:
+def record_loads(rig: Rig, loads: SlowLoads, seeds: Sequence[Seed]) -> Logs:
     """The presliding experiment, once for each seed: the voltage follows the loads, open loop; the joint rests anywhere in a count."""
     time = rig.clock.instants(loads.duration)
     open_loop = rig._replace(gains=Gains(0.0, 0.0, 0.0, 0.0))
@@ -148,5 +148,5 @@ def steady_points(
     p: Lugre[float] | Stribeck[float], velocities: Array, noise: float, rng: np.random.Generator, repetitions: int
 ) -> Array:
     """Steady torques (9) at planned velocities (rad/s), plus white noise (N*m): shape (repetitions, velocities), N*m, without simulating a loop."""
-    (torque,) = evaluate(functions.steady_torque(), velocities, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)
+    (torque,) = evaluate(functions.steady_torque_function(), velocities, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)
     return torque + white_noise(rng, noise, (repetitions, velocities.size))

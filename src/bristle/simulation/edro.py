@@ -185,7 +185,7 @@ def load_logs(stem: str, seeds: Sequence[int]) -> Logs:
     """What the bench logs of a joint in presliding, once for each seed."""
     positive, negative = (PEAK * (p.alpha_0 + p.alpha_1) for p in TABLE_1[SETTINGS[stem].name])
     loads = SlowLoads((positive, -negative) * 2, rise=16.0, fall=3.0)
-    return bench.load_logs(_quiet(stem, CLOCK), loads, _stream(seeds, stem, 1))
+    return bench.record_loads(_quiet(stem, CLOCK), loads, _stream(seeds, stem, 1))
 
 
 def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, resolution: float = RESOLUTION) -> Logs:
@@ -196,7 +196,7 @@ def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, re
     joint = _quiet(stem, FAST_CLOCK)
     joint = joint._replace(sensors=joint.sensors._replace(resolution=resolution))
     sines, duration = Multisine(*np.array(lines).T), 6.0 if held_out else 14.0
-    return bench.tracking_logs(joint, sines, duration, _stream(seeds, stem, 2 + held_out))
+    return bench.record_tracking(joint, sines, duration, _stream(seeds, stem, 2 + held_out))
 
 
 def _quiet(stem: str, clock: Clock) -> Rig:

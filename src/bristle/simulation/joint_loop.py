@@ -235,8 +235,8 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     """
     names = plain.parameters
     v = fastest * np.sin(np.pi * (np.arange(_PHASES) + 0.5) / (2 * _PHASES))
-    z, *by = evaluate(functions.steady_deflection(), v, *p)
-    T, T_z, *by_p = evaluate(functions.torque_sensitivity(), z, v, *p)
+    z, *by = evaluate(functions.steady_deflection_function(), v, *p)
+    T, T_z, *by_p = evaluate(functions.torque_sensitivity_function(), z, v, *p)
     own = [Lugre._fields.index(name) for name in names]
     G = np.abs(steady_gradient(plain, v, p))
     rates = []

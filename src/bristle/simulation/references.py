@@ -66,7 +66,7 @@ class Multisine(NamedTuple):
     def at(self, time: Array, duration: float, rest: float = 0.5) -> Reference:
         """About zero, fading over `rest` at its beginning and before its end, after `duration`, s."""
         sines = (x[:, None] for x in self)
-        x, x_t, x_tt = evaluate(functions.faded_sine(), time, *sines, duration, rest)
+        x, x_t, x_tt = evaluate(functions.faded_sine_function(), time, *sines, duration, rest)
         return Reference(x.sum(axis=0), x_t.sum(axis=0), x_tt.sum(axis=0))
 
 

@@ -19,7 +19,7 @@ from bristle.data.experiment.schema import (
     AdaptOptions,
     FitOptions,
     Inertia,
-    Joint,
+    JointDescription,
     MotorConstants,
     PlanOptions,
     RunFiles,
@@ -30,7 +30,7 @@ from bristle.data.experiment.schema import (
     read_inertia,
 )
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
-from bristle.data.experiment.yaml_file import Model, parse, read_text, validate
+from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
 from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind, Lugre, Motor
@@ -55,11 +55,11 @@ _VARIABLE = re.compile(r"\$\{(\w+)\}")
 _NAN = float("nan")
 
 
-class Experiment(Model):
+class Experiment(StrictModel):
     """An experiment file, validated, in SI."""
 
     path: Path
-    joint: Joint
+    joint: JointDescription
     motor_constants: MotorConstants | None = Field(default=None, alias="motor")
     inertia: Annotated[Inertia, BeforeValidator(read_inertia)] | None = None
     encoder_resolution: Annotated[float, quantity("position"), Field(gt=0)] | None = None

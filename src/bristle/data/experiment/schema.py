@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictS
 
 from bristle.data import units
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
-from bristle.data.experiment.yaml_file import Model
+from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind, Lugre
 
@@ -99,14 +99,14 @@ Shown = Annotated[StrictStr, AfterValidator(_shown)]
 Label = Annotated[Shown, Field(max_length=200), BeforeValidator(_label)]
 
 
-class Joint(Model):
+class JointDescription(StrictModel):
     """Which joint, and whether it turns or slides."""
 
     name: Annotated[Shown, Field(min_length=1, max_length=200)]
     kind: Kind = "revolute"
 
 
-class MotorConstants(Model):
+class MotorConstants(StrictModel):
     """What is known of the motor, seen at the joint (so gear included)."""
 
     torque_constant: Annotated[float, quantity("k_t"), Field(gt=0)]
@@ -115,7 +115,7 @@ class MotorConstants(Model):
     inertia: Annotated[float, quantity("J"), Field(gt=0)] | None = None
 
 
-class SegmentLimits(Model):
+class SegmentLimits(StrictModel):
     """Thresholds for constant-velocity segments; what is not given comes from the data."""
 
     minimum_duration: Seconds | None = None
@@ -124,7 +124,7 @@ class SegmentLimits(Model):
     minimum_velocity: Speed | None = None
 
 
-class FitOptions(Model):
+class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
     directions: Literal["separate", "symmetric"] = "separate"
@@ -175,7 +175,7 @@ class FitOptions(Model):
         return self
 
 
-class PidGains(Model):
+class PidGains(StrictModel):
     """The PID controller (21)."""
 
     K_p: Annotated[float, quantity("K_p"), Field(gt=0)]
@@ -190,7 +190,7 @@ Plain = Annotated[float, Field(allow_inf_nan=True)]
 """A number without a unit, which the adaptation itself judges."""
 
 
-class AdaptOptions(Model):
+class AdaptOptions(StrictModel):
     """The compensated loop and its adaptation; what is not given is taken from the joint, and said."""
 
     amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None
@@ -227,7 +227,7 @@ class AdaptOptions(Model):
         return self
 
 
-class RunFiles(Model):
+class RunFiles(StrictModel):
     """One entry under runs: a file or several, and what they hold."""
 
     files: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
@@ -240,7 +240,7 @@ class RunFiles(Model):
     """Signals that differ from the experiment's."""
 
 
-class TrueSet(Model):
+class TrueSet(StrictModel):
     """The parameters behind simulated data; presliding ones that are not given are nan."""
 
     alpha_0: Annotated[float, quantity("alpha_0"), Field(gt=0)]
@@ -251,7 +251,7 @@ class TrueSet(Model):
     sigma_1: Annotated[float, quantity("sigma_1"), Field(ge=0)] | None = None
 
 
-class PlanOptions(Model):
+class PlanOptions(StrictModel):
     """Limits of what `bristle plan` proposes, and how it is played; what is not given comes from the measured runs, and is said."""
 
     position: tuple[Annotated[float, quantity("position")], Annotated[float, quantity("position")]] | None = None

@@ -15,7 +15,7 @@ from pydantic import (
 )
 
 from bristle.data import units
-from bristle.data.experiment.yaml_file import Model
+from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
@@ -70,7 +70,7 @@ Seconds = Annotated[float, quantity("s"), Field(gt=0)]
 Speed = Annotated[float, quantity("velocity"), Field(gt=0)]
 
 
-class Signal(Model):
+class Signal(StrictModel):
     """One column: value in SI = logged value times unit times scale."""
 
     column: Column
@@ -107,7 +107,7 @@ class Position(Signal):
         return units.to_si("360 deg", "rad") if self.wraps else None
 
 
-class Time(Model):
+class Time(StrictModel):
     """Time stamps from a column, or a rate where there are none."""
 
     column: Column | None = None
@@ -126,7 +126,7 @@ class Time(Model):
         return self
 
 
-class Signals(Model):
+class Signals(StrictModel):
     """What was logged. Of torque, voltage and current a run has exactly one."""
 
     time: Time | None = None
@@ -163,7 +163,7 @@ class Signals(Model):
         return next((name for name in DRIVE if getattr(self, name) is not None), None)
 
 
-class Cleaning(Model):
+class Cleaning(StrictModel):
     """What is done with rows that cannot be used; each is counted and reported."""
 
     non_finite: Literal["drop", "refuse"] = "drop"

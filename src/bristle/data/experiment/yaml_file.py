@@ -21,13 +21,13 @@ _DIGITS = 30
 """Most digits of an integer: Python refuses to write out far longer ones."""
 
 
-class Model(BaseModel):
+class StrictModel(BaseModel):
     """A part of the experiment file: frozen, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
 
 
-M = TypeVar("M", bound=Model)
+M = TypeVar("M", bound=StrictModel)
 
 
 class _Loader(yaml.SafeLoader):

@@ -13,12 +13,12 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
-from bristle.identification.dynamic.fit import Tracked
-from bristle.identification.dynamic.problem import Begin, Values
+from bristle.identification.dynamic.fit import DynamicSolution
+from bristle.identification.dynamic.problem import InitialState, Values
 from bristle.identification.results import Crosscheck
 from bristle.model import law
 from bristle.model.parameters import Lugre, pair_of
-from bristle.model.time_refinement import Nodes, refined
+from bristle.model.time_refinement import Nodes, with_extra_nodes
 
 STARTS = 1
 _SEED = 0
@@ -29,7 +29,7 @@ _SAME = 1e-4
 _OPTIONS = {"tol": 1e-9, "max_iter": 150, "hessian_approximation": "limited-memory", "limited_memory_max_history": 20}
 
 
-def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> Crosscheck:
+def check_tracking(found: DynamicSolution, starts: int = STARTS, seed: int = _SEED) -> Crosscheck:
     """The same problem by IPOPT, from starts about the answer: costs, parameters in the fit's standard errors, and a verdict.
 
     Args:
@@ -37,8 +37,8 @@ def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> C
         starts: >= 1.
         seed: of the starts.
     """
-    posed, values = found.judged.posed, found.values
-    unknowns, best = posed.unknowns, found.judged.minimum.cost
+    posed, values = found.solution.posed, found.values
+    unknowns, best = posed.unknowns, found.solution.minimum.cost
     x = ca.MX.sym("x", len(unknowns.names))
     whole = solver("moving", x, _cost(found, x) / (best or 1.0), **_OPTIONS)
     rng = np.random.default_rng(seed)
@@ -58,9 +58,9 @@ def check_tracking(found: Tracked, starts: int = STARTS, seed: int = _SEED) -> C
     return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=verdict)
 
 
-def _cost(found: Tracked, x: ca.MX) -> ca.MX:
+def _cost(found: DynamicSolution, x: ca.MX) -> ca.MX:
     """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
-    problem, unknowns = found.problem, found.judged.posed.unknowns
+    problem, unknowns = found.problem, found.solution.posed.unknowns
     known: dict[Any, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
     p = ca.vertcat(*(known[problem.key(name, d)] for d in problem.directions for name in Lugre._fields))
     numbers: Values = {**problem.fixed, **found.values}
@@ -68,7 +68,7 @@ def _cost(found: Tracked, x: ca.MX) -> ca.MX:
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)
     cost = ca.MX(0)
     for k, m in enumerate(problem.motions):
-        torque = _torque(m.velocity, m.step, p, len(problem.directions), known[Begin("z0", k)], slowest)
+        torque = _torque(m.velocity, m.step, p, len(problem.directions), known[InitialState("z0", k)], slowest)
         rest = ca.DM(m.torque) - torque - ca.mtimes(ca.DM(m.extra), extra)
         smooth = rest if m.smooth is None else ca.mtimes(ca.DM(m.smooth.tocsc()), rest)
         cost += m.weight**2 * ca.dot(smooth, smooth)
@@ -81,7 +81,7 @@ def _cost(found: Tracked, x: ca.MX) -> ca.MX:
 
 def _torque(velocity: Array, step: Array, p: ca.MX, sets: int, z0: ca.MX, v_s: float) -> ca.MX:
     """The friction torque at the samples, (n, 1), by the law's own step and torque."""
-    nodes = refined(Nodes(velocity, step, slice(0, velocity.size)), v_s)
+    nodes = with_extra_nodes(Nodes(velocity, step, slice(0, velocity.size)), v_s)
     z, u, q = ca.SX.sym("z"), ca.SX.sym("u", 3), ca.SX.sym("p", 6 * sets)
     a, b = law.bristle_step(u[0], u[1], u[2], _acting(q, sets, z, u[0] + u[1]))
     advance = ca.Function("advance", [z, u, q], [a * z + b], {"cse": True})

@@ -10,8 +10,8 @@ from bristle.control.sensors import quantise
 from bristle.data.differentiation import derivative, estimate_motion, smoothed, usable
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
-from bristle.identification.dynamic.fit import Tracked
-from bristle.identification.dynamic.problem import Tracking, modelled
+from bristle.identification.dynamic.fit import DynamicSolution
+from bristle.identification.dynamic.problem import DynamicProblem, modelled
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.results import TrackingFit
 from bristle.model.parameters import ParameterName
@@ -21,11 +21,11 @@ REPETITIONS = 6
 _STEPS = 8
 """Steps from the estimate to where counting moves it: without noise the last digits would take many more."""
 _SEED = 0
-Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], Tracking]
+Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProblem]
 
 
 def without_count_bias(
-    found: Tracked, records: Sequence[Record], pose: Pose, cutoff: float, resolution: float
+    found: DynamicSolution, records: Sequence[Record], pose: Pose, cutoff: float, resolution: float
 ) -> TrackingFit:
     """The fit with the bias that counting adds taken off each parameter, and its scatter added to the standard error.
 

@@ -1,4 +1,4 @@
-"""The fit of moving data judged: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
+"""The fit of moving data: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,9 +12,14 @@ from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.missing_terms import lacking
-from bristle.identification.dynamic.multistart import equations_left, judge, with_deflections, without_deflections
-from bristle.identification.dynamic.problem import Tracking, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.missing_terms import missing_terms
+from bristle.identification.dynamic.multistart import (
+    equations_left,
+    solve_dynamic,
+    with_deflections,
+    without_deflections,
+)
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, fit
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
@@ -35,24 +40,24 @@ _WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 
 
-class Tracked(NamedTuple):
+class DynamicSolution(NamedTuple):
     """A fit with the problem that it solved in the end, where what the motion does not show is fixed, every free value, and the minimum."""
 
     fit: TrackingFit
-    problem: Tracking
+    problem: DynamicProblem
     values: Values
-    judged: MultistartSolution[Unknown]
+    solution: MultistartSolution[Unknown]
 
 
 def fit_tracking(
-    problem: Tracking,
+    problem: DynamicProblem,
     start: Values,
     kind: JointKind,
-    held: Sequence[tuple[str, Tracking]] = (),
+    held: Sequence[tuple[str, DynamicProblem]] = (),
     starts: int = STARTS,
     seed: int = SEED,
     others: Sequence[Values] = (),
-) -> Tracked:
+) -> DynamicSolution:
     """All parameters of moving data with intervals and warnings.
 
     Args:
@@ -66,33 +71,33 @@ def fit_tracking(
 
     Raises InputError where a start shows no dependence on any parameter.
     """
-    problem, judged, bent = _settled(problem, start, starts, seed, others)
+    problem, solution, bent = _settled(problem, start, starts, seed, others)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _judged_estimates(judged, kind, bent)
+    estimates = _all_estimates(solution, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
-    free = tuple(n for n in judged.names if n in estimates)
-    rows = equations_left(problem, judged)
+    free = tuple(n for n in solution.names if n in estimates)
+    rows = equations_left(problem, solution)
     warnings = (
-        *lacking(problem, judged, kind),
-        *_warnings(judged, rows, unseen),
-        *_physics(problem, judged.values, unseen),
+        *missing_terms(problem, solution, kind),
+        *_warnings(solution, rows, unseen),
+        *_physics(problem, solution.values, unseen),
         *_named(unseen),
     )
-    found = TrackingFit(
+    result = TrackingFit(
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
         relative_error=_percent(rows, problem),
         n=rows.size,
-        outcome=_outcome(estimates, converged=judged.minimum.converged),
-        starts=judged.starts,
-        reached=judged.reached,
-        condition=condition(judged.minimum.jacobian[:, _seen(judged)]),
+        outcome=_outcome(estimates, converged=solution.minimum.converged),
+        starts=solution.starts,
+        reached=solution.reached,
+        condition=condition(solution.minimum.jacobian[:, _seen(solution)]),
         warnings=warnings,
-        hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, judged.values)) for file, p in held),
+        hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, solution.values)) for file, p in held),
         names=free,
-        covariance=judged.covariance[: len(free), : len(free)],
-        fixed={**problem.fixed, **{name: judged.values[name] for name in unseen if name in judged.values}},
+        covariance=solution.covariance[: len(free), : len(free)],
+        fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
         time=problem.time,
         velocity=problem.velocity,
         measured=problem.measured,
@@ -101,30 +106,30 @@ def fit_tracking(
         starts_of_runs=problem.stretches,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
-    return Tracked(found, problem, judged.values, judged)
+    return DynamicSolution(result, problem, solution.values, solution)
 
 
 def _settled(
-    problem: Tracking, start: Values, starts: int, seed: int, others: Sequence[Values]
-) -> tuple[Tracking, MultistartSolution[Unknown], dict[ParameterName, float]]:
+    problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values]
+) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, float]]:
     """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
-    judged = judge(problem, start, starts, seed, others)
-    problem, changed = _weighted(problem, judged)
+    solution = solve_dynamic(problem, start, starts, seed, others)
+    problem, changed = _weighted(problem, solution)
     if changed:
-        judged = judge(problem, without_deflections(judged.values), starts, seed)
-    bent = _bent(problem, judged)
+        solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed)
+    bent = _bent(problem, solution)
     if bent:
         problem = replace(problem, fixed={**problem.fixed, **bent})
-        rest = {n: v for n, v in without_deflections(judged.values).items() if n not in bent}
-        judged = judge(problem, rest, starts, seed)
-    return problem, judged, bent
+        rest = {n: v for n, v in without_deflections(solution.values).items() if n not in bent}
+        solution = solve_dynamic(problem, rest, starts, seed)
+    return problem, solution, bent
 
 
-def _judged_estimates(
-    judged: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
+def _all_estimates(
+    solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
-    estimates = _estimates(judged, kind)
+    estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
@@ -139,9 +144,9 @@ def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) ->
     return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
 
 
-def _weighted(problem: Tracking, judged: MultistartSolution[Unknown]) -> tuple[Tracking, bool]:
+def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[DynamicProblem, bool]:
     """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
-    rows = equations_left(problem, judged)
+    rows = equations_left(problem, solution)
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
     scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
@@ -166,22 +171,22 @@ def _is_weak(e: Estimate) -> bool:
 
 def _without(e: Estimate) -> Estimate:
     """What is left of an estimate that the motion does not show: its interval, and the reason."""
-    said = e.warnings if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
-    return replace(e, value=None, standard_error=None, warnings=said)
+    reasons = e.warnings if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
+    return replace(e, value=None, standard_error=None, warnings=reasons)
 
 
-def _bent(problem: Tracking, judged: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
+def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
     """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
-    values, upper = judged.values, judged.posed.unknowns.upper
-    told = {name for prior in problem.priors for name in prior.names}
-    found: dict[ParameterName, float] = {}
+    values, upper = solution.values, solution.posed.unknowns.upper
+    with_prior = {name for prior in problem.priors for name in prior.names}
+    bent: dict[ParameterName, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
         if not isinstance(name, ParameterName) or name.name != "v_s":
             continue
         alpha_1 = name._replace(name="alpha_1")
-        if alpha_1 in values and not told & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
-            found |= {alpha_1: 0.0, name: values[name]}
-    return found
+        if alpha_1 in values and not with_prior & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
+            bent |= {alpha_1: 0.0, name: values[name]}
+    return bent
 
 
 def _refused(name: ParameterName, kind: JointKind) -> Estimate:
@@ -190,18 +195,18 @@ def _refused(name: ParameterName, kind: JointKind) -> Estimate:
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
-    said = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
-    refused = any(warning.kind is Kind.UNSEEN_BEND for e in unseen.values() for warning in e.warnings)
-    return [*said, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else said
+    warnings = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
+    refused = any(w.kind is Kind.UNSEEN_BEND for e in unseen.values() for w in e.warnings)
+    return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
 
 
-def _percent(rows: Array, problem: Tracking) -> float:
+def _percent(rows: Array, problem: DynamicProblem) -> float:
     """100 * norm(rows) / extent of the problem, percent; nan where its squares are too small to be numbers."""
     extent = problem.extent
     return float(100 * np.linalg.norm(rows) / extent) if extent > 0 else float("nan")
 
 
-def relative_error(problem: Tracking, values: Values) -> float:
+def relative_error(problem: DynamicProblem, values: Values) -> float:
     """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
 
     Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start: that of each window,
@@ -210,23 +215,23 @@ def relative_error(problem: Tracking, values: Values) -> float:
     known = without_deflections(values)
     whole = with_deflections(problem, known)
     if problem.quantity == "position":
-        own = replace(problem, fixed={**problem.fixed, **known}, priors=())
-        whole |= fit(own, {name: whole[name] for name in own.names}, _TRIES)[0]
+        of_starts = replace(problem, fixed={**problem.fixed, **known}, priors=())
+        whole |= fit(of_starts, {name: whole[name] for name in of_starts.names}, _TRIES)[0]
     rows, _ = residuals(problem, whole)
     return _percent(rows, problem)
 
 
-def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[ParameterName, Estimate]:
+def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
-    scale = judged.posed.unknowns.scale
+    scale = solution.posed.unknowns.scale
     out = {}
-    reach = student(judged.freedom)
+    reach = student(solution.freedom)
     for name, x, error, size in zip(
-        judged.names, judged.minimum.x, judged.scaled_errors.tolist(), scale.tolist(), strict=True
+        solution.names, solution.minimum.x, solution.scaled_errors.tolist(), scale.tolist(), strict=True
     ):
         if not isinstance(name, ParameterName):
             continue
-        bare, value = name.name, judged.values[name]
+        bare, value = name.name, solution.values[name]
         warnings: list[Diagnostic] = []
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
@@ -254,45 +259,47 @@ def _estimates(judged: MultistartSolution[Unknown], kind: JointKind) -> dict[Par
 
 
 def _warnings(
-    judged: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
+    solution: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
 ) -> tuple[Diagnostic, ...]:
-    found = []
-    if judged.minimum.steps == 0:
-        found.append(Kind.DID_NOT_MOVE())
-    if not judged.minimum.converged:
-        found.append(Kind.OUT_OF_STEPS())
-    if judged.stretch > sqrt(2):
-        found.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=judged.stretch))
-    if judged.reached < judged.starts / 2:
-        found.append(Kind.FEW_STARTS(reached=judged.reached, starts=judged.starts))
-    return (*found, *_unseen(judged, unseen))
+    warnings = []
+    if solution.minimum.steps == 0:
+        warnings.append(Kind.DID_NOT_MOVE())
+    if not solution.minimum.converged:
+        warnings.append(Kind.OUT_OF_STEPS())
+    if solution.widening > sqrt(2):
+        warnings.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.widening))
+    if solution.reached < solution.starts / 2:
+        warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
+    return (*warnings, *_unseen(solution, unseen))
 
 
-def _seen(judged: MultistartSolution[Unknown]) -> list[int]:
+def _seen(solution: MultistartSolution[Unknown]) -> list[int]:
     """Columns of the parameters, starts of the motions apart, of which anything is seen."""
-    return [k for k, n in enumerate(judged.names) if isinstance(n, ParameterName) and judged.scaled_errors[k] < np.inf]
+    return [
+        k for k, n in enumerate(solution.names) if isinstance(n, ParameterName) and solution.scaled_errors[k] < np.inf
+    ]
 
 
-def _unseen(judged: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """The directions in parameter space that the data hardly see."""
-    keep = _seen(judged)
-    jacobian = judged.minimum.jacobian[:, keep]
+    keep = _seen(solution)
+    jacobian = solution.minimum.jacobian[:, keep]
     jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
     _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
-    said = []
+    warnings = []
     for value, direction in zip(values, directions, strict=True):
         if value < _UNSEEN * values[0]:
             members = [
-                (judged.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
+                (solution.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
             if any(name in unseen or name.name not in Lugre._fields for name, _ in members):
-                said.append(hardly_seen(members))
-    said += [
+                warnings.append(hardly_seen(members))
+    warnings += [
         Kind.NOTHING_SEEN(name=n)
-        for k, n in enumerate(judged.names)
-        if judged.scaled_errors[k] == np.inf and isinstance(n, ParameterName)
+        for k, n in enumerate(solution.names)
+        if solution.scaled_errors[k] == np.inf and isinstance(n, ParameterName)
     ]
-    return said
+    return warnings
 
 
 def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
@@ -306,18 +313,18 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
     return Kind.ONLY_AS_SUM(all=(*up, *down), up=tuple(up), down=tuple(down))
 
 
-def _physics(problem: Tracking, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+def _physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
-    said = []
+    warnings = []
     p = parameters(problem, values)
     sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))
     J = values.get(INERTIA, problem.fixed.get(INERTIA))
-    for d, own in sets.items():
-        if not is_passive(own) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
-            least = own.sigma_1 * own.alpha_1 / own.alpha_0
-            said.append(Kind.NOT_PASSIVE(direction=d, alpha_2=own.alpha_2, least=least))
+    for d, lugre in sets.items():
+        if not is_passive(lugre) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
+            least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
+            warnings.append(Kind.NOT_PASSIVE(direction=d, alpha_2=lugre.alpha_2, least=least))
         if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
-            ratio = (own.sigma_1 + own.alpha_2) / (2 * sqrt(J * own.sigma_0))
+            ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:
-                said.append(Kind.ODD_DAMPING(direction=d, ratio=ratio))
-    return said
+                warnings.append(Kind.ODD_DAMPING(direction=d, ratio=ratio))
+    return warnings

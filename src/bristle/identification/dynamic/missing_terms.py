@@ -10,7 +10,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.problem import Tracking, Unknown, modelled
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, modelled
 from bristle.model.parameters import INERTIA, unit
 from bristle.model.parameters import Kind as JointKind
 
@@ -20,7 +20,7 @@ _SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
 
 
-def lacking(problem: Tracking, judged: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
+def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
     """What is doubted: a shift in time between torque and motion, and about an inertia that was given and not fitted.
 
     One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first order.
@@ -28,11 +28,11 @@ def lacking(problem: Tracking, judged: MultistartSolution[Unknown], kind: JointK
     if problem.quantity != "torque":
         return []
     said, motions = [], problem.motions
-    torque = modelled(problem, judged.values)
+    torque = modelled(problem, solution.values)
     wanted = {"delay": [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]}
     if INERTIA not in problem.names:
         wanted["inertia"] = [np.gradient(m.velocity, m.time) for m in motions]
-    found = {name: more for name, more in _wanted(problem, judged, wanted).items() if more.counts}
+    found = {name: more for name, more in _wanted(problem, solution, wanted).items() if more.counts}
     if more := found.get("delay"):
         samples = abs(more.value) / float(np.median(np.concatenate([m.step for m in motions])))
         when = "earlier" if more.value > 0 else "later"
@@ -58,11 +58,11 @@ class _More(NamedTuple):
 
 
 def _wanted(
-    problem: Tracking, judged: MultistartSolution[Unknown], wanted: Mapping[str, Sequence[Array]]
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], wanted: Mapping[str, Sequence[Array]]
 ) -> dict[str, _More]:
     """Each column, given per motion as (N,), beside all the others and the Jacobian's."""
-    jacobian, rest = judged.minimum.jacobian, judged.minimum.residuals
-    known = jacobian[:, judged.scaled_errors < np.inf]
+    jacobian, rest = solution.minimum.jacobian, solution.minimum.residuals
+    known = jacobian[:, solution.scaled_errors < np.inf]
     columns = np.zeros((rest.size, len(wanted)))
     for k, own in enumerate(wanted.values()):
         rows = [m.weight * m.smoothed(c) for m, c in zip(problem.motions, own, strict=True)]
@@ -74,5 +74,5 @@ def _wanted(
         score = weight * rest
         value, square = float(score.sum()), float(weight @ weight)
         error = float(np.sqrt(score @ score * inflation(score)))
-        out[name] = _More(value, error, value**2 / square / judged.minimum.cost if square else 0.0)
+        out[name] = _More(value, error, value**2 / square / solution.minimum.cost if square else 0.0)
     return out

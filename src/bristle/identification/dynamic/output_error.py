@@ -20,7 +20,7 @@ from bristle.control.plant import THREADS, Current, State, plant_step
 from bristle.data.differentiation import stretches
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.identification.dynamic.problem import Begin, Motion, Tracking, Unknown, Values, by_name
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values, by_name
 from bristle.model import motor
 from bristle.model.parameters import INERTIA, Direction, Lugre, Motor, ParameterName, pair_of
 
@@ -56,7 +56,7 @@ class Simulated:
     """`motor.current` under a voltage, `motor.current_for` under a torque."""
 
     def __call__(
-        self, problem: Tracking, known: Values, _: Sequence[dict[Unknown, Array]]
+        self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
     ) -> list[tuple[Array, dict[Unknown, Array]]]:
         """Of each window measured less simulated position, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
         windows = [m for m in problem.motions if isinstance(m, Window)]
@@ -67,7 +67,7 @@ class Simulated:
             alike.setdefault(window.time.size, []).append(k)
         found: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
         for size, own in alike.items():  # windows of one length go in one call
-            x0 = np.array([[known[Begin(name, k)] for name in problem.begins] for k in own]).T
+            x0 = np.array([[known[InitialState(name, k)] for name in problem.initial_states] for k in own]).T
             start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(own), axis=1)])
             inputs = np.concatenate([_inputs(windows[k], every) for k in own], axis=1)
             ends = _chain((size - 1) * every, every, self.current, len(own))(start, inputs, p)
@@ -76,12 +76,12 @@ class Simulated:
                 found[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
         return [found[k] for k in range(len(windows))]
 
-    def _by_name(self, problem: Tracking, k: int, by: Array) -> dict[Unknown, Array]:
+    def _by_name(self, problem: DynamicProblem, k: int, by: Array) -> dict[Unknown, Array]:
         sets = by[3:15] if len(problem.directions) == 2 else by[3:9] + by[9:15]
         slopes = by_name(problem, sets) | dict(zip(_LOADS, by[15:], strict=True))
-        return slopes | {Begin(name, k): row for name, row in zip(problem.begins, by[:3], strict=True)}
+        return slopes | {InitialState(name, k): row for name, row in zip(problem.initial_states, by[:3], strict=True)}
 
-    def _parameters(self, problem: Tracking, known: Values) -> list[float]:
+    def _parameters(self, problem: DynamicProblem, known: Values) -> list[float]:
         """What `_step` takes: a pair of sets, the loads, k_t and R."""
         directions = problem.directions if len(problem.directions) == 2 else problem.directions * 2
         friction = [known[problem.key(name, d)] for d in directions for name in Lugre._fields]
@@ -89,8 +89,8 @@ class Simulated:
 
 
 def simulation(
-    records: Sequence[Record], posed: Tracking, constants: Motor[float] | None, horizon: float, decimation: int
-) -> Tracking:
+    records: Sequence[Record], posed: DynamicProblem, constants: Motor[float] | None, horizon: float, decimation: int
+) -> DynamicProblem:
     """The problem that moving records pose to the simulated motor.
 
     Args:
@@ -111,7 +111,9 @@ def simulation(
     parts = [(r, part) for r in records for part in stretches(r)]
     pairs = zip(parts, posed.motions, strict=True)
     windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
-    return replace(posed, motions=tuple(windows), quantity="position", begins=("y0", "v0", "z0"), equations=plant)
+    return replace(
+        posed, motions=tuple(windows), quantity="position", initial_states=("y0", "v0", "z0"), equations=plant
+    )
 
 
 def _windows(
@@ -134,7 +136,7 @@ def _windows(
         found.append(
             Window(
                 file=record.file,
-                goes_on=first > 0,
+                continues_previous=first > 0,
                 time=whole.time[own],
                 velocity=whole.velocity[own],
                 torque=whole.torque[own],

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,11 +15,11 @@ from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
-from bristle.identification.dynamic.fit import SEED, STARTS, Tracked, fit_tracking
-from bristle.identification.dynamic.multistart import judge, without_deflections
+from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
+from bristle.identification.dynamic.multistart import solve_dynamic, without_deflections
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import Prior, Tracking, Unknown, Values, tracking, with_priors
-from bristle.identification.dynamic.uncertainty import explored, with_three_ways
+from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
+from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model import functions
@@ -42,7 +43,19 @@ _BENDS = 0.01
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
-def track(
+class DynamicStages(NamedTuple):
+    """What moving runs tell, and how it stands beside the other stages; None, or empty, where there is no such thing."""
+
+    alone: TrackingFit | None = None
+    """All parameters from the moving runs alone."""
+    joint: TrackingFit | None = None
+    """The same with what the other stages say as priors."""
+    consistency: tuple[Consistency, ...] = ()
+    """Each parameter of each stage beside these two."""
+    presliding: Presliding | None = None
+
+
+def fit_with_priors(
     experiment: Experiment,
     records: Sequence[Record],
     held: Sequence[Record],
@@ -50,10 +63,10 @@ def track(
     load: Load | None,
     *,
     static_is_apart: bool,
-    second_route: bool = False,
+    crosscheck: bool = False,
     uncertainty: bool = False,
     progress: Progress | None = None,
-) -> tuple[TrackingFit, TrackingFit | None, tuple[Consistency, ...], Presliding | None]:
+) -> DynamicStages:
     """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
 
     Args:
@@ -63,7 +76,7 @@ def track(
         static: the static fits.
         load: makes the presliding stage from fits that tell g0; None where there are no such runs.
         static_is_apart: whether the static fits rest on other data than these runs.
-        second_route: whether to solve the problem by CasADi and IPOPT as well, which takes long.
+        crosscheck: whether to solve the problem by CasADi and IPOPT as well, which takes long.
         uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
         progress: called with what is done, how much of it, and of how much.
 
@@ -71,74 +84,81 @@ def track(
     """
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
-    pose = partial(_driven if by_torque else _simulated, experiment, moving)
+    pose = partial(_equation_error_problem if by_torque else _output_error_problem, experiment, moving)
     count = resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
 
-    def fitted(posed: Tracking, starts: int, *others: Values) -> tuple[Tracked, Mapping[Unknown, Profiled]]:
+    def fitted(
+        posed: DynamicProblem, starts: int, *others: Values
+    ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
-        found = fit_tracking(posed, start, kind, tests, starts=starts, others=others)
+        solved = fit_tracking(posed, start, kind, tests, starts=starts, others=others)
         if not uncertainty:
-            return found, {}
-        return explored(found, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress)
+            return solved, {}
+        return profile_until_stable(
+            solved, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress
+        )
 
-    def finished(found: Tracked, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
+    def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
         """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
-        fit = without_count_bias(found, records, pose, options.position_cutoff, count) if count else found.fit
-        return with_three_ways(found, fit, profiles) if uncertainty else fit
+        fit = without_count_bias(solved, records, pose, options.position_cutoff, count) if count else solved.fit
+        return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
-    whole = _driven(experiment, moving, records, {})
+    whole = _equation_error_problem(experiment, moving, records, {})
     fixed = _fixed(experiment, whole)
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
     problem = whole = replace(whole, fixed=fixed)
     if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
         problem = pose(records, fixed)
-        start = without_deflections(judge(whole, start, _SURE, SEED).values)
+        start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
     tests = [(r.file, pose([r], fixed)) for r in held]
-    found, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
-    if second_route and by_torque:
-        check = check_tracking(found)
-        said = () if check.agrees else (check.verdict,)
-        found = found._replace(fit=replace(found.fit, crosscheck=check, warnings=(*found.fit.warnings, *said)))
-    alone = finished(found, profiles)
+    solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
+    if crosscheck and by_torque:
+        check = check_tracking(solved)
+        warnings = () if check.agrees else (check.verdict,)
+        solved = solved._replace(fit=replace(solved.fit, crosscheck=check, warnings=(*solved.fit.warnings, *warnings)))
+    alone = finished(solved, profiles)
     if load and not static_is_apart:
         slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
-        return alone, None, (), slow
-    told, ended = with_priors(problem, priors, alone.rms), {**found.problem.fixed, **found.values}
-    joint = finished(*fitted(told, 1, ended))
+        return DynamicStages(alone, presliding=slow)
+    ended = {**solved.problem.fixed, **solved.values}
+    joint = finished(*fitted(with_priors(problem, priors, alone.rms), 1, ended))
     agree = _consistency(priors, alone, joint)
-    return alone, replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint))), agree, slow
+    joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
+    return DynamicStages(alone, joint, agree, slow)
 
 
-def _simulated(
+def _output_error_problem(
     experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
-) -> Tracking:
-    """The same as `_driven` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
+) -> DynamicProblem:
+    """The same as `_equation_error_problem` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
     known, _ = inertia(experiment)
     options, asked = experiment.fit, regressors(experiment)
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = tracking(records, moving, asked, 1, None, fixed, options.shared)
+    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared)
     return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
 
 
-def _driven(
+def _equation_error_problem(
     experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
-) -> Tracking:
+) -> DynamicProblem:
     """The problem that some records pose, with the experiment's options, in the directions `moving`."""
     known, _ = inertia(experiment)
     options = experiment.fit
-    return tracking(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+    return dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
 
 
 def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticFit | None:
     return static.get(direction) or static.get(Direction.BOTH)
 
 
-def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding | None) -> dict[ParameterName, float]:
+def _start(
+    problem: DynamicProblem, static: Mapping[str, StaticFit], slow: Presliding | None
+) -> dict[ParameterName, float]:
     """A first guess of every parameter, from the stages where they have one."""
     torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
     speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
@@ -152,7 +172,7 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
         alpha_0 = max(_value(known.get("alpha_0"), 0.5 * torque), 1e-3 * torque)
         sigma_0 = _value(_stiffness(slow, d), alpha_0 / (_BENDS * travel))
         inertia_guess = max(extra.get(INERTIA, 0.0), 1e-3 * torque / speed)
-        (sigma_1, *_) = evaluate(functions.presliding_damping(), sigma_0, inertia_guess, DAMPING_RATIO)
+        (sigma_1, *_) = evaluate(functions.presliding_damping_function(), sigma_0, inertia_guess, DAMPING_RATIO)
         first = Lugre(
             alpha_0=alpha_0,
             alpha_1=_value(known.get("alpha_1"), 0.3 * alpha_0),
@@ -171,20 +191,20 @@ def _start(problem: Tracking, static: Mapping[str, StaticFit], slow: Presliding 
 
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
     """sigma_0 from presliding of one direction, or of both by their inverse variances; None where there is none with an error."""
-    own = [fit.sigma_0 for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
-    known = [(e.value, e.standard_error) for e in own if e.value and e.standard_error]
+    estimates = [fit.sigma_0 for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
+    known = [(e.value, e.standard_error) for e in estimates if e.value and e.standard_error]
     if not known:
         return None
     weight = np.array([1 / error**2 for _, error in known])
     value = float(weight @ [x for x, _ in known] / weight.sum())
-    return replace(own[0], value=value, standard_error=float(weight.sum() ** -0.5))
+    return replace(estimates[0], value=value, standard_error=float(weight.sum() ** -0.5))
 
 
 def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
 
 
-def _fixed(experiment: Experiment, problem: Tracking) -> dict[ParameterName, float]:
+def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterName, float]:
     """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
     known = (*problem.friction_names, *problem.extra_names)
     fixed: dict[ParameterName, float] = {}
@@ -199,32 +219,32 @@ def _fixed(experiment: Experiment, problem: Tracking) -> dict[ParameterName, flo
 
 
 def _priors(
-    problem: Tracking, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
+    problem: DynamicProblem, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
 ) -> list[Prior]:
     """What static, presliding and the experiment file say, as normal distributions."""
-    found = []
+    priors = []
     for d in problem.directions:
         fit = _static_of(static, d)
         if fit is not None:
-            own = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
+            rows = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
             # few degrees of freedom: a Student distribution scatters by more than its standard error
-            covariance = fit.covariance[np.ix_(own, own)] * (
+            covariance = fit.covariance[np.ix_(rows, rows)] * (
                 fit.degrees_of_freedom / (fit.degrees_of_freedom - 2) if fit.degrees_of_freedom > 2 else 4.0
             )
-            if own and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
-                value = np.array([fit.parameters[fit.names[k]].value for k in own], dtype=float)
+            if rows and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
+                value = np.array([fit.parameters[fit.names[k]].value for k in rows], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
-                found.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in own), value, root))
+                priors.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in rows), value, root))
         bristle = _stiffness(slow, d)
         if bristle is not None:
-            found.append(
+            priors.append(
                 _single("presliding", problem.key("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0)
             )
     _, known = inertia(experiment)
     if known is not None and INERTIA in problem.extra_names:
-        found.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
+        priors.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
     free = set(problem.names)
-    return [prior for prior in found if free.issuperset(prior.names)]
+    return [prior for prior in priors if free.issuperset(prior.names)]
 
 
 def _single(stage: str, name: ParameterName, value: float, error: float) -> Prior:
@@ -233,44 +253,44 @@ def _single(stage: str, name: ParameterName, value: float, error: float) -> Prio
 
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
     """Each parameter of each stage beside the moving data alone and the joint fit."""
-    found = []
+    rows = []
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
         for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
-            own, both = alone.parameters[name], joint.parameters[name]
-            if own.value is None or own.standard_error is None:
+            moving, both = alone.parameters[name], joint.parameters[name]
+            if moving.value is None or moving.standard_error is None:
                 verdict, difference = Kind.STAGE_UNSEEN(), None
             else:
-                difference = (own.value - value) / float(np.hypot(error, own.standard_error))
+                difference = (moving.value - value) / float(np.hypot(error, moving.standard_error))
                 verdict = _verdict(
-                    prior.stage, difference, error / abs(value or 1.0), own.standard_error / abs(own.value or 1.0)
+                    prior.stage, difference, error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
                 )
-            found.append(
+            rows.append(
                 Consistency(
                     parameter=name,
                     stage=prior.stage,
                     stage_value=value,
                     stage_error=error,
-                    tracking_value=own.value,
-                    tracking_error=own.standard_error,
+                    tracking_value=moving.value,
+                    tracking_error=moving.standard_error,
                     joint_value=both.value,
                     joint_error=both.standard_error,
                     difference_in_se=difference,
                     verdict=verdict,
                 )
             )
-    return tuple(found)
+    return tuple(rows)
 
 
 def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Diagnostic]:
     """What the stages' disagreement warns of in the joint fit."""
-    said = []
+    warnings = []
     apart = [c.parameter for c in agree if c.difference_in_se is not None and abs(c.difference_in_se) > _APART]
     if apart:
-        said.append(Kind.STAGES_DIFFER(names=tuple(apart)))
+        warnings.append(Kind.STAGES_DIFFER(names=tuple(apart)))
     if joint.relative_error > _WORSE * alone.relative_error:
-        said.append(Kind.STAGES_DO_NOT_FIT(joint=joint.relative_error, alone=alone.relative_error))
-    return said
+        warnings.append(Kind.STAGES_DO_NOT_FIT(joint=joint.relative_error, alone=alone.relative_error))
+    return warnings
 
 
 def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> Diagnostic:

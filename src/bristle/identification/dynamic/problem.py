@@ -26,7 +26,7 @@ from bristle.model.rollout import rollout, rollout_into
 Quantity = Literal["torque", "position"]
 
 
-class Begin(NamedTuple):
+class InitialState(NamedTuple):
     """What a motion begins with, and which motion: an unknown of its own."""
 
     name: str
@@ -36,7 +36,7 @@ class Begin(NamedTuple):
         return f"{self.name}[{self.motion}]"
 
 
-Unknown = ParameterName | Begin
+Unknown = ParameterName | InitialState
 Values = Mapping[Any, float]
 """Of parameters, or of every unknown."""
 
@@ -56,13 +56,13 @@ class Motion:
     """Columns of the extra regressors, (N, k)."""
     smooth: sparse.csr_array | None
     """The decimation filter, (n, N); None: none."""
-    goes_on: bool = False
+    continues_previous: bool = False
     """Whether it begins where the motion before it ends."""
     weight: float = 1.0
     """What its residuals are multiplied by in the fit."""
     measured: Array
     """What is to be explained: the measured torque itself, N*m, (N,)."""
-    rough: float = 1.0
+    coarsening: float = 1.0
     """As in `rollout`."""
 
     @property
@@ -94,7 +94,7 @@ class Prior:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracking:
+class DynamicProblem:
     """The nonlinear least-squares problem of moving data."""
 
     motions: tuple[Motion, ...]
@@ -110,9 +110,9 @@ class Tracking:
     """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
     quantity: Quantity = "torque"
     """What the equations are about; where it is the position, residuals are in rad."""
-    begins: tuple[str, ...] = ("z0",)
+    initial_states: tuple[str, ...] = ("z0",)
     """What each motion begins with, unknown."""
-    equations: "Equations" = field(default_factory=lambda: driven)
+    equations: "Equations" = field(default_factory=lambda: equation_error)
     """The model."""
 
     @property
@@ -129,13 +129,13 @@ class Tracking:
     def names(self) -> tuple[Unknown, ...]:
         """The free parameters: LuGre, extra regressors, then z0 of each stretch."""
         every = (*self.friction_names, *self.extra_names)
-        starts = (Begin(name, k) for k in range(len(self.motions)) for name in self.begins)
+        starts = (InitialState(name, k) for k in range(len(self.motions)) for name in self.initial_states)
         return (*(n for n in every if n not in self.fixed), *starts)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Each motion's equations, and which unknowns it begins with."""
-        count = len(self.begins)
+        count = len(self.initial_states)
         stops, first = np.cumsum([m.size for m in self.motions]).tolist(), len(self.names) - count * len(self.motions)
         return tuple(
             Block(slice(stop - m.size, stop), list(range(first + count * k, first + count * (k + 1))))
@@ -146,7 +146,7 @@ class Tracking:
     def stretches(self) -> tuple[int, ...]:
         """First equation of each stretch, which may go on over several motions."""
         first = np.cumsum([0, *(m.size for m in self.motions)])[:-1].tolist()
-        return tuple(k for k, m in zip(first, self.motions, strict=True) if not m.goes_on)
+        return tuple(k for k, m in zip(first, self.motions, strict=True) if not m.continues_previous)
 
     @property
     def measured(self) -> Array:
@@ -172,14 +172,16 @@ class Tracking:
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
 
 
-Equations = Callable[[Tracking, Values, Sequence[dict[Unknown, Array]]], Iterable[tuple[Array, dict[Unknown, Array]]]]
+Equations = Callable[
+    [DynamicProblem, Values, Sequence[dict[Unknown, Array]]], Iterable[tuple[Array, dict[Unknown, Array]]]
+]
 """(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's derivatives by name, (N,) each.
 
 The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is returned.
 """
 
 
-def tracking(
+def dynamic_problem(
     records: Sequence[Record],
     directions: tuple[str, ...],
     regressors: Sequence[str],
@@ -187,8 +189,8 @@ def tracking(
     inertia: float | None,
     fixed: Mapping[ParameterName, float] | None = None,
     shared: tuple[str, ...] = (),
-) -> Tracking:
-    """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `Tracking`.
+) -> DynamicProblem:
+    """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `DynamicProblem`.
 
     Raises InputError where a record lacks what a regressor needs, is at rest, or has a stretch too short for the filter.
     """
@@ -220,7 +222,7 @@ def tracking(
                     measured=record.torque[part],
                 )
             )
-    return Tracking(
+    return DynamicProblem(
         motions=tuple(motions),
         directions=tuple(map(Direction, directions)),
         extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
@@ -229,14 +231,14 @@ def tracking(
     )
 
 
-def parameters(problem: Tracking, values: Values) -> Lugre[float] | Pair[float]:
+def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
     """The LuGre set, or pair of sets, among some values by name."""
     known: Values = {**problem.fixed, **values}
     sets = [Lugre(*(known[problem.key(name, d)] for name in Lugre._fields)) for d in problem.directions]
     return sets[0] if len(sets) == 1 else Pair(*sets)
 
 
-def residuals(problem: Tracking, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
+def residuals(problem: DynamicProblem, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
     """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
 
     `values` holds every name of `problem.names`; `chain` (p,) multiplies each derivative.
@@ -260,24 +262,24 @@ def residuals(problem: Tracking, values: Values, chain: Array | None = None) -> 
     return left, slopes.T
 
 
-def driven(
-    problem: Tracking, known: Values, memory: Sequence[dict[Unknown, Array]]
+def equation_error(
+    problem: DynamicProblem, known: Values, memory: Sequence[dict[Unknown, Array]]
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
     """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
     keys = [problem.key(name, d) for d, name in product(problem.directions, Lugre._fields)]
     for k, m in enumerate(problem.motions):
-        z0 = Begin("z0", k)
+        z0 = InitialState("z0", k)
         every: tuple[Unknown, ...] = (*keys, z0)
         own_memory = (memory[k].pop(key, None) for key in every)  # a shared parameter has it once
         rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
-        rolled = rollout_into(rows, m.velocity, m.step, p, known[z0], m.rough)
+        rolled = rollout_into(rows, m.velocity, m.step, p, known[z0], m.coarsening)
         own = by_name(problem, rows[:-1])
         own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {z0: rows[-1]}
         yield m.torque - rolled.torque - m.extra @ extra, own
 
 
-def by_name(problem: Tracking, rows: Iterable[Array]) -> dict[Unknown, Array]:
+def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Array]:
     """The derivatives by each LuGre parameter, 6 or 12 of (N,), by name; those of a shared one are added up."""
     own: dict[Unknown, Array] = {}
     for (d, name), row in zip(product(problem.directions, Lugre._fields), rows, strict=True):
@@ -286,19 +288,19 @@ def by_name(problem: Tracking, rows: Iterable[Array]) -> dict[Unknown, Array]:
     return own
 
 
-def modelled(problem: Tracking, values: Values) -> list[Array]:
+def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
     """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
     known: Values = {**problem.fixed, **values}
     extra = np.array([known[name] for name in problem.extra_names])
     p = parameters(problem, values)
     return [
-        rollout(m.velocity, m.step, p, values[Begin("z0", k)], m.rough).torque
+        rollout(m.velocity, m.step, p, values[InitialState("z0", k)], m.coarsening).torque
         + m.extra @ extra
         + (m.measured - m.torque)
         for k, m in enumerate(problem.motions)
     ]
 
 
-def with_priors(problem: Tracking, priors: Sequence[Prior], sigma: float) -> Tracking:
+def with_priors(problem: DynamicProblem, priors: Sequence[Prior], sigma: float) -> DynamicProblem:
     """The problem with what other stages say; `sigma` is what its residuals scatter by, N*m."""
     return replace(problem, priors=tuple(priors), sigma=sigma)

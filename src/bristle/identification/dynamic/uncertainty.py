@@ -15,7 +15,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
 from bristle.estimation.profile_likelihood import Profiled, profiles
-from bristle.identification.dynamic.fit import SEED, Tracked
+from bristle.identification.dynamic.fit import SEED, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.results import Estimate, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName
@@ -23,28 +23,28 @@ from bristle.progress import Progress
 
 _RESTARTS = 3
 
-Again = Callable[[Values], Tracked]
-"""The fit done again, also from a start with every unknown in it."""
+Refit = Callable[[Values], DynamicSolution]
+"""Fits again, also from a start with every unknown in it."""
 
 
-def explored(
-    found: Tracked, again: Again, progress: Progress | None = None
-) -> tuple[Tracked, Mapping[Unknown, Profiled]]:
-    """The profile of each parameter, and the fit: done again, and saying so, where a profile found a better optimum."""
+def profile_until_stable(
+    found: DynamicSolution, refit: Refit, progress: Progress | None = None
+) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
+    """The profile of each parameter, and the fit: solved again, and saying so, where a profile found a better optimum."""
     said: tuple[Diagnostic, ...] = ()
     for refits in range(_RESTARTS + 1):
-        seen, better = profiles(found.judged, progress, stop_at_better=refits < _RESTARTS)
+        seen, better = profiles(found.solution, progress, stop_at_better=refits < _RESTARTS)
         if better is None:
             break
-        end = found.judged.posed.unknowns.values(better)
-        found, said = again({**found.problem.fixed, **end}), (Kind.REFITTED(),)
+        end = found.solution.posed.unknowns.values(better)
+        found, said = refit({**found.problem.fixed, **end}), (Kind.REFITTED(),)
     if refits == _RESTARTS:
         said = (*said, Kind.STILL_LOWER(fits=_RESTARTS))
     return found._replace(fit=replace(found.fit, warnings=(*found.fit.warnings, *said))), seen
 
 
 def with_three_ways(
-    found: Tracked, fit: TrackingFit, profiles: Mapping[Unknown, Profiled], seed: int = SEED
+    found: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled], seed: int = SEED
 ) -> TrackingFit:
     """The fit with each parameter's intervals three ways.
 
@@ -54,7 +54,7 @@ def with_three_ways(
         profiles: by name.
         seed: of the bootstrap.
     """
-    (drawn, blocks), three = bootstrap_at(found.judged, seed), {}
+    (drawn, blocks), three = bootstrap_at(found.solution, seed), {}
     for name, e in fit.parameters.items():
         if name in profiles:
             three[name] = _three(found, name, e, profiles[name], drawn.get(name), blocks)
@@ -71,7 +71,12 @@ def with_three_ways(
 
 
 def _three(
-    found: Tracked, name: ParameterName, e: Estimate, profile: Profiled, drawn: tuple[Array, Array] | None, blocks: int
+    found: DynamicSolution,
+    name: ParameterName,
+    e: Estimate,
+    profile: Profiled,
+    drawn: tuple[Array, Array] | None,
+    blocks: int,
 ) -> Uncertainty:
     """One parameter's intervals, and where they part; `drawn` are the ends of the bootstrap's interval, and its draws."""
     moved = _moved(found, name, e)
@@ -102,10 +107,10 @@ def _three(
     )
 
 
-def _moved(found: Tracked, name: ParameterName, e: Estimate) -> Callable[[Array], Array]:
+def _moved(found: DynamicSolution, name: ParameterName, e: Estimate) -> Callable[[Array], Array]:
     """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
     value = found.values[name]
-    limits = float(found.judged.posed.unknowns.least[found.problem.names.index(name)]), np.inf
+    limits = float(found.solution.posed.unknowns.least[found.problem.names.index(name)]), np.inf
     new, wider = value if e.value is None else e.value, 1.0
     error = found.fit.parameters[name].standard_error
     if e.standard_error and error:

@@ -9,7 +9,7 @@ from bristle.errors import InputError
 from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.problem import Evaluate, LeastSquares, Unknowns
 from bristle.estimation.separable import descend
-from bristle.identification.dynamic.problem import Motion, Tracking, Unknown, Values, modelled, residuals
+from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, residuals
 from bristle.identification.identifiability import SEEN
 
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
@@ -28,7 +28,7 @@ _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
 
 
-def fit(problem: Tracking, start: Values, most: int = 60) -> tuple[dict[Unknown, float], Minimum]:
+def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Unknown, float], Minimum]:
     """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
 
     Raises InputError as `minimise` does.
@@ -37,7 +37,7 @@ def fit(problem: Tracking, start: Values, most: int = 60) -> tuple[dict[Unknown,
     return posed.unknowns.values(found.x), found
 
 
-def solved(problem: Tracking, start: Values, most: int) -> tuple[LeastSquares[Unknown], Minimum]:
+def solved(problem: DynamicProblem, start: Values, most: int) -> tuple[LeastSquares[Unknown], Minimum]:
     """The least-squares problem about a start, and its minimum near there."""
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
@@ -45,7 +45,7 @@ def solved(problem: Tracking, start: Values, most: int) -> tuple[LeastSquares[Un
     return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most)
 
 
-def _brought_near(problem: Tracking, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
+def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
     """Where a quick descent over a few of many samples ends, if samples between those like it better than the start; else the start."""
     if problem.quantity == "position" or sum(m.time.size for m in problem.motions) < _LARGE:
         return start
@@ -64,10 +64,14 @@ def _brought_near(problem: Tracking, unknowns: Unknowns[Unknown], start: Values,
 def _thinned(motion: Motion, first: int) -> Motion:
     """Every 8th sample of a motion from that one on, unsmoothed."""
     names = ("time", "velocity", "torque", "extra", "measured")
-    return replace(motion, smooth=None, rough=_ROUGH, **{name: getattr(motion, name)[first::_EVERY] for name in names})
+    return replace(
+        motion, smooth=None, coarsening=_ROUGH, **{name: getattr(motion, name)[first::_EVERY] for name in names}
+    )
 
 
-def polished(problem: Tracking, posed: LeastSquares[Unknown], found: Minimum) -> tuple[LeastSquares[Unknown], Minimum]:
+def polished(
+    problem: DynamicProblem, posed: LeastSquares[Unknown], found: Minimum
+) -> tuple[LeastSquares[Unknown], Minimum]:
     """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves; kept where it is lower."""
     if problem.quantity == "torque" or found.converged:
         return posed, found
@@ -77,7 +81,7 @@ def polished(problem: Tracking, posed: LeastSquares[Unknown], found: Minimum) ->
     return (near, better) if better.cost <= found.cost else (posed, found)
 
 
-def unknowns_of(problem: Tracking, at: Values) -> Unknowns[Unknown]:
+def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
     """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`; and bounds.
 
     What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest
@@ -117,7 +121,7 @@ def unknowns_of(problem: Tracking, at: Values) -> Unknowns[Unknown]:
     )
 
 
-def least_squares(problem: Tracking, at: Values) -> LeastSquares[Unknown]:
+def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
     """The problem over its scaled unknowns about some values; the rows of priors come last."""
     unknowns = unknowns_of(problem, at)
     return LeastSquares(
@@ -131,7 +135,7 @@ def least_squares(problem: Tracking, at: Values) -> LeastSquares[Unknown]:
     )
 
 
-def _evaluation(problem: Tracking, unknowns: Unknowns[Unknown]) -> Evaluate:
+def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:
     """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
     weights, sizes = [m.weight for m in problem.motions], [m.size for m in problem.motions]
     weight = np.repeat(weights, sizes) if any(one != 1 for one in weights) else None

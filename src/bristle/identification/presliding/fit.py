@@ -11,7 +11,7 @@ from bristle.data.slow_loading import Loading, Loop, find_loadings, find_loops
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.identification.presliding.stiffness import REACH, Level, count_edges, printed_bias, stiffness
+from bristle.identification.presliding.stiffness import REACH, KnownValue, count_edges, printed_bias, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Estimate, Presliding, PreslidingFit
 from bristle.model import functions
@@ -32,8 +32,8 @@ _SINGLE = 0.1
 
 def identify_presliding(
     records: Sequence[Record],
-    levels: Mapping[str, Level],
-    inertia: Level | None,
+    levels: Mapping[str, KnownValue],
+    inertia: KnownValue | None,
     options: FitOptions,
     resolution: float | None,
     kind: JointKind,
@@ -77,7 +77,9 @@ def identify_presliding(
     return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, warnings=tuple(warnings))
 
 
-def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | None, kind: JointKind) -> PreslidingFit:
+def fit_presliding(
+    loadings: Sequence[Loading], level: KnownValue, inertia: KnownValue | None, kind: JointKind
+) -> PreslidingFit:
     """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
 
     Args:
@@ -125,7 +127,7 @@ def fit_presliding(loadings: Sequence[Loading], level: Level, inertia: Level | N
     )
 
 
-def with_damping(found: Presliding, inertia: Level, kind: JointKind) -> Presliding:
+def with_damping(found: Presliding, inertia: KnownValue, kind: JointKind) -> Presliding:
     """The same with sigma_1 by (15) for an inertia that became known since."""
     fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in found.fits.items()}
     return replace(found, fits=fits)
@@ -152,13 +154,13 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
     ), warnings
 
 
-def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> Level | None:
+def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> KnownValue | None:
     """g0 from the breakaway of this direction, or else of the other one."""
     for d in (direction, "-" if direction == "+" else "+"):
         if d in breakaway:
             value, error = breakaway[d].value or 0.0, breakaway[d].standard_error
             guess = "" if error else f"; its error of {_SINGLE:.0%} is a guess"
-            return Level(value, error or _SINGLE * value, f"breakaway in direction {d}{guess}")
+            return KnownValue(value, error or _SINGLE * value, f"breakaway in direction {d}{guess}")
     return None
 
 
@@ -176,14 +178,14 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagn
     return said
 
 
-def _sigma_1(sigma_0: Estimate, inertia: Level | None, kind: JointKind) -> Estimate:
+def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: JointKind) -> Estimate:
     """(15): a prior from an assumed damping ratio, no estimate."""
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
         why = Kind.NO_STIFFNESS() if known else Kind.NO_INERTIA()
         return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(Kind.NO_SIGMA_1(why=why),))
     value, by_sigma_0, by_J = (
-        float(x) for x in evaluate(functions.presliding_damping(), sigma_0.value, inertia.value, DAMPING_RATIO)
+        float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
     )
     return Estimate(
         value=value,

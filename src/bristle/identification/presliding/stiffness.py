@@ -34,7 +34,7 @@ _PHASES = 64
 """Where inside a count the joint may rest, for the spread that counts alone cause."""
 
 
-class Level(NamedTuple):
+class KnownValue(NamedTuple):
     """A quantity from elsewhere: g0 = alpha_0 + alpha_1, the torque at which slow loading slides (N*m), or the inertia (kg*m**2)."""
 
     value: float
@@ -55,7 +55,7 @@ class Piece:
     """Of the edges: one over the variance of U at constant noise in T."""
 
 
-def stiffness(loadings: Sequence[Loading], level: Level, kind: JointKind) -> dict[str, Estimate]:
+def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
     """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`; a lower bound where counts hide the motion.
 
     Args:
@@ -71,7 +71,7 @@ def stiffness(loadings: Sequence[Loading], level: Level, kind: JointKind) -> dic
     return _estimates(loadings, level, quantum, kind)
 
 
-def count_edges(loadings: Sequence[Loading], level: Level) -> int:
+def count_edges(loadings: Sequence[Loading], level: KnownValue) -> int:
     """Count edges that the loadings crossed below REACH of g0."""
     return sum(of_loading(loading, level.value).edge_y.size for loading in loadings)
 
@@ -93,7 +93,7 @@ def printed_bias(u: Array) -> tuple[Array, Array, Array]:
 
 def _unbent(torque: Array, g0: float) -> Array:
     """U = sigma_0 y of slow loading to this torque, N*m."""
-    return evaluate(functions.loading_displacement(), torque, g0, 1.0)[0]
+    return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
 
 
 def of_loading(loading: Loading, g0: float) -> Piece:
@@ -116,7 +116,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     )
 
 
-def _estimates(loadings: Sequence[Loading], level: Level, quantum: float, kind: JointKind) -> dict[str, Estimate]:
+def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: JointKind) -> dict[str, Estimate]:
     """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
     width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
     pieces, less, more = (
@@ -198,10 +198,12 @@ def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     y, U = np.concatenate(ys), np.concatenate(Us)
     slope = float(y @ U / (y @ y))
     score, freedom = y * (U - slope * y), y.size - len(ys) - 1
-    stretch = inflation(score)
+    variance_inflation = inflation(score)
     # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
-    variance = float(score @ score) * y.size / freedom * stretch / float(y @ y) ** 2 if freedom > 0 else slope**2
-    return slope, float(np.sqrt(variance)), max(y.size / stretch - len(ys) - 1, 1.0)
+    variance = (
+        float(score @ score) * y.size / freedom * variance_inflation / float(y @ y) ** 2 if freedom > 0 else slope**2
+    )
+    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(ys) - 1, 1.0)
 
 
 def _noise(pieces: Sequence[Piece]) -> float:
@@ -220,9 +222,11 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     compliance = float(t @ y) / along if along else 0.0
     rest = y - compliance * U
     score = t * rest  # what scatters, correlated and of a variance that grows with the torque
-    stretch = inflation(score)
-    freedom = max(y.size / stretch - len(pieces) - 1, 1.0)
-    error = np.sqrt(float(score @ score) * stretch * y.size / max(y.size - len(pieces) - 1, 1)) / abs(along or 1.0)
+    variance_inflation = inflation(score)
+    freedom = max(y.size / variance_inflation - len(pieces) - 1, 1.0)
+    error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(pieces) - 1, 1)) / abs(
+        along or 1.0
+    )
     value = 1 / compliance if compliance else float("inf")
     return value, float(error * value**2), freedom
 

@@ -27,7 +27,7 @@ from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bo
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.stiffness import (
-    Level,
+    KnownValue,
     Piece,
     by_edges,
     by_phase,
@@ -67,7 +67,7 @@ class _Line(NamedTuple):
 
 
 def stiffness_uncertainty(
-    loadings: Sequence[Loading], level: Level, estimator: str, estimate: Estimate, seed: int = SEED
+    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, seed: int = SEED
 ) -> Uncertainty:
     """The intervals of sigma_0 of one direction.
 
@@ -125,7 +125,7 @@ def _pair(ends: Array) -> tuple[float, float]:
     return float(ends.min()), float(ends.max())
 
 
-def _line(loadings: Sequence[Loading], level: Level, spread: float, *, inverse: bool) -> _Line:
+def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inverse: bool) -> _Line:
     """The estimator at values of g0 about the level, as far as any edges lie below them; `spread` is what counts add to e."""
 
     def at(g0: float) -> tuple[float, float, float]:

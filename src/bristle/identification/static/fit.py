@@ -19,7 +19,7 @@ from bristle.identification.static.fit_warnings import huber_warnings
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.stribeck_test import Inferred, infer
+from bristle.identification.static.stribeck_test import StaticSolution, solve_static
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
@@ -67,8 +67,8 @@ def fit_static(
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
-    core = infer(problem, options, kind, v_s_range)
-    beside = _beside(problem, core, options, kind, v_s_range, where)
+    core = solve_static(problem, options, kind, v_s_range)
+    comparisons = _comparisons(problem, core, options, kind, v_s_range, where)
     errors = tuple(
         HoldOut(file=file, relative_error=replace(p, peaks=core.problem.peaks).relative_error(core.solution.theta))
         for file, p in held
@@ -81,13 +81,13 @@ def fit_static(
         solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
         timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
     if not checked.agrees:
-        beside = replace(beside, warnings=(*beside.warnings, checked.verdict))
-    return {d: _static_fit(core, d, where, beside, errors) for d in _parts(problem)}, {label: checked}
+        comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
+    return {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}, {label: checked}
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
     """The parameters of one direction alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
-    core = infer(problem, options, kind, options.v_s_range or default_range(problem.velocity))
+    core = solve_static(problem, options, kind, options.v_s_range or default_range(problem.velocity))
     return {name.name: e for name, e in core.parameters.items()}
 
 
@@ -124,8 +124,8 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Beside:
-    """What stands beside a fit."""
+class _Comparisons:
+    """The same parameters by other ways, which a fit is shown with."""
 
     plain: Mapping[ParameterName, float]
     robust: Mapping[ParameterName, float]
@@ -134,14 +134,14 @@ class _Beside:
     warnings: tuple[Diagnostic, ...]
 
 
-def _beside(
+def _comparisons(
     problem: Regression,
-    core: Inferred,
+    core: StaticSolution,
     options: FitOptions,
     kind: JointKind,
     v_s_range: tuple[float, float],
     where: PointInfo,
-) -> _Beside:
+) -> _Comparisons:
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = dict(
@@ -163,14 +163,14 @@ def _beside(
         if nothing := _too_few(rest):
             warnings.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
-            alone = infer(rest, options, kind, options.v_s_range or default_range(rest.velocity))
+            alone = solve_static(rest, options, kind, options.v_s_range or default_range(rest.velocity))
             without = alone.parameters
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], _equation_velocity(problem)[measured]
     warnings += residual_warnings(residuals, velocity, where.time, where.position)
     three = three_ways(core, v_s_range)
-    return _Beside(plain=plain, robust=robust, without=without, three=three, warnings=tuple(warnings))
+    return _Comparisons(plain=plain, robust=robust, without=without, three=three, warnings=tuple(warnings))
 
 
 def _equation_velocity(problem: Regression) -> Array:
@@ -178,7 +178,7 @@ def _equation_velocity(problem: Regression) -> Array:
 
 
 def _static_fit(
-    core: Inferred, part: Direction, where: PointInfo, beside: _Beside, errors: tuple[HoldOut, ...]
+    core: StaticSolution, part: Direction, where: PointInfo, comparisons: _Comparisons, errors: tuple[HoldOut, ...]
 ) -> StaticFit:
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
     problem, theta = core.problem, core.solution.theta
@@ -191,8 +191,8 @@ def _static_fit(
         else (velocity > 0 if part == "+" else velocity < 0)
     )
     rows[rows.size - problem.priors :] = False
-    own = [name for name in problem.names if not two or name.direction is part]
-    parameters = {name.name: _with_warnings(core.parameters[name], beside.three[name]) for name in own}
+    names = [name for name in problem.names if not two or name.direction is part]
+    parameters = {name.name: _with_warnings(core.parameters[name], comparisons.three[name]) for name in names}
     if part != "shared" and part in core.dropped:
         missing = {
             n: Estimate(value=None, unit=_unit_like(core, n, part), warnings=(core.dropped[part],))
@@ -200,7 +200,7 @@ def _static_fit(
         }
         parameters |= missing
     order = sorted(parameters, key=lambda name: (*Stribeck._fields, name).index(name))
-    keep = [k for k, name in enumerate(core.names) if name in own]
+    keep = [k for k, name in enumerate(core.names) if name in names]
     torque = problem.friction(theta) if part != "shared" else problem.torque
     measured = problem.torque if problem.known is None else problem.torque + problem.known
     norm = float(np.linalg.norm(measured[rows]))
@@ -210,17 +210,17 @@ def _static_fit(
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
-        outcome=_outcome(core, part, beside),
-        warnings=beside.warnings,
+        outcome=_outcome(core, part, comparisons),
+        warnings=comparisons.warnings,
         hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],
         degrees_of_freedom=int(core.freedom),
         profile=core.profiles.get(part),
-        uncertainty={name.name: beside.three[name] for name in own},
-        plain_grid={name.name: x for name, x in beside.plain.items() if name in own},
-        huber={name.name: x for name, x in beside.robust.items() if name in own},
-        without_stick_slip={n.name: e for n, e in beside.without.items() if not two or n.direction is part},
+        uncertainty={name.name: comparisons.three[name] for name in names},
+        plain_grid={name.name: x for name, x in comparisons.plain.items() if name in names},
+        huber={name.name: x for name, x in comparisons.robust.items() if name in names},
+        without_stick_slip={n.name: e for n, e in comparisons.without.items() if not two or n.direction is part},
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],
@@ -236,16 +236,16 @@ def _with_warnings(estimate: Estimate, three: Uncertainty) -> Estimate:
     return estimate if at_bound else replace(estimate, warnings=(*estimate.warnings, *three.warnings))
 
 
-def _outcome(core: Inferred, part: Direction, beside: _Beside) -> Diagnostic:
+def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -> Diagnostic:
     name = ParameterName("alpha_1", part)
-    rests = name in core.parameters and bool(beside.without) and name not in beside.without
+    rests = name in core.parameters and bool(comparisons.without) and name not in comparisons.without
     return Kind.STATIC_STICK_SLIP() if rests else core.outcome
 
 
-def _unit_like(core: Inferred, name: str, part: Direction) -> str:
+def _unit_like(core: StaticSolution, name: str, part: Direction) -> str:
     torque = core.parameters[ParameterName("alpha_0", part)].unit
     return unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
 
 
-def _errors(core: Inferred) -> Array:
+def _errors(core: StaticSolution) -> Array:
     return np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])

@@ -21,7 +21,7 @@ def fit_warnings(
     intervals: Mapping[Direction, tuple[float, float]],
     profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
-    stretch: float,
+    variance_inflation: float,
 ) -> tuple[Diagnostic, ...]:
     """Each warning about a fit as a whole.
 
@@ -32,7 +32,7 @@ def fit_warnings(
         intervals: of v_s, per peak.
         profiles: per peak.
         v_s_range: that was searched, rad/s.
-        stretch: inflation of the variance by correlated residuals.
+        variance_inflation: inflation of the variance by correlated residuals.
     """
     warnings = [Kind.BOUND(name=problem.text(name)) for name in solution.at_bound]
     for direction, profile in profiles.items():
@@ -48,9 +48,9 @@ def fit_warnings(
     condition = covariance.condition(jacobian)
     if condition > 1e3:
         warnings.append(Kind.ILL_CONDITIONED(condition=condition))
-    if stretch > 2:
+    if variance_inflation > 2:
         residuals = problem.residuals(solution.theta)
-        warnings.append(Kind.CORRELATED(lag_one=lag_one(residuals), widened=np.sqrt(stretch)))
+        warnings.append(Kind.CORRELATED(lag_one=lag_one(residuals), widened=np.sqrt(variance_inflation)))
     return tuple(warnings)
 
 

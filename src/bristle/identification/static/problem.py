@@ -19,7 +19,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.identification.decimation import decimator
 from bristle.identification.moving_runs import extra_columns, inertial, needed
-from bristle.model.functions import linear_shapes, stribeck_shape, stribeck_shape_slope
+from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
 from bristle.model.parameters import Direction, ParameterName
 from bristle.model.vectorize import evaluate
 
@@ -70,11 +70,11 @@ class Regression:
 
     def shapes(self, v_s: Array, direction: int = 0) -> Array:
         """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
-        return self._columns(stribeck_shape(), v_s, direction)[0]
+        return self._columns(stribeck_shape_function(), v_s, direction)[0]
 
     def slopes(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
         """`shapes`, and its derivative with respect to v_s, by CasADi; each of shape (n, k)."""
-        shapes, slopes = self._columns(stribeck_shape_slope(), v_s, direction)
+        shapes, slopes = self._columns(stribeck_shape_slope_function(), v_s, direction)
         return shapes, slopes
 
     def design(self, v_s: Sequence[float] | Array) -> Array:
@@ -231,7 +231,7 @@ def _build(
     smooth: sparse.csr_array | None,
 ) -> Regression:
     one = len(directions) == 1
-    alpha_0, alpha_2 = evaluate(linear_shapes(), velocity)
+    alpha_0, alpha_2 = evaluate(linear_shapes_function(), velocity)
     friction: dict[ParameterName, Array] = {}
     sides = tuple(map(Direction, directions))
     for direction in sides:

@@ -61,13 +61,13 @@ class StaticProfiles(NamedTuple):
         return np.stack([values, self.linear.heights(j, values, _BEYOND)])
 
 
-def profiled(problem: Regression, solution: Solution, stretch: float = 1.0) -> StaticProfiles:
-    """The profiles of a problem's solution; `stretch` is by how much correlated residuals inflate the variance.
+def profiled(problem: Regression, solution: Solution, variance_inflation: float = 1.0) -> StaticProfiles:
+    """The profiles of a problem's solution; `variance_inflation` is by how much correlated residuals inflate the variance.
 
     v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range; alpha_1 goes with it,
     and has no upper end then.
     """
-    threshold = profile_threshold(solution.cost, problem.torque.size, len(problem.names), stretch)
+    threshold = profile_threshold(solution.cost, problem.torque.size, len(problem.names), variance_inflation)
     few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem
     peaks = len(problem.peaks)
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]

@@ -33,7 +33,7 @@ _NEAR = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Inferred:
+class StaticSolution:
     """A solved and judged problem."""
 
     problem: Regression
@@ -52,7 +52,9 @@ class Inferred:
     """Intervals by the covariance, by name."""
 
 
-def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float]) -> Inferred:
+def solve_static(
+    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float]
+) -> StaticSolution:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval and its warnings on each parameter."""
     solution, again = None, tuple[Diagnostic, ...]()
     if problem.torque.size <= len(problem.names):
@@ -66,23 +68,23 @@ def infer(problem: Regression, options: FitOptions, kind: JointKind, v_s_range: 
         problem = problem.weighted(huber(problem, v_s_range, options.grid)[1])
     if solution is None or dropped or options.loss == "huber":
         solution = solve(problem, v_s_range, options.grid)
-    stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
-    found = profiled(problem, solution, stretch)
+    variance_inflation = inflation(solution.residuals) if problem.smooth is not None else 1.0
+    found = profiled(problem, solution, variance_inflation)
     if found.better is not None:
         solution = descended(problem, solution, found.better.tolist(), v_s_range)
-        found, again = profiled(problem, solution, stretch), (Kind.REFITTED_FROM_GRID(),)
+        found, again = profiled(problem, solution, variance_inflation), (Kind.REFITTED_FROM_GRID(),)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
-    covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, stretch)
-    full, _ = uncertainty.covariance(jacobian, solution.cost, stretch)
+    covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, variance_inflation)
+    full, _ = uncertainty.covariance(jacobian, solution.cost, variance_inflation)
     profiles = _profiles(problem, solution, options, v_s_range, found.threshold)
     parameters = _estimates(problem, solution, covariance, free, found.intervals, kind)
     v_s = {
         d: found.intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
     }
-    warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, stretch)
+    warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
-    return Inferred(
+    return StaticSolution(
         problem=problem,
         solution=solution,
         parameters=parameters,
@@ -112,7 +114,7 @@ def _unsupported(
     problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
 ) -> dict[Direction, Diagnostic]:
     """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
-    stretch = inflation(solution.residuals) if problem.smooth is not None else 1.0
+    variance_inflation = inflation(solution.residuals) if problem.smooth is not None else 1.0
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
     _, v_s = problem.split(solution.theta)
@@ -120,7 +122,8 @@ def _unsupported(
     for k, direction in enumerate(problem.peaks):
         off, length = projected.off(solution.grid, k)
         gain = max(solution.base_costs[k] - solution.cost, 0.0)
-        ratio = gain / (max(solution.cost, noise) or 1.0) / stretch  # a torque of zero throughout has neither
+        unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
+        ratio = gain / unexplained / variance_inflation
         p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
         why = None
         if p > SUPPORTED:

@@ -10,7 +10,7 @@ from bristle.identification.results import Uncertainty
 from bristle.identification.static import bootstrap
 from bristle.identification.static.profiles import others
 from bristle.identification.static.projection import Projected
-from bristle.identification.static.stribeck_test import Inferred
+from bristle.identification.static.stribeck_test import StaticSolution
 from bristle.model.parameters import ParameterName
 
 _FEW = 8
@@ -20,7 +20,7 @@ _DRAWN, _BEYOND = 61, 0.6
 
 
 def three_ways(
-    found: Inferred, v_s_range: tuple[float, float], seed: int = bootstrap.SEED
+    found: StaticSolution, v_s_range: tuple[float, float], seed: int = bootstrap.SEED
 ) -> dict[ParameterName, Uncertainty]:
     """The intervals of every parameter of a solved and judged problem, by the problem's names.
 
@@ -55,7 +55,7 @@ def three_ways(
     return out
 
 
-def _curve(found: Inferred, name: ParameterName, value: float) -> Array:
+def _curve(found: StaticSolution, name: ParameterName, value: float) -> Array:
     """The profile of a parameter, as in `Uncertainty`."""
     problem, (low, high) = found.profiled.problem, found.profiled.intervals[name]
     reach = found.student[name][1] - value

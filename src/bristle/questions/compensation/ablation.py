@@ -69,7 +69,7 @@ class AblationRow(NamedTuple):
     """The loop has no bound."""
 
 
-def ablation(loop: JointLoop) -> tuple[AblationRow, ...]:
+def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
     """All of them; the joint goes forth and back twice, then is held at rest."""
     reference, moving = _back_and_forth(loop)
     circumstances = [(bits, share) for bits in BITS for share in SHARES]

@@ -43,7 +43,7 @@ class AdaptationMap(NamedTuple):
     """(parameters, l, m)."""
 
 
-def adaptation_map(loop: JointLoop) -> AdaptationMap:
+def map_adaptation(loop: JointLoop) -> AdaptationMap:
     """How the adapted values move with rate, amplitude and frequency, after the length of a run of the adaptation."""
     plan = loop.adaptation
     top = float(np.max(plan.gamma)) or 1.0
@@ -141,7 +141,7 @@ class Controlled(NamedTuple):
     """Work at the joint, J."""
 
 
-def controllers(loop: JointLoop) -> tuple[Controlled, ...]:
+def compare_controllers(loop: JointLoop) -> tuple[Controlled, ...]:
     """PID alone, with LuGre feed-forward, and sliding mode, which needs no model, with boundary layers in which it is PD of the same K_d or steeper.
 
     Sliding mode has five times the torque that the reference needs, and the slope K_p / K_d.
@@ -176,7 +176,7 @@ class Sampled(NamedTuple):
     """Largest difference of the positions over the run, rad."""
 
 
-def sampling(loops: Sequence[JointLoop]) -> tuple[Sampled, ...]:
+def compare_sampling(loops: Sequence[JointLoop]) -> tuple[Sampled, ...]:
     """Every joint at twice, once and half its control period."""
     rows = []
     for loop in loops:

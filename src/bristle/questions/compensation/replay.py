@@ -14,10 +14,10 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
-from bristle.control.compensator import Compensator, CompensatorState, advanced, packed, start, unpacked
+from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.packing import flat, symbols
-from bristle.identification.dynamic.problem import Motion, tracking
-from bristle.identification.identify import Measured
+from bristle.identification.dynamic.problem import Motion, dynamic_problem
+from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import inertia, regressors
 from bristle.identification.results import Joint
 from bristle.model import law
@@ -105,7 +105,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
     found = []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
-        problem = tracking([record], ("both",), regressors(measured.experiment), 1, fixed)
+        problem = dynamic_problem([record], ("both",), regressors(measured.experiment), 1, fixed)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         found += [_replay(loop, record.file, problem.motions, extra, *way) for way in ways]
     return tuple(found)
@@ -114,7 +114,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
 def _replay(
     loop: JointLoop, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float], a: Adaptation
 ) -> Replay:
-    parts, state = [], start(Compensator(adaptation=a), model)
+    parts, state = [], initial_state(Compensator(adaptation=a), model)
     numbers = flat((model, loop.gains.K_p))
     for m in motions:
         friction = m.torque - m.extra @ extra
@@ -136,7 +136,7 @@ def _replay(
 def _run(a: Adaptation, samples: int) -> ca.Function:
     """(memory, (velocity, friction, step), (pair, K_p)) -> (memory, (torque, gains))."""
     blank = pair_of([0.0] * 12)
-    memory, own = symbols("memory", tuple(packed(start(Compensator(adaptation=a), blank))))
+    memory, own = symbols("memory", tuple(packed(initial_state(Compensator(adaptation=a), blank))))
     u, (v, friction, h) = symbols("u", (0.0, 0.0, 0.0))
     q, (model, K_p) = symbols("q", (blank, 0.0))
     state = unpacked(own, model, len(a.parameters))

@@ -81,12 +81,12 @@ def study(
         "errors": lambda: paper_experiments.errors(loops),
         "followed": lambda: paper_experiments.followed(first),
         "adapted": lambda: paper_experiments.adapted(adapting),
-        "adaptation_map": lambda: parameter_studies.adaptation_map(adapting),
+        "adaptation_map": lambda: parameter_studies.map_adaptation(adapting),
         "gradients": lambda: parameter_studies.gradients(adapting.plant.positive, adapting.adaptation.parameters[0]),
         "drifts": lambda: parameter_studies.drifts(loops),
-        "controllers": lambda: parameter_studies.controllers(first),
-        "sampling": lambda: parameter_studies.sampling(loops),
-        "ablation": lambda: ablating.ablation(first),
+        "controllers": lambda: parameter_studies.compare_controllers(first),
+        "sampling": lambda: parameter_studies.compare_sampling(loops),
+        "ablation": lambda: ablating.ablate(first),
         "band": lambda: parameter_studies.band(first),
     }
     results = {}

@@ -12,8 +12,8 @@ from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
 from bristle.data.differentiation import stretches
 from bristle.identification.fisher import covariance, gram
-from bristle.identification.identify import Measured
 from bristle.identification.limits import SAMPLES, Limits
+from bristle.identification.measured import Measured
 from bristle.model.parameters import Direction, Lugre, Pair, pair_of
 from bristle.model.rollout import rollout_into
 from bristle.questions.experiment_design.start import Start
@@ -181,7 +181,7 @@ def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
     """The same scaled down, where it would take more torque than the drive has, until it does not at the estimate."""
     for _ in range(_SCALINGS):
         run = course(lines, problem.limits, problem.duration, problem.step)
-        _, torque = information(run.velocity, run.acceleration, problem, rough=_ROUGH)
+        _, torque = information(run.velocity, run.acceleration, problem, coarsening=_ROUGH)
         if torque <= _GOOD * problem.limits.torque:
             break
         lines = limited(lines, problem.limits, problem.duration, problem.step)
@@ -254,14 +254,14 @@ def _cost(x: Array, problem: MotionProblem) -> float:
 
 
 def information(
-    velocity: Array, acceleration: Array, problem: MotionProblem, which: int = 0, rough: float = 1.0
+    velocity: Array, acceleration: Array, problem: MotionProblem, which: int = 0, coarsening: float = 1.0
 ) -> tuple[Array, float]:
     """What a motion (n,) tells of all parameters at one of the problem's sets, (p, p), and its largest torque, N*m.
 
-    `rough` as in `rollout`.
+    `coarsening` as in `rollout`.
     """
     p = problem.sets[which]
     rows = np.empty((7 if isinstance(p, Lugre) else 13, velocity.size))
-    rolled = rollout_into(list(rows), velocity, problem.step, p, None, rough)
+    rolled = rollout_into(list(rows), velocity, problem.step, p, None, coarsening)
     rows[-1] = acceleration  # in the place of the derivative by the start, which is steady
     return gram(rows.T, problem.noise), float(np.abs(rolled.torque + problem.inertias[which] * acceleration).max())

@@ -11,8 +11,8 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.data.slow_loading import Loading
 from bristle.identification.fisher import covariance
-from bristle.identification.identify import Measured
 from bristle.identification.limits import Limits
+from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.parameters import Direction, Lugre
@@ -66,7 +66,7 @@ def plan_loading(
     measured: Measured, joint: Joint, start: Start, direction: Direction, limits: Limits, share: float
 ) -> LoadingDesign:
     """Slow loading in a direction, + or -, from what is known of the joint and the noise of its loadings so far."""
-    p, hold_noise = start.p(direction), start.noise[start.own(direction)]
+    p, hold_noise = start.p(direction), start.noise[start.direction_of(direction)]
     of_g0 = seen_covariance(start.known, start.indices(direction, ("alpha_0", "alpha_1")))
     g0_error = float(np.sqrt(of_g0.sum())) if of_g0.size else hold_noise
     slow = joint.presliding.fits.get(direction) if joint.presliding else None
@@ -84,7 +84,7 @@ def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) 
     for loading in loadings:
         keep = loading.edge_torque < PEAKS[-1] * g0
         if keep.sum() > 2:
-            y, y_T = evaluate(functions.loading_slope(), loading.edge_torque[keep], g0, p.sigma_0)[:2]
+            y, y_T = evaluate(functions.loading_slope_function(), loading.edge_torque[keep], g0, p.sigma_0)[:2]
             left = y - loading.edge_displacement[keep]
             residuals.append((left - left.mean()) / y_T)
     return float(np.std(np.concatenate(residuals)) / np.sqrt(2 * cutoff * _TENTH)) if residuals else 0.0
@@ -108,7 +108,7 @@ def design_loading(
     g0, rises = p.alpha_0 + p.alpha_1, share * RISES
     noise = noise / CYCLES**0.5
     scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
-    y, y_T = evaluate(functions.loading_slope(), PEAKS * g0, g0, p.sigma_0)[:2]
+    y, y_T = evaluate(functions.loading_slope_function(), PEAKS * g0, g0, p.sigma_0)[:2]
     viscous = (p.sigma_1 + p.alpha_2) * y_T / rises[:, None]
     errors = np.hypot(scatter, viscous * p.sigma_0)
     best = errors.min(axis=1)
@@ -142,13 +142,13 @@ def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float
     The rest position is unknown and g0 known with an error; inf below two edges.
     """
     g0 = p.alpha_0 + p.alpha_1
-    reach = float(evaluate(functions.loading_displacement(), peak, g0, p.sigma_0)[0])
+    reach = float(evaluate(functions.loading_displacement_function(), peak, g0, p.sigma_0)[0])
     edges = reach / count if count else np.inf
     if edges < 2:
         return np.inf
     looked = int(min(edges, _MOST))
     T = g0 * -np.expm1(-p.sigma_0 / g0 * reach * (np.arange(looked) + 0.5) / looked)  # where the edges are, no model
-    _, y_T, y_g0, y_sigma_0 = evaluate(functions.loading_slope(), T, g0, p.sigma_0)
+    _, y_T, y_g0, y_sigma_0 = evaluate(functions.loading_slope_function(), T, g0, p.sigma_0)
     averages = rise / _TENTH
     alone = max(1.0, edges / averages) * looked / edges if np.isfinite(edges) else looked / averages
     rows = np.column_stack([y_sigma_0, np.ones(looked), y_g0]) / (y_T * noise * np.sqrt(alone))[:, None]

@@ -13,8 +13,8 @@ from bristle.arrays import Array, result
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fisher import covariance, static_information
-from bristle.identification.identify import Measured
 from bristle.identification.limits import Limits, followed, limits_of, shortened
+from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.parameters import SIGNED, Lugre, ParameterName, Stribeck, unit
 from bristle.questions.experiment_design import excitation
@@ -236,7 +236,11 @@ def _information(
         for plan in velocities
     ]
     of_loadings = [
-        embedded(start.names, [ParameterName("sigma_0", start.own(loading.direction))], np.array([[loading.error**-2]]))
+        embedded(
+            start.names,
+            [ParameterName("sigma_0", start.direction_of(loading.direction))],
+            np.array([[loading.error**-2]]),
+        )
         for loading in loadings
         if np.isfinite(loading.error)
     ]

@@ -8,9 +8,9 @@ from bristle.arrays import Array, result
 from bristle.data.encoder import resolution
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.identification.identify import Measured
 from bristle.identification.known_joint import DEFLECTION, INERTIAL, guessed_inertia, inertia_of, known_joint
 from bristle.identification.limits import Limits
+from bristle.identification.measured import Measured
 from bristle.identification.results import Estimate, Joint, StaticFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -65,13 +65,13 @@ class Start:
         """The set of a direction."""
         return self.sets.negative if direction == Direction.NEGATIVE else self.sets.positive
 
-    def own(self, direction: Direction) -> Direction:
+    def direction_of(self, direction: Direction) -> Direction:
         """The direction itself, or `both` where the two share one set."""
         return direction if direction in self.directions else Direction.BOTH
 
     def indices(self, direction: Direction, names: Sequence[str]) -> list[int]:
         """Where some of a direction's parameters stand among all."""
-        return [self.names.index(ParameterName(name, self.own(direction))) for name in names]
+        return [self.names.index(ParameterName(name, self.direction_of(direction))) for name in names]
 
 
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
@@ -81,35 +81,35 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     """
     one_law = known_joint(joint).directions == (Direction.BOTH,)
     directions = (Direction.BOTH,) if one_law else SIGNED
-    said: list[str] = []
+    assumptions: list[str] = []
     estimates = {d: _estimates(joint, d) for d in directions}
-    if not any("alpha_0" in own for own in estimates.values()):
+    if not any("alpha_0" in seen for seen in estimates.values()):
         raise InputError(
             f"{joint.name}: nothing is known of its friction over velocity, from which a plan starts; add ramp, points or tracking runs"
         )
     for d, other in zip(directions, reversed(directions), strict=True):
         if "alpha_0" not in estimates[d]:
             estimates[d] = {name: Estimate(value=e.value, unit=e.unit) for name, e in estimates[other].items()}
-            said.append(f"Nothing is known of direction {d}: it is taken to be as direction {other}.")
+            assumptions.append(f"Nothing is known of direction {d}: it is taken to be as direction {other}.")
     J = inertia_of(measured.experiment, joint)
     if J is None:
-        J = guessed_inertia(max(own["alpha_0"].value or 0.0 for own in estimates.values()), limits.acceleration)
-        said.append(
+        J = guessed_inertia(max(seen["alpha_0"].value or 0.0 for seen in estimates.values()), limits.acceleration)
+        assumptions.append(
             f"Inertia: a guess, {J:.2g} {unit('inertia', joint.kind)}: {INERTIAL:g} of alpha_0 at the largest acceleration; give inertia."
         )
     sets, guessed = {}, []
-    for d, own in estimates.items():
-        sets[d], missing = _filled(own, limits, J)
+    for d, seen in estimates.items():
+        sets[d], missing = _filled(seen, limits, J)
         guessed += [ParameterName(name, d) for name in missing]
-        said += [_guess(ParameterName(name, d), getattr(sets[d], name), joint) for name in missing]
+        assumptions += [_guess(ParameterName(name, d), getattr(sets[d], name), joint) for name in missing]
     names = (*(ParameterName(name, d) for d in directions for name in Lugre._fields), INERTIA)
     values = np.array([x for d in directions for x in sets[d]] + [J])
     given, exact = _declared(measured, joint, names)
     if exact:
-        said.append(
+        assumptions.append(
             f"Inertia: {J:.4g} {unit('inertia', joint.kind)}, given as exact; intervals are those of the others."
         )
-    noise, equation_noise, step = _noises(measured, joint, sets, limits, said)
+    noise, equation_noise, step = _noises(measured, joint, sets, limits, assumptions)
     return Start(
         directions=directions,
         sets=Pair(sets[directions[0]], sets[directions[-1]]),
@@ -123,14 +123,14 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         equation_noise=equation_noise,
         equation_step=step,
         resolution=resolution(measured.experiment, [run.record for run in measured.runs]),
-        assumptions=tuple(said),
+        assumptions=tuple(assumptions),
     )
 
 
-def embedded(names: Sequence[ParameterName], own: Sequence[ParameterName], matrix: Array) -> Array:
+def embedded(names: Sequence[ParameterName], members: Sequence[ParameterName], matrix: Array) -> Array:
     """Information of some parameters, (m, m), among all of them, (p, p)."""
     whole = np.zeros((len(names), len(names)))
-    at = [names.index(name) for name in own]
+    at = [names.index(name) for name in members]
     whole[np.ix_(at, at)] = matrix
     return whole
 
@@ -144,10 +144,10 @@ def inverse(matrix: Array) -> Array:
 def _estimates(joint: Joint, direction: Direction) -> dict[str, Estimate]:
     """What is known of one direction; without what has no value, or is zero. A sigma_0 seen in one direction alone is that of both."""
     known = known_joint(joint)
-    found = {name: e for name in Lugre._fields if (e := known.estimate(name, direction)) is not None}
-    if direction is Direction.BOTH and "sigma_0" not in found and (e := known.estimate("sigma_0", Direction.POSITIVE)):
-        found["sigma_0"] = e
-    return {name: e for name, e in found.items() if e.value}
+    seen = {name: e for name in Lugre._fields if (e := known.estimate(name, direction)) is not None}
+    if direction is Direction.BOTH and "sigma_0" not in seen and (e := known.estimate("sigma_0", Direction.POSITIVE)):
+        seen["sigma_0"] = e
+    return {name: e for name, e in seen.items() if e.value}
 
 
 def _declared(
@@ -161,23 +161,23 @@ def _declared(
     return matrix, () if given.standard_error else (INERTIA,)
 
 
-def _filled(own: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugre[float], list[str]]:
+def _filled(seen: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugre[float], list[str]]:
     """One direction's set with guesses for what has no value, and their names."""
-    alpha_0 = own["alpha_0"].value or 0.0
-    sigma_0 = own["sigma_0"].value if "sigma_0" in own else alpha_0 / (DEFLECTION * limits.travel)
+    alpha_0 = seen["alpha_0"].value or 0.0
+    sigma_0 = seen["sigma_0"].value if "sigma_0" in seen else alpha_0 / (DEFLECTION * limits.travel)
     guess = Lugre(
         alpha_0=alpha_0,
         alpha_1=_PEAK * alpha_0,
         alpha_2=0.1 * alpha_0 / limits.velocity,
         v_s=float(np.sqrt(limits.slowest * limits.velocity / 3)),
         sigma_0=sigma_0 or 0.0,
-        sigma_1=float(evaluate(functions.presliding_damping(), sigma_0 or 0.0, J, DAMPING_RATIO)[0]),
+        sigma_1=float(evaluate(functions.presliding_damping_function(), sigma_0 or 0.0, J, DAMPING_RATIO)[0]),
     )
-    missing = [name for name in Lugre._fields if name not in own]
+    missing = [name for name in Lugre._fields if name not in seen]
     if {"alpha_1", "v_s"} & set(missing):  # neither is anything without the other
         missing = [n for n in Lugre._fields if n in missing or n in ("alpha_1", "v_s")]
-    seen = {n: e.value for n, e in own.items() if e.value is not None and n not in missing}
-    return guess._replace(**seen), missing
+    values = {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
+    return guess._replace(**values), missing
 
 
 def _guess(parameter: ParameterName, value: float, joint: Joint) -> str:
@@ -193,62 +193,62 @@ def _guess(parameter: ParameterName, value: float, joint: Joint) -> str:
 
 
 def _noises(
-    measured: Measured, joint: Joint, sets: Mapping[Direction, Lugre[float]], limits: Limits, said: list[str]
+    measured: Measured, joint: Joint, sets: Mapping[Direction, Lugre[float]], limits: Limits, assumptions: list[str]
 ) -> tuple[dict[Direction, float], float, float]:
     """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
     noise: dict[Direction, float] = {}
     if measured.points(hold_out=False):
-        noise = _scatters(joint, tuple(sets), said)
+        noise = _scatters(joint, tuple(sets), assumptions)
     if moving is not None and moving.quantity == "torque":
         step = float(np.median(np.diff(moving.time)))
-        stretch = inflation(moving.residuals)
-        equation = moving.rms * float(np.sqrt(stretch))
-        said.append(
+        variance_inflation = inflation(moving.residuals)
+        equation = moving.rms * float(np.sqrt(variance_inflation))
+        assumptions.append(
             f"Noise: an equation of a moving run, one in {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far, "
-            f"and counts for 1/{stretch:.2g}: residuals are correlated."
+            f"and counts for 1/{variance_inflation:.2g}: residuals are correlated."
         )
         if not noise:
             noise = dict.fromkeys(sets, equation * float(np.sqrt(step / limits.hold)))
-            said.append(
+            assumptions.append(
                 f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, as those equations averaged over it."
             )
         return noise, equation, step
     if not noise:
         noise = {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
-        said.append(
+        assumptions.append(
             f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, {_TORQUE:g} of alpha_0: a guess."
         )
     worst = max(noise.values())
-    said.append(
+    assumptions.append(
         f"Noise of a moving run: white, and such that its mean over {limits.hold:.3g} s scatters by {worst:.2g} {T}: a guess."
     )
     return noise, worst * float(np.sqrt(limits.hold / _EQUATION)), _EQUATION
 
 
-def _scatters(joint: Joint, directions: Sequence[Direction], said: list[str]) -> dict[Direction, float]:
+def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[str]) -> dict[Direction, float]:
     """What points scatter by about their fit, N*m, with a sentence each; empty where no direction has a fit.
 
     A direction without one scatters as the other does.
     """
-    T, found = unit("torque", joint.kind), dict[Direction, float]()
+    T, scatters = unit("torque", joint.kind), dict[Direction, float]()
     fits = {d: joint.static.get(d) for d in directions}
     usable = [fit for fit in joint.static.values() if fit.names and fit.rms]
-    for d, own in fits.items():
-        fit = own if own in usable else max(usable, key=lambda x: x.rms or 0.0, default=None)
+    for d, own_fit in fits.items():
+        fit = own_fit if own_fit in usable else max(usable, key=lambda x: x.rms or 0.0, default=None)
         if fit is None:
             return {}
-        found[d], rms = scatter(fit)
-        said.append(
-            f"Noise{_where(d)}: a hold's mean torque scatters by {found[d]:.2g} {T}, as the points did about their fit"
-            + ("." if fit is own else f" of {fit.direction}.")
+        scatters[d], rms = scatter(fit)
+        assumptions.append(
+            f"Noise{_where(d)}: a hold's mean torque scatters by {scatters[d]:.2g} {T}, as the points did about their fit"
+            + ("." if fit is own_fit else f" of {fit.direction}.")
             + (
-                f" Their root mean square is {rms / found[d]:.2g} times that: a few points lie far off, and do not count here."
-                if rms > _FAR * found[d]
+                f" Their root mean square is {rms / scatters[d]:.2g} times that: a few points lie far off, and do not count here."
+                if rms > _FAR * scatters[d]
                 else ""
             )
         )
-    return found
+    return scatters
 
 
 def scatter(fit: StaticFit) -> tuple[float, float]:
@@ -276,13 +276,13 @@ def _known(
         at = [k for k, n in enumerate(fit.names) if n in names and fit.parameters[n].standard_error]
         return embedded(names, [fit.names[k] for k in at], inverse(fit.covariance[np.ix_(at, at)]))
     whole = np.zeros((len(names), len(names)))
-    for d, found in estimates.items():
+    for d, seen in estimates.items():
         static = joint.static.get(d)
         if static is not None and static.names:
             at = [k for k, n in enumerate(static.names) if n in Stribeck._fields]
-            own = [ParameterName(static.names[k], d) for k in at]
-            whole += embedded(names, own, inverse(static.covariance[np.ix_(at, at)]))
-        stiffness = found.get("sigma_0")
+            members = [ParameterName(static.names[k], d) for k in at]
+            whole += embedded(names, members, inverse(static.covariance[np.ix_(at, at)]))
+        stiffness = seen.get("sigma_0")
         if stiffness is not None and stiffness.standard_error:
             whole += embedded(names, [ParameterName("sigma_0", d)], np.array([[stiffness.standard_error**-2]]))
     return whole

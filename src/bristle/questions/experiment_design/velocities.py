@@ -170,7 +170,7 @@ def largest_deflection(start: Start) -> float:
 def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
     """The fastest speed up to `high` at which steady sliding takes no more torque than the drive may give, rad/s."""
     speeds = np.geomspace(limits.slowest, high, CANDIDATES)
-    within = speeds[np.abs(evaluate(functions.steady_torque(), speeds, *p.stribeck)[0]) <= limits.torque]
+    within = speeds[np.abs(evaluate(functions.steady_torque_function(), speeds, *p.stribeck)[0]) <= limits.torque]
     if within.size < 2:
         raise InputError(
             f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
@@ -293,7 +293,9 @@ class _Criterion:
     def rows(self, speeds: Array) -> Array:
         """s(v) / noise at each v_s, scaled, (k, m, 4)."""
         p = self.problem.p
-        by = evaluate(functions.steady_jacobian(), speeds, p.alpha_0, p.alpha_1, p.alpha_2, self.problem.nodes[:, None])
+        by = evaluate(
+            functions.steady_jacobian_function(), speeds, p.alpha_0, p.alpha_1, p.alpha_2, self.problem.nodes[:, None]
+        )
         return np.asarray(np.stack(by, axis=-1) / self.problem.noise / self.size[:, None, :])
 
     def value(self, speeds: Array) -> float:

@@ -3,15 +3,15 @@
 from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.identification.identify import Measured
 from bristle.identification.known_joint import moving_fits
+from bristle.identification.measured import Measured
 from bristle.identification.results import Crosscheck, Joint
 from bristle.page.wording import FITS
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
 
-def warnings(count: int) -> str:
+def warning_count(count: int) -> str:
     """So many warnings, in words."""
     return f"{count} warning{'' if count == 1 else 's'}"
 
@@ -20,14 +20,15 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
     """How each fit of each joint ended, and how many warnings it has."""
     for joint in joints:
         for direction, fit in joint.static.items():
-            yield f"{joint.name} {direction}: {fit.outcome} {warnings(len(fit.warnings))}."
+            yield f"{joint.name} {direction}: {fit.outcome} {warning_count(len(fit.warnings))}."
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             yield (
-                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. {warnings(len(moving.warnings))}."
+                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. "
+                f"{warning_count(len(moving.warnings))}."
             )
         if joint.warnings:
-            yield f"{joint.name}: {warnings(len(joint.warnings))} about the joint as a whole."
+            yield f"{joint.name}: {warning_count(len(joint.warnings))} about the joint as a whole."
 
 
 def checks(joint: Joint) -> Iterator[str]:
@@ -49,7 +50,7 @@ def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> It
         yield f"  {name.within(direction):<12} {value:<14.7g}{apart}"
 
 
-def segments(measured: Measured) -> Iterator[str]:
+def segment_lines(measured: Measured) -> Iterator[str]:
     """What each run holds: its notes, and its candidate segments, kept or rejected with their reasons."""
     v, T = _UNITS[measured.experiment.joint.kind]
     for recorded, found in zip(measured.runs, measured.segments, strict=True):

@@ -5,14 +5,14 @@ from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.identification.results import StaticFit
-from bristle.model.functions import steady_jacobian, steady_torque
+from bristle.model.functions import steady_jacobian_function, steady_torque_function
 from bristle.model.parameters import Stribeck
 from bristle.model.vectorize import evaluate
 
 
 def curve(v: Array, p: Stribeck[float]) -> Array:
     """T_ss(v) of (9), N*m, shape of v."""
-    return evaluate(steady_torque(), v, *p)[0]
+    return evaluate(steady_torque_function(), v, *p)[0]
 
 
 def band(v: Array, fit: StaticFit) -> Array | None:
@@ -25,7 +25,7 @@ def band(v: Array, fit: StaticFit) -> Array | None:
     covariance = fit.covariance[np.ix_(keep, keep)]
     if p is None or not keep or fit.degrees_of_freedom < 1 or not np.isfinite(covariance).all():
         return None
-    columns = dict(zip(Stribeck._fields, evaluate(steady_jacobian(), v, *p), strict=True))
+    columns = dict(zip(Stribeck._fields, evaluate(steady_jacobian_function(), v, *p), strict=True))
     j = np.array([columns[fit.names[k]] for k in keep])
     variance = np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0)
     return np.asarray(float(stdtrit(fit.degrees_of_freedom, 0.975)) * np.sqrt(variance))

@@ -52,7 +52,7 @@ def agreement(joint: Joint) -> str:
     return f"{said}; the largest difference is {number(known[largest], 2)} standard errors ({symbol(largest)}){rest}."
 
 
-def warnings(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
+def moving_warnings(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
     """Every warning about the moving runs with what it is about: of the fits, of single parameters, and of stages that differ."""
     for kind, fit in moving_fits(joint).items():
         yield from fit_warnings(FITS[kind], fit)

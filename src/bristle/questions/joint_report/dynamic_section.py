@@ -12,7 +12,7 @@ from bristle.questions.joint_report.dynamic import bias_text, biased, fit_warnin
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
 
 
-def summary(joint: Joint) -> list[dict[str, Any]]:
+def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
     """As for a static fit: per fit its outcome and how many warnings there are; the estimates of the better one alone."""
     return [
         {
@@ -30,7 +30,7 @@ def summary(joint: Joint) -> list[dict[str, Any]]:
     ]
 
 
-def section(joint: Joint) -> dict[str, Any] | None:
+def dynamic_section(joint: Joint) -> dict[str, Any] | None:
     """Both fits side by side, hold-out runs, what counts added, and the stages compared; None without moving runs."""
     if joint.tracking is None:
         return None

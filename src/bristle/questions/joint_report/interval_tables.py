@@ -50,7 +50,7 @@ def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
     return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
 
 
-def section(joint: Joint) -> dict[str, Any]:
+def interval_section(joint: Joint) -> dict[str, Any]:
     """What the template names: a table per fit with each interval in one cell, by the fit's name, and which fits have none."""
     columns = ["parameter", "value", *WAYS, "unit", "warnings"]
     found: dict[str, list[tuple[Any, ...]]] = {}

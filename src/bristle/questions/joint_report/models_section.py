@@ -38,7 +38,7 @@ def models(joints: Sequence[Joint]) -> pd.DataFrame:
     return frame.astype({**dict.fromkeys(numbers, float), "candidate": bool, "recommended": bool})
 
 
-def section(joint: Joint) -> list[dict[str, Any]]:
+def models_section(joint: Joint) -> list[dict[str, Any]]:
     """What the template names of each comparison."""
     frame, torque = models([joint]), pretty(unit("torque", joint.kind))
     found = []

@@ -38,7 +38,7 @@ def bias(fit: PreslidingFit, kind: Kind) -> str:
     return f"{on_edge:+.1f} % where the joint rests on a count edge; {anywhere} (one count is {count}; noise in the torque comes on top)."
 
 
-def warnings(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str, Diagnostic]]:
+def presliding_warnings(fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[tuple[str, Diagnostic]]:
     """Every warning about one direction, with what it is about: those about the fit, then those about one estimate alone."""
     named = {f"sigma_0 {name}": e for name, e in methods(fit).items()} | {"sigma_1": fit.sigma_1}
     where = f"presliding {direction(fit.direction)}"

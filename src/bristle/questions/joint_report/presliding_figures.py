@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading, Loop
 from bristle.identification.results import Joint, PreslidingFit
-from bristle.model.functions import loading_displacement
+from bristle.model.functions import loading_displacement_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import MOST_POINTS, new_figure, styled, thinned, title
 from bristle.page.wording import METHODS, axis, direction, shortened
@@ -30,7 +30,7 @@ _FRAME = 5.0
 
 def displacement(T: Array, g0: float, sigma_0: float) -> Array:
     """How far slow loading from rest to torque T (N*m, below g0) moves the joint, rad, shape of T."""
-    return evaluate(loading_displacement(), T, g0, sigma_0)[0]
+    return evaluate(loading_displacement_function(), T, g0, sigma_0)[0]
 
 
 def rest(loading: Loading, fit: PreslidingFit) -> float:

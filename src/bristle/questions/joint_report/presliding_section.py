@@ -7,11 +7,11 @@ from bristle.model.parameters import unit
 from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, measured, pretty, span
 from bristle.questions.joint_report import tables
-from bristle.questions.joint_report.presliding import bias, choice, warnings
+from bristle.questions.joint_report.presliding import bias, choice, presliding_warnings
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
 
 
-def summary(joint: Joint) -> list[dict[str, Any]]:
+def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
     """As for a static fit: per direction which sigma_0 to use, the estimates, and how many warnings there are."""
     slow = joint.presliding
     return [
@@ -19,7 +19,7 @@ def summary(joint: Joint) -> list[dict[str, Any]]:
             "direction": f"presliding {direction(d)}",
             "outcome": choice(fit),
             "relative_error": None,
-            "warnings": len({warning for _, warning in warnings(fit, slow.breakaway.get(d))}),
+            "warnings": len({warning for _, warning in presliding_warnings(fit, slow.breakaway.get(d))}),
             "estimates": [
                 (name, measured(e.value, e.standard_error), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (("sigma_0", fit.sigma_0, ""), ("sigma_1", fit.sigma_1, " (a prior)"))
@@ -30,7 +30,7 @@ def summary(joint: Joint) -> list[dict[str, Any]]:
     ]
 
 
-def section(joint: Joint) -> dict[str, Any] | None:
+def presliding_section(joint: Joint) -> dict[str, Any] | None:
     """sigma_0 side by side, breakaway and hysteresis; None without presliding runs."""
     slow = joint.presliding
     if slow is None:

@@ -22,11 +22,10 @@ from bristle.questions.joint_report import (
     tables,
 )
 from bristle.questions.joint_report.curves import band
-from bristle.questions.joint_report.dynamic import agreement
-from bristle.questions.joint_report.dynamic import warnings as moving_warnings
+from bristle.questions.joint_report.dynamic import agreement, moving_warnings
 from bristle.questions.joint_report.dynamic_tables import table_1
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.presliding import warnings, whole_warnings
+from bristle.questions.joint_report.presliding import presliding_warnings, whole_warnings
 
 
 def page(
@@ -61,10 +60,10 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "comparison": _comparison(joint),
         "crosscheck": _crosscheck(joint),
         "hold_out": shown(tables.hold_out([joint])),
-        "models": models_section.section(joint),
-        "presliding": presliding_section.section(joint),
-        "tracking": dynamic_section.section(joint),
-        "uncertainty": interval_tables.section(joint),
+        "models": models_section.models_section(joint),
+        "presliding": presliding_section.presliding_section(joint),
+        "tracking": dynamic_section.dynamic_section(joint),
+        "uncertainty": interval_tables.interval_section(joint),
         "complete": _complete(joint),
         "shared": _shared(joint),
         "warnings": _warnings(joint),
@@ -93,7 +92,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
     ]
     inside = table_1([joint])["inside"].dropna()
     covered = (int(inside.astype(bool).sum()), len(inside)) if len(inside) else None
-    fits += [*presliding_section.summary(joint), *dynamic_section.summary(joint)]
+    fits += [*presliding_section.presliding_summary(joint), *dynamic_section.dynamic_summary(joint)]
     verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
     return {"fits": fits, "covered": covered, "verdicts": verdicts, "agreement": agreement(joint)}
 
@@ -172,7 +171,7 @@ def _all_warnings(joint: Joint) -> Iterable[tuple[str, Diagnostic]]:
         yield from ((direction(d), warning) for warning in fit.warnings)
         yield from _parameter_warnings(d, fit)
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
-        yield from warnings(slow, joint.presliding.breakaway.get(d) if joint.presliding else None)
+        yield from presliding_warnings(slow, joint.presliding.breakaway.get(d) if joint.presliding else None)
     yield from (("presliding", warning) for warning in whole_warnings(joint))
     yield from moving_warnings(joint)
     yield from ((f"{s.file} rows {s.start}-{s.stop}", warning) for s in joint.segments for warning in s.warnings)

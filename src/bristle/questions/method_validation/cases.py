@@ -16,7 +16,7 @@ from bristle.identification.results import Joint, StaticFit
 from bristle.identification.static.grid import default_range
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Stribeck
-from bristle.questions.method_validation.solvers import NAMES, Case
+from bristle.questions.method_validation.solvers import NAMES, ValidationCase
 from bristle.simulation import edro
 
 NOISES = (0.005, 0.05)
@@ -33,7 +33,7 @@ class CaseSet:
 
     title: str
     kind: JointKind
-    cases: tuple[Case, ...]
+    cases: tuple[ValidationCase, ...]
     skipped: Mapping[str, Diagnostic] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
     assumptions: tuple[Diagnostic, ...] = (Kind.POINTS_SIMULATED(), Kind.DIRECTIONS_ALONE())
@@ -121,7 +121,7 @@ def _points(fit: StaticFit) -> tuple[Array, float]:
 
 def _case(
     label: str, design: str, p: Stribeck[float], velocity: Array, noise: float, ends: tuple[float, float] | None = None
-) -> Case:
-    return Case(
+) -> ValidationCase:
+    return ValidationCase(
         label=label, design=design, truth=p, velocity=velocity, noise=noise, v_s_range=ends or default_range(velocity)
     )

@@ -14,13 +14,13 @@ from bristle.identification.static.grid import solve
 from bristle.identification.static.problem import from_points
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.results import Coverage
-from bristle.questions.method_validation.solvers import NAMES, Case
+from bristle.questions.method_validation.solvers import NAMES, ValidationCase
 
 INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
 """Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
 
 
-def covers_truth(case: Case, theta: Array, cost: Array) -> NDArray[np.bool_]:
+def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
     """Which intervals by the exact Jacobian's covariance cover the truth, (4, sets); theta (4, sets), cost (sets,)."""
     n, p = case.velocity.size, len(NAMES)
     jacobian = methods.jacobians(case, theta)
@@ -37,7 +37,7 @@ def covers_truth(case: Case, theta: Array, cost: Array) -> NDArray[np.bool_]:
     return inside
 
 
-def interval_coverage(case: Case, torques: Array, *, identifiable: bool) -> tuple[Coverage, ...]:
+def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[Coverage, ...]:
     """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
     few = np.ascontiguousarray(torques[:, :INTERVAL_SETS])
     fits = Batch(case.problem(few[:, 0]), few, case.v_s_range)
@@ -59,7 +59,7 @@ def interval_coverage(case: Case, torques: Array, *, identifiable: bool) -> tupl
     )
 
 
-def declined_share(case: Case, torques: Array) -> float:
+def declined_share(case: ValidationCase, torques: Array) -> float:
     """Share of data sets of which bristle says that v_s is not identifiable, or has no finite interval."""
     options = FitOptions(v_s_range=case.v_s_range)
     v_s = [estimate_static(from_points(case.velocity, t, ("both",)), options, "revolute").get("v_s") for t in torques.T]

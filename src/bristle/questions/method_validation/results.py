@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array, result
 from bristle.questions.method_validation.cases import CaseSet
-from bristle.questions.method_validation.solvers import Case
+from bristle.questions.method_validation.solvers import ValidationCase
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -136,7 +136,7 @@ class Coverage:
 class CaseResult:
     """What one case shows."""
 
-    case: Case
+    case: ValidationCase
     methods: Mapping[str, MethodResult]
     resolution: GridResolution
     starts: RandomStarts

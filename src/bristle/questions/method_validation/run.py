@@ -35,7 +35,7 @@ from bristle.questions.method_validation.results import (
     RandomStarts,
     Validation,
 )
-from bristle.questions.method_validation.solvers import NAMES, Case, Local
+from bristle.questions.method_validation.solvers import NAMES, Local, ValidationCase
 from bristle.simulation.bench import steady_points
 
 SEED, REPETITIONS, STARTS = 0, 1000, 100
@@ -88,7 +88,7 @@ def validate(
     return Validation(case_set=case_set, cases=tuple(results), repetitions=repetitions, starts=starts, seed=seed)
 
 
-def validate_case(case: Case, repetitions: int, starts: int, rng: np.random.Generator) -> CaseResult:
+def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.random.Generator) -> CaseResult:
     """One case, with noise and starts from one generator; arguments as in `validate`."""
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, repetitions).T)
     few = torques[:, : min(LOCAL_SETS, repetitions)]
@@ -118,7 +118,7 @@ def validate_case(case: Case, repetitions: int, starts: int, rng: np.random.Gene
 
 
 def _answers(
-    case: Case, torques: Array, few: Array, initial: Array, solvers: Mapping[str, Local]
+    case: ValidationCase, torques: Array, few: Array, initial: Array, solvers: Mapping[str, Local]
 ) -> dict[str, tuple[Array, float]]:
     """Theta (4, s) by each method and its seconds per data set.
 
@@ -160,7 +160,7 @@ def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
     )
 
 
-def _plain(case: Case, torques: Array, count: int) -> tuple[Array, float]:
+def _plain(case: ValidationCase, torques: Array, count: int) -> tuple[Array, float]:
     """A plain grid over all data sets, in the time that the paper's takes set by set."""
     few = torques[:, :_TIMED].T
     _, seconds = _timed(
@@ -169,7 +169,7 @@ def _plain(case: Case, torques: Array, count: int) -> tuple[Array, float]:
     return methods.plain(case, torques, count), seconds
 
 
-def _lowest(case: Case, torques: Array, thetas: Iterable[Array]) -> Array:
+def _lowest(case: ValidationCase, torques: Array, thetas: Iterable[Array]) -> Array:
     """The lowest cost of each data set that any method found, (sets,); a method may have seen the first sets only."""
     lowest = np.full(torques.shape[1], np.inf)
     for theta in thetas:
@@ -178,7 +178,9 @@ def _lowest(case: Case, torques: Array, thetas: Iterable[Array]) -> Array:
     return lowest
 
 
-def _method_result(case: Case, name: str, torques: Array, theta: Array, seconds: float, lowest: Array) -> MethodResult:
+def _method_result(
+    case: ValidationCase, name: str, torques: Array, theta: Array, seconds: float, lowest: Array
+) -> MethodResult:
     seen = theta.shape[1]
     cost = methods.costs(case, torques[:, :seen], theta)
     n, p = case.velocity.size, len(NAMES)
@@ -197,7 +199,7 @@ def _method_result(case: Case, name: str, torques: Array, theta: Array, seconds:
     )
 
 
-def _resolution(case: Case, grid: Array, plain: Mapping[int, Array]) -> GridResolution:
+def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> GridResolution:
     floor = float(spread(grid[3]))
     low, high = case.v_s_range
     return GridResolution(
@@ -208,7 +210,9 @@ def _resolution(case: Case, grid: Array, plain: Mapping[int, Array]) -> GridReso
     )
 
 
-def _from_starts(case: Case, torque: Array, best: Array, initial: Array, solvers: Mapping[str, Local]) -> RandomStarts:
+def _from_starts(
+    case: ValidationCase, torque: Array, best: Array, initial: Array, solvers: Mapping[str, Local]
+) -> RandomStarts:
     """One data set from every start (s, 4), by every local solver, and by IPOPT with v_s free."""
     torques = np.repeat(torque[:, None], len(initial), axis=1)
     final = {
@@ -224,13 +228,13 @@ def _from_starts(case: Case, torque: Array, best: Array, initial: Array, solvers
     )
 
 
-def _outside_range(case: Case, starts: RandomStarts) -> NDArray[np.bool_]:
+def _outside_range(case: ValidationCase, starts: RandomStarts) -> NDArray[np.bool_]:
     v_s, (low, high) = starts.final[FREE][3], case.v_s_range
     lower: NDArray[np.bool_] = (starts.cost[FREE] < starts.best_cost * (1 - SAME_COST)) & ((v_s < low) | (v_s > high))
     return lower
 
 
-def _cost_curve(case: Case, torque: Array, starts: RandomStarts) -> CostCurve:
+def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> CostCurve:
     projected, coarse = Projected(case.problem(torque)), log_grid(case.v_s_range, _DRAWN)
     threshold = profile_threshold(starts.best_cost, torque.size, len(NAMES))
     allowed = np.append(coarse[projected.costs(coarse) <= threshold], starts.best[3])

@@ -20,7 +20,7 @@ from bristle.identification.static.crosscheck import OPTIONS
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.unknowns import unknowns_of
 from bristle.model import law
-from bristle.model.functions import steady_jacobian, steady_torque
+from bristle.model.functions import steady_jacobian_function, steady_torque_function
 from bristle.model.parameters import ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 
@@ -38,7 +38,7 @@ Local = Callable[[Array, Array], Array]
 
 
 @result
-class Case:
+class ValidationCase:
     """What is simulated: one direction of a joint, measured at some velocities."""
 
     label: str
@@ -68,28 +68,28 @@ class Case:
         return from_points(self.velocity, torque, ("both",))
 
 
-def modelled(case: Case, theta: Array) -> Array:
+def modelled(case: ValidationCase, theta: Array) -> Array:
     """T_ss (9) at the case's velocities for theta (4, sets): (n, sets), N*m."""
     alpha_0, alpha_2, alpha_1, v_s = theta
-    (torque,) = evaluate(steady_torque(), case.velocity[:, None], alpha_0, alpha_1, alpha_2, v_s)
+    (torque,) = evaluate(steady_torque_function(), case.velocity[:, None], alpha_0, alpha_1, alpha_2, v_s)
     return torque
 
 
-def costs(case: Case, torques: Array, theta: Array) -> Array:
+def costs(case: ValidationCase, torques: Array, theta: Array) -> Array:
     """J_s (10) of each set at its theta, (sets,), (N*m)**2."""
     residuals = torques - modelled(case, theta)
     total: Array = np.einsum("ns,ns->s", residuals, residuals)
     return total
 
 
-def jacobians(case: Case, theta: Array) -> Array:
+def jacobians(case: ValidationCase, theta: Array) -> Array:
     """Exact derivative of the modelled torque with respect to theta (4, sets): (sets, n, 4)."""
     alpha_0, alpha_2, alpha_1, v_s = theta[..., None]
-    by = evaluate(steady_jacobian(), case.velocity, alpha_0, alpha_1, alpha_2, v_s)
+    by = evaluate(steady_jacobian_function(), case.velocity, alpha_0, alpha_1, alpha_2, v_s)
     return np.stack([by[0], by[2], by[1], by[3]], axis=-1)
 
 
-def random_starts(case: Case, count: int, rng: np.random.Generator) -> Array:
+def random_starts(case: ValidationCase, count: int, rng: np.random.Generator) -> Array:
     """Starts anywhere within the grid's bounds, (count, 4): alphas uniform up to their typical sizes, v_s even in its logarithm."""
     linear = rng.uniform(0.0, 1.0, (count, 3)) * case.unknowns.scale[:3]
     low, high = np.log(case.v_s_range)
@@ -97,17 +97,17 @@ def random_starts(case: Case, count: int, rng: np.random.Generator) -> Array:
     return np.concatenate([linear, v_s], axis=1)
 
 
-def plain(case: Case, torques: Array, count: int) -> Array:
+def plain(case: ValidationCase, torques: Array, count: int) -> Array:
     """`static.plain_grid` of `count` values for many sets."""
     return grid.plain_grids(case.problem(torques[:, 0]), torques, case.v_s_range, count)
 
 
-def refined(case: Case, torques: Array) -> Array:
+def refined(case: ValidationCase, torques: Array) -> Array:
     """`static.solve`, set by set."""
     return np.stack([grid.solve(case.problem(torque), case.v_s_range).theta for torque in torques.T], axis=1)
 
 
-def ipopt(case: Case, *, free: bool = False) -> Local:
+def ipopt(case: ValidationCase, *, free: bool = False) -> Local:
     """All parameters at once by CasADi and IPOPT, built once, each data set a parameter; `free`: v_s up to 1000 times beyond the grid's range."""
     unknowns = case.unknowns
     beyond = np.where(unknowns.logarithmic, np.log(_BEYOND), 0.0) * free
@@ -125,7 +125,7 @@ def ipopt(case: Case, *, free: bool = False) -> Local:
     return fit
 
 
-def trf(case: Case) -> Local:
+def trf(case: ValidationCase) -> Local:
     """SciPy's least_squares: trust region reflective within the bounds, exact Jacobian."""
     unknowns = case.unknowns
     lower, upper, top = unknowns.lower, unknowns.upper, float(unknowns.scale[0])
@@ -156,7 +156,7 @@ def _scaled(unknowns: Unknowns[ParameterName], theta: Array) -> Array:
     return unknowns.scaled(dict(zip(unknowns.names, theta.tolist(), strict=True)))
 
 
-def lmfit(case: Case) -> Local:
+def lmfit(case: ValidationCase) -> Local:
     """The default of lmfit (Levenberg-Marquardt on transformed variables, differences for derivatives), with the same bounds and start."""
     from lmfit import Parameters, minimize
 
@@ -179,7 +179,7 @@ def lmfit(case: Case) -> Local:
     return fit
 
 
-def local_methods(case: Case) -> dict[str, Local]:
+def local_methods(case: ValidationCase) -> dict[str, Local]:
     """The local solvers by name, ready for the case; lmfit where it is installed."""
     found = {"IPOPT": ipopt(case), "SciPy TRF": trf(case)}
     return found | {"lmfit": lmfit(case)} if LMFIT else found

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 from bristle.data.units import to_si
 from bristle.errors import InputError
-from bristle.identification.identify import Measured
 from bristle.identification.known_joint import DEFLECTION, KnownJoint, guessed_inertia, inertia_of, known_joint
 from bristle.identification.limits import Limits, limits_of
+from bristle.identification.measured import Measured
 from bristle.identification.results import Estimate, Joint
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, unit
-from bristle.questions.sensitivity.local import Motion, motion
+from bristle.questions.sensitivity.local import SineMotion, motion
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import (
     JointLoop,
@@ -29,7 +29,7 @@ _BRISTLE = ("sigma_0", "sigma_1")
 """What is guessed where nothing was seen of it."""
 
 
-class Model(NamedTuple):
+class KnownFriction(NamedTuple):
     """What is known of a joint's friction."""
 
     p: Lugre[float] | Pair[float]
@@ -41,7 +41,7 @@ class Model(NamedTuple):
 
 def motion_of(
     kind: Kind, amplitude: str | float | None, frequency: str | float | None, default: tuple[float, float]
-) -> Motion:
+) -> SineMotion:
     """The motion asked for, as quantities with units or SI numbers; what is None is the default's (amplitude, frequency).
 
     Raises InputError where it is no quantity of its kind, or not positive.
@@ -54,7 +54,7 @@ def motion_of(
     return motion(*found)
 
 
-def within(moved: Motion, kind: Kind, limits: Limits) -> Motion:
+def within(moved: SineMotion, kind: Kind, limits: Limits) -> SineMotion:
     """The motion, if its amplitude and its peak speed are within `RANGE` of what was measured (or declared under `plan`).
 
     Raises InputError where they are not: there the model is of nothing.
@@ -85,7 +85,7 @@ def _quantity(name: str, given: str | float, si: str) -> float:
 
 def of_joint(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[Model, Motion, JointLoop | str]:
+) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
     """A user's joint, as identified from `measured`: what is known of it, the motion, and its loop, or the sentence why there is none.
 
     Raises InputError where nothing is known of its friction over velocity, or the motion cannot be.
@@ -117,7 +117,7 @@ def _limits(measured: Measured) -> Limits:
 
 def of_gripper(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[Model, Motion, JointLoop | str]:
+) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
     """The paper's gripper rotation (+) in both directions, with the intervals that its simulated logs give; `joint` as identified from them.
 
     Raises InputError where the motion cannot be.
@@ -135,7 +135,7 @@ def of_gripper(
         "Noise: of the same simulated logs.",
         "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion.",
     )
-    return Model(p, own, (), said), moved, subject
+    return KnownFriction(p, own, (), said), moved, subject
 
 
 def _moved(e: Estimate, value: float) -> Estimate:
@@ -152,7 +152,7 @@ def _moved(e: Estimate, value: float) -> Estimate:
     )
 
 
-def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> Model:
+def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> KnownFriction:
     """The friction of a joint, one set or a pair, with a bristle where none was seen, each assumption in a sentence."""
     directions = known.directions
     sentences = []
@@ -173,7 +173,7 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
         for parameter, e in known.estimates.items():
             if parameter.name in Lugre._fields and parameter.direction in (d, Direction.BOTH):
                 estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
-    return Model(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(sentences))
+    return KnownFriction(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(sentences))
 
 
 def _how(missing: Sequence[str], guessed_J: float | None, kind: Kind) -> dict[str, str]:

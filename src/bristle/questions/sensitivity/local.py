@@ -38,7 +38,7 @@ _SLOWEST = 1e-300
 """The speed at which the joint breaks away, in the limit."""
 
 
-class Motion(NamedTuple):
+class SineMotion(NamedTuple):
     """A sinusoidal reference, amplitude sin(2 pi frequency t), with the bristle undeflected at its beginning."""
 
     amplitude: float
@@ -71,7 +71,7 @@ class Motion(NamedTuple):
         return 2 * np.pi * self.frequency * self.amplitude
 
 
-def motion(amplitude: float, frequency: float) -> Motion:
+def motion(amplitude: float, frequency: float) -> SineMotion:
     """The motion over the paper's window of 10 s at 1 kHz.
 
     A slow motion lasts two periods, where that is longer; a fast one has 200 samples a period.
@@ -88,7 +88,7 @@ def motion(amplitude: float, frequency: float) -> Motion:
             f"frequency: got {frequency:g} Hz; expected {low:g} to {high:g} Hz: choose one at which the joint may move"
         )
     duration = max(min(DURATION, _OFTEN / frequency), 2 / frequency)
-    return Motion(amplitude, frequency, duration, min(PERIOD * duration / DURATION, 1 / (_OFTEN * frequency)))
+    return SineMotion(amplitude, frequency, duration, min(PERIOD * duration / DURATION, 1 / (_OFTEN * frequency)))
 
 
 @result
@@ -128,7 +128,7 @@ def ranked(shares: Array) -> tuple[str, ...]:
     return tuple(Lugre._fields[k] for k in np.argsort(-shares, kind="stable"))
 
 
-def local(p: Lugre[float] | Pair[float], reference: Motion) -> Local:
+def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
     """Both derivatives of the friction torque along a motion; exact, by CasADi."""
     velocity = reference.course.velocity
     rolled = rollout_jacobian(velocity, reference.period, p, 0.0)
@@ -145,9 +145,9 @@ def local(p: Lugre[float] | Pair[float], reference: Motion) -> Local:
 def _partial(z: Array, v: Array, p: Lugre[float] | Pair[float]) -> Array:
     """The same at given z and v, (n, 6), by the set that acts there."""
     acting: Sequence[float | Array] = (
-        p if isinstance(p, Lugre) else evaluate(functions.active(), z, v, *p.positive, *p.negative)
+        p if isinstance(p, Lugre) else evaluate(functions.active_function(), z, v, *p.positive, *p.negative)
     )
-    _, _, *slopes = evaluate(functions.torque_sensitivity(), z, v, *acting)
+    _, _, *slopes = evaluate(functions.torque_sensitivity_function(), z, v, *acting)
     return np.column_stack([np.multiply(size, slope) for size, slope in zip(acting, slopes, strict=True)])
 
 
@@ -179,7 +179,7 @@ def claimed(shares: Array) -> bool:
     return set(ranked(shares)[:2]) == CLAIMED
 
 
-def grid(reference: Motion) -> tuple[Array, Array]:
+def grid(reference: SineMotion) -> tuple[Array, Array]:
     """Amplitudes (13,), rad, and frequencies (9,), Hz, of a map around a motion, in thirds of a decade.
 
     Amplitudes go from 1/1000 to 10 times its own, frequencies from 1/20 to 20 times; the motion is among them.
@@ -195,7 +195,7 @@ def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencie
 
 
 def _settled(p: Lugre[float] | Pair[float], amplitude: float, frequency: float) -> Array:
-    reference = Motion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))
+    reference = SineMotion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))
     return local(p, reference).shares(last=_CELL)
 
 
@@ -235,7 +235,7 @@ OUTPUTS: dict[str, str] = {
 
 
 def tornado(
-    p: Lugre[float] | Pair[float], intervals: Mapping[ParameterName, tuple[float, float]], reference: Motion
+    p: Lugre[float] | Pair[float], intervals: Mapping[ParameterName, tuple[float, float]], reference: SineMotion
 ) -> tuple[Tornado, ...]:
     """Each output with every parameter moved alone from one end of its interval to the other.
 
@@ -260,12 +260,13 @@ def replaced(p: Lugre[float] | Pair[float], parameter: ParameterName, value: flo
     return Pair(*(one if direction in "+-" and direction != d else one._replace(**{name: value}) for d, one in sets))
 
 
-def _outputs(p: Lugre[float] | Pair[float], reference: Motion) -> dict[str, float]:
+def _outputs(p: Lugre[float] | Pair[float], reference: SineMotion) -> dict[str, float]:
     sets: Sequence[Lugre[float]] = [p] if isinstance(p, Lugre) else p
     torques = [
-        evaluate(functions.steady_torque(), np.array([_SLOWEST, reference.top_speed]), *one.stribeck)[0] for one in sets
+        evaluate(functions.steady_torque_function(), np.array([_SLOWEST, reference.top_speed]), *one.stribeck)[0]
+        for one in sets
     ]
-    deflections = [evaluate(functions.steady_deflection(), _SLOWEST, *one)[0] for one in sets]
+    deflections = [evaluate(functions.steady_deflection_function(), _SLOWEST, *one)[0] for one in sets]
     breakaway, fast = np.mean(torques, axis=0).tolist()
     settled = float(rms(rollout(reference.course.velocity, reference.period, p, 0.0).torque[-reference.samples :]))
     return dict(zip(OUTPUTS, (settled, breakaway, fast, float(np.mean(deflections))), strict=True))

@@ -236,7 +236,7 @@ def global_sensitivity(
 
 def _breakaway(joints: Pair[Array]) -> Array:
     """g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions."""
-    levels = [evaluate(functions.steady_torque(), _BARELY, *p.stribeck)[0] for p in joints]
+    levels = [evaluate(functions.steady_torque_function(), _BARELY, *p.stribeck)[0] for p in joints]
     return np.asarray(np.mean(levels, axis=0))
 
 

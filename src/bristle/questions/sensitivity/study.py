@@ -16,8 +16,8 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, Stribeck, unit
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
-from bristle.questions.sensitivity.joint import Model
-from bristle.questions.sensitivity.local import Local, Map, Motion, Tornado, grid, local, sensitivity_map, tornado
+from bristle.questions.sensitivity.joint import KnownFriction
+from bristle.questions.sensitivity.local import Local, Map, SineMotion, Tornado, grid, local, sensitivity_map, tornado
 from bristle.questions.sensitivity.parameter_box import box_of
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity
 from bristle.simulation.joint_loop import JointLoop
@@ -67,8 +67,8 @@ class SensitivityStudy:
     kind: Kind
     simulated: bool
     """Whether what is known of the joint comes from simulated data."""
-    model: Model
-    motion: Motion
+    model: KnownFriction
+    motion: SineMotion
     box: Mapping[ParameterName, tuple[float, float]]
     """The parameters' 95 % intervals, by name."""
     local: Local
@@ -122,7 +122,7 @@ def check_samples(samples: int) -> None:
 
 def study_sensitivity(
     joint: Joint,
-    request: tuple[Model, Motion, JointLoop | str],
+    request: tuple[KnownFriction, SineMotion, JointLoop | str],
     samples: int = SAMPLES,
     progress: Progress | None = None,
 ) -> SensitivityStudy:
@@ -158,7 +158,7 @@ def study_sensitivity(
 
 
 def _sobol(
-    model: Model, box: Mapping[ParameterName, tuple[float, float]], motion: Motion, loop: JointLoop | str, samples: int,
+    model: KnownFriction, box: Mapping[ParameterName, tuple[float, float]], motion: SineMotion, loop: JointLoop | str, samples: int,
     progress: Progress | None,
 ) -> tuple[Global | None, tuple[str, ...]]:  # fmt: skip
     """Sobol indices over the intervals, or the sentence why there are none."""
@@ -183,7 +183,7 @@ def _formulas() -> tuple[Formulas | None, tuple[str, ...]]:
         return None, (f"No formulas: {error}.",)
 
 
-def _motion_tells(joint: Joint, model: Model, motion: Motion) -> Expected:
+def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
     """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
     noise, noise_source = _noise(joint, model.p, motion.period)
     course, fit = motion.course, joint.moving

@@ -22,7 +22,7 @@ from bristle.questions.session_comparison.results import (
     Change,
     Comparison,
     Fit,
-    Pair,
+    FitPair,
     Session,
     SessionJoint,
     SetChange,
@@ -109,7 +109,7 @@ def _refuse_units(joint: str, name: ParameterName, first: SessionJoint, second: 
         )
 
 
-def _difference(joint: str, name: ParameterName, pair: Pair) -> Change:
+def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     a, b = (fit.parameters[name] for fit in pair)
     value = (b.value or 0.0) - (a.value or 0.0)
     by_factor = name.name in _RATIOS and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
@@ -178,7 +178,7 @@ def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Set
     for a, b in pairs(first, second):
         names = tuple(n for n in a.names if n in b.names and all(_known(fit, n) for fit in (a, b)))
         freedom = min(a.freedom, b.freedom)
-        if len(names) < 2 or freedom - len(names) < _FEW or Pair(a, b).distrusted:
+        if len(names) < 2 or freedom - len(names) < _FEW or FitPair(a, b).distrusted:
             continue
         statistic = _statistic(a, b, names)
         if statistic is None:

@@ -44,7 +44,7 @@ Session = Mapping[str, SessionJoint]
 """Joints by name."""
 
 
-class Pair(NamedTuple):
+class FitPair(NamedTuple):
     """The fits of two sessions that are of one kind."""
 
     first: Fit
@@ -119,8 +119,8 @@ def usable(e: Estimate) -> bool:
     return all(x is not None and isfinite(x) for x in numbers) and (e.standard_error or 0.0) > 0
 
 
-def pairs(first: SessionJoint, second: SessionJoint) -> list[Pair]:
+def pairs(first: SessionJoint, second: SessionJoint) -> list[FitPair]:
     """Fits of one kind in both sessions, those to be trusted first, then in the order of use."""
     others = {fit.source: fit for fit in second.fits}
-    found = [Pair(fit, others[fit.source]) for fit in first.fits if fit.source in others]
+    found = [FitPair(fit, others[fit.source]) for fit in first.fits if fit.source in others]
     return sorted(found, key=lambda pair: pair.distrusted)

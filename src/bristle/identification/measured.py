@@ -1,0 +1,108 @@
+"""What an experiment measured: its runs, read and cut into segments where the velocity is constant."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
+from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
+from bristle.data.record import Record
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+
+_STILL = 1e-12
+"""Of the fastest point: a slower one is at rest, and its velocity rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """What an experiment measured: its runs, and the segments of those at constant velocity."""
+
+    experiment: Experiment
+    runs: tuple[Run, ...]
+    segments: tuple[tuple[Segment, ...], ...]
+    """Per run; empty for moving data."""
+
+    def points(self, *, hold_out: bool) -> tuple[Segment, ...]:
+        """Accepted velocity-torque points of the runs that are, or are not, held out."""
+        pairs = zip(self.runs, self.segments, strict=True)
+        return tuple(s for run, candidates in pairs if run.hold_out == hold_out for s in candidates if s.accepted)
+
+    def moving(self, *, hold_out: bool) -> tuple[Record, ...]:
+        """Records of the moving runs that are, or are not, held out."""
+        return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
+
+    @property
+    def slow(self) -> tuple[Record, ...]:
+        """Records of the presliding runs that are fitted."""
+        return tuple(run.record for run in self.runs if run.kind == "presliding" and not run.hold_out)
+
+
+def measure(experiment: Experiment | Path | str) -> Measured:
+    """Read an experiment's runs and cut the constant-velocity ones into segments.
+
+    Raises InputError where a file cannot be read as declared, in one sentence.
+    """
+    experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
+    runs = read_runs(experiment)
+    _refuse_repeated(experiment, runs)
+    return Measured(experiment=experiment, runs=runs, segments=tuple(_segments(experiment, run) for run in runs))
+
+
+def nothing_to_fit(measured: Measured) -> str:
+    """Why no run can be fitted, one sentence."""
+    experiment = measured.experiment
+    pairs = zip(measured.runs, measured.segments, strict=True)
+    training = [(run, candidates) for run, candidates in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
+    if not training:
+        return f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
+    every = tuple(s for _, candidates in training for s in candidates)
+    return nothing_left(every, tuple(run.record for run, _ in training), experiment.segments)
+
+
+def _refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
+    """A run given twice would count twice, and a hold-out that was fitted is none."""
+    for k, run in enumerate(runs):
+        for other in runs[:k]:
+            a, b = run.record, other.record
+            same = a.sha256 == b.sha256 and run.kind == other.kind and a.time.size == b.time.size
+            if same and all(_equal(getattr(a, name), getattr(b, name)) for name in ("time", "torque", "velocity")):
+                what = "is held out and fitted as well" if run.hold_out != other.hold_out else "is given twice"
+                raise InputError(
+                    f"{experiment.path.name}: runs: {a.file} {what} (as {b.file}, the same bytes); name each run once"
+                )
+
+
+def _equal(a: Array | None, b: Array | None) -> bool:
+    return (a is None) == (b is None) and (a is None or b is None or np.array_equal(a, b))
+
+
+def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
+    if run.kind == "ramp":
+        return find_segments(run.record, experiment.segments, experiment.encoder_resolution)
+    return _given_points(run.record) if run.kind == "points" else ()
+
+
+def _given_points(record: Record) -> tuple[Segment, ...]:
+    velocity, torque = record.velocity, record.torque
+    if velocity is None or torque is None:
+        raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
+    moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
+    return tuple(
+        Segment(
+            file=record.file,
+            start=k,
+            stop=k + 1,
+            velocity=float(v),
+            torque=float(t),
+            standard_error=None,
+            accepted=bool(moves),
+            reasons=() if moves else (Kind.POINT_AT_REST(),),
+            labels=record.labels,
+            position=None if record.position is None else float(record.position[k]),
+        )
+        for k, (v, t, moves) in enumerate(zip(velocity, torque, moving, strict=True))
+    )
