@@ -1,4 +1,4 @@
-"""The compensated joint in closed loop: the figures of docs/paper.md, two simulators that agree, and no energy from nowhere."""
+"""The compensated joint in closed loop: the figures of docs/paper.md, two simulators that agree, no free energy."""
 
 import numpy as np
 import pytest
@@ -56,9 +56,9 @@ def test_the_partial_law_lands_on_the_papers_table_2(gamma: float) -> None:
     ],
 )
 def test_compensation_lowers_the_error_as_fig_8_has_it(name: str, without: float, ratio: float) -> None:
-    """1 rad at 0.2 Hz, from 10 s to 30 s: the RMS error without compensation, mrad, and its ratio with LuGre feed-forward.
+    """1 rad at 0.2 Hz, 10 s to 30 s: RMS error without compensation, mrad, and the ratio to it with LuGre feed-forward.
 
-    The figures are those of docs/paper.md; the ratio within 10 %.
+    The figures are those of docs/paper.md; the ratio holds within 10 %.
     """
     course = sine(30.0, 0.2)
     bare, fed = (

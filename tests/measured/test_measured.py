@@ -65,7 +65,7 @@ def identified(folder: Path, text: str) -> Joint:
 
 
 def test_kinova_is_identified_as_it_is(measured_data: Path, tmp_path: Path) -> None:
-    """Ten constant-velocity runs, wrapped positions and inf rows included: slow runs kept with a warning, wide intervals.
+    """Ten constant-velocity runs with wrapped positions and inf rows: slow runs kept with a warning, wide intervals.
 
     The curve is that of a plain least-squares fit of (9) to the mean velocity and torque of the last two thirds of each
     run: alpha_0 1.326 N m, alpha_2 0.754 N m s/rad, 0.0115 N m rms (0.0436 without the Stribeck term).
@@ -107,9 +107,10 @@ def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
 
 
 def test_emps_symmetric_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
-    """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019), who made the data; no Stribeck peak.
+    """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019), who made the data.
 
-    Relative errors are no more than a little above theirs, 4.083 % and 5.982 % on the record with pulses.
+    There is no Stribeck peak. Relative errors are at most a little above theirs, 4.083 % and 5.982 % on the record with
+    pulses.
     """
     assert measured_data.is_dir()
     joint = identified(tmp_path, EMPS.replace("DIRECTIONS", "symmetric"))
@@ -204,7 +205,7 @@ def closed_loop(file: Path, fit: TrackingFit) -> dict[str, float]:
 
 
 def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
-    """One file for the whole protocol: inertia and Coulomb above 10 rad/s, breakaway with its outlier, stiffness, a hold-out.
+    """One file for all: inertia and Coulomb above 10 rad/s, breakaway with its outlier, stiffness, a hold-out.
 
     Inertia and Coulomb are those of plain least squares on such runs, |v| > 10 rad/s, both sides below 10 Hz: 1.97e-4
     kg m**2, 0.031 N m, relative error 2.2 %. The breakaway torque published with the data is 0.0230 N m. Each of the

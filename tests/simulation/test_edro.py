@@ -49,9 +49,9 @@ def test_table_1_is_as_printed() -> None:
     ],
 )
 def test_inertia_inverts_15(name: str, J: tuple[float, float]) -> None:
-    """(15), sigma_1 = 0.2 sqrt(J sigma_0), inverts to J = (sigma_1 / 0.2)**2 / sigma_0; the joint's J is the mean of both directions.
+    """(15), sigma_1 = 0.2 sqrt(J sigma_0), inverts to J = (sigma_1 / 0.2)**2 / sigma_0.
 
-    The figures are that formula's for the sets of Table 1, in three digits.
+    The figures are that formula's for the sets of Table 1, in three digits; a joint's J is the mean of both directions.
     """
     pair = edro.TABLE_1[name]
     for p, expected in zip(pair, J, strict=True):
