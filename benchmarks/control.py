@@ -192,7 +192,7 @@ def one_step() -> None:
 
 
 def verdict(asked: str, holds: object, found: str) -> None:
-    """Print whether what was asked for holds."""
+    """Print whether a limit that this benchmark sets holds."""
     print(f"asked: {asked}: {'holds' if holds else 'DOES NOT HOLD'}, {found}", flush=True)
 
 
@@ -386,7 +386,7 @@ def closed_loop(sigma_0: float | None) -> None:
 
 
 def judge(fast: dict[str, Row], radau: float) -> None:
-    """Print whether the ratios that were asked for hold."""
+    """Print whether the ratios that this benchmark sets hold."""
     real = SECONDS / next(iter(fast.values())).seconds
     verdict("100 times faster than real time", real >= 100, f"{real:.0f}")
     for asked, begins in ((10, "bristle"), (100, "its C")):

@@ -149,7 +149,7 @@ def relative(fit: TrackingFit, name: ParameterName) -> float:
 
 
 def measured(quantum: float, seed: int) -> Record:
-    """A moving run of the virtual bench, with velocity and torque as the pipeline estimates them."""
+    """A moving run of the virtual bench, with velocity and torque as `identify` estimates them."""
     log = edro.tracking_logs("gripper", [seed], resolution=quantum)
     motor = edro.motor("gripper rotation")
     record = estimate_motion(

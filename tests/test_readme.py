@@ -25,6 +25,7 @@ from .conftest import TRUTH, run
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 DOCS = Path(__file__).parents[1] / "docs"
+PAGES = [*(DOCS.parent / name for name in ("README.md", "CHANGELOG.md")), *sorted(DOCS.glob("*.md"))]
 MOTOR = Motor(0.35, 2.1, 0.0, 0.0)
 """What README's experiment file says of the motor: N*m/A and ohm."""
 SPEEDS = np.geomspace(0.02, 0.8, 12)
@@ -46,7 +47,7 @@ def commands() -> list[list[str]]:
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's folder: README's experiment file, and a log for each speed, forth and back, under the names that README uses."""
+    """A user's folder: README's experiment file, and a log for each speed, back and forth, named as README has it."""
     folder = tmp_path_factory.mktemp("desk")
     (plan,) = blocks("yaml")
     (folder / "wrist.yaml").write_text(plan, encoding="utf-8")
@@ -132,3 +133,22 @@ def test_every_command_is_shown() -> None:
     """README leaves no command out, and the way that commands are found in it misses none."""
     root: Any = typer.main.get_command(cli.app)
     assert {command[0] for command in commands()} == set(root.commands)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_prose_wraps_and_links_lead_somewhere(page: Path) -> None:
+    """No line of prose is longer than 120 characters, and each relative link names a file, and a heading of it."""
+    text = page.read_text(encoding="utf-8")
+    prose = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.MULTILINE | re.DOTALL).splitlines()
+    assert [line for line in prose if len(line) > 120 and not re.match(r" *(\||!\[)", line)] == []
+    for link in re.findall(r"\]\((?!https?:)([^)]+)\)", text):
+        name, _, heading = link.partition("#")
+        target = page.parent / name if name else page
+        assert target.exists(), link
+        assert not heading or heading in headings(target), link
+
+
+def headings(page: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them: words in lower case, blanks as hyphens."""
+    titles = re.findall(r"^#+ +(.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}

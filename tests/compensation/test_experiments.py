@@ -1,4 +1,4 @@
-"""The paper's experiments in closed loop, and what goes beyond them: each against the notes, a formula, or another experiment."""
+"""The paper's experiments in closed loop, and more: each against docs/paper.md, a formula, or another experiment."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -27,7 +27,7 @@ P = GRIPPER.positive
 FIG_8 = {
     "gripper rotation": (15.3, 0.030), "wrist pitch": (63.9, 0.050), "elbow pitch": (85.2, 0.112), "base rotation": (108.4, 0.272),
 }  # fmt: skip  # a table
-"""Section 6 of the issue, by a tight stiff solver: RMS error without compensation, mrad, and the share of it that the true model leaves."""
+"""Fig. 8 as docs/paper.md has it: RMS error without compensation, mrad, and the ratio to it with the true model."""
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def rows() -> dict[tuple[str, float, bool], Errors]:
 
 @pytest.mark.parametrize("name", list(FIG_8))
 def test_errors_are_those_of_fig_8(name: str, rows: dict[tuple[str, float, bool], Errors]) -> None:
-    """At 1 rad, 0.2 Hz the RMS error without compensation, and what the true model leaves of it, are the notes' within 10 %."""
+    """At 1 rad, 0.2 Hz both figures of a joint are those of docs/paper.md within 10 %."""
     row, (without, left) = rows[name, 0.2, False], FIG_8[name]
     assert 1e3 * row.without == pytest.approx(without, rel=0.1)
     assert row.true / row.without == pytest.approx(left, rel=0.1)

@@ -29,7 +29,7 @@ def case(name: str, **changes: object) -> Case:
 
 
 def wrong_start() -> Case:
-    """Table 2 in the scenario of the notes, section 3: the compensator starts at 0.3 alpha_0 and 0.5 alpha_2."""
+    """Table 2's scenario (docs/paper.md): the compensator starts at 0.3 alpha_0 and 0.5 alpha_2; J by (15)."""
     wrong = P._replace(alpha_0=0.3 * P.alpha_0, alpha_2=0.5 * P.alpha_2)
     J = (P.sigma_1 / 0.2) ** 2 / P.sigma_0
     return Case(plant=Pair(P, P), motor=Motor(1.0, 1.0, 0.0, J), model=Pair(wrong, wrong), gains=edro.PID_GAINS)

@@ -1,4 +1,4 @@
-"""The compensated joint in closed loop: the paper's figures as the notes have them, two simulators that agree, and no energy from nowhere."""
+"""The compensated joint in closed loop: the figures of docs/paper.md, two simulators that agree, no free energy."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from .conftest import H, P, case, sine, wrong_start
 
 
 def table_2(way: Law, gamma: float) -> tuple[float, float, float, float]:
-    """Effective factors of alpha_0 and of alpha_2 at 4 s and at 20 s, in the scenario of the notes, section 3."""
+    """Effective factors of alpha_0 and of alpha_2 at 4 s and at 20 s, in the scenario of Table 2 (docs/paper.md)."""
     options = LoopOptions(compensator=Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma))))
     theta = simulate(options, [wrong_start()], sine(20.0, 0.5), H).theta[0]
     return tuple(float(f * theta[k, at]) for k, f in ((0, 0.3), (1, 0.5)) for at in (4000, -1))  # type: ignore[return-value]
@@ -29,14 +29,17 @@ def table_2(way: Law, gamma: float) -> tuple[float, float, float, float]:
         ("total", 20.0, (0.448, 0.469, 1.094, 1.125)),
     ],
 )  # fmt: skip  # a table
-def test_adapted_factors_are_those_of_the_notes(way: Law, gamma: float, expected: tuple[float, ...]) -> None:
-    """Table 2's scenario by each law: the factors that another simulation of the same equations gave, to 0.0015."""
+def test_adapted_factors_are_those_of_docs_paper(way: Law, gamma: float, expected: tuple[float, ...]) -> None:
+    """Table 2's scenario by each law: the factors in docs/paper.md, which a variable-step solution gave, to 0.0015."""
     np.testing.assert_allclose(table_2(way, gamma), expected, atol=1.5e-3)
 
 
 @pytest.mark.parametrize("gamma", [5.0, 10.0, 20.0, 35.0, 50.0])
 def test_the_partial_law_lands_on_the_papers_table_2(gamma: float) -> None:
-    """At 20 s the partial law is within 0.02 of the paper's 0.84 and 1.05 for every rate from 5 to 50; the printed one leaves alpha_0 at 0.30."""
+    """At 20 s the partial law is within 0.02 of the paper's Table 2, 0.84 and 1.05, for every rate from 5 to 50.
+
+    The printed one leaves alpha_0 at 0.30 (docs/paper.md).
+    """
     alpha_0, alpha_2 = table_2("partial", gamma)[1::2]
     assert alpha_0 == pytest.approx(0.84, abs=0.02)
     assert alpha_2 == pytest.approx(1.05, abs=0.02)
@@ -53,7 +56,10 @@ def test_the_partial_law_lands_on_the_papers_table_2(gamma: float) -> None:
     ],
 )
 def test_compensation_lowers_the_error_as_fig_8_has_it(name: str, without: float, ratio: float) -> None:
-    """1 rad at 0.2 Hz, from 10 s to 30 s: RMS error without compensation in mrad, and the share of it that LuGre feed-forward leaves, within 10 %."""
+    """1 rad at 0.2 Hz, 10 s to 30 s: RMS error without compensation, mrad, and the ratio to it with LuGre feed-forward.
+
+    The figures are those of docs/paper.md; the ratio holds within 10 %.
+    """
     course = sine(30.0, 0.2)
     bare, fed = (
         simulate(LoopOptions(compensator=Compensator(name=c)), [case(name)], course, H).rms_error(10.0)[0]

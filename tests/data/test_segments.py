@@ -201,7 +201,7 @@ def test_creep_through_a_reversal_is_rejected() -> None:
 
 
 def test_stick_slip_is_kept_with_its_warning() -> None:
-    """A joint that rests half of the time and slips in between, many times at a steady mean, is one accepted segment, doubted."""
+    """A joint that rests half of the time and slips in between, at a steady mean, is one segment, with a warning."""
     slips = 0.08 * np.maximum(np.sin(2 * np.pi * 4 * T), 0.0) * (1 + 0.1 * np.sin(2 * np.pi * 0.9 * T))
     (segment,) = accepted(find_segments(motion(slips, 1.5 + 0.2 * np.cos(2 * np.pi * 4 * T)), Thresholds()))
     assert segment.stick_slip

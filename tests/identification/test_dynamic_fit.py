@@ -188,7 +188,10 @@ def test_correlated_noise_widens_the_intervals() -> None:
 
 
 def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
-    """With all speeds far below v_s only alpha_0 + alpha_1 is seen: alpha_1 and v_s have no value, alpha_0 is doubted as their sum, and is it."""
+    """With all speeds far below v_s only alpha_0 + alpha_1 is seen: alpha_1 and v_s have no value.
+
+    alpha_0 is that sum, and a warning says so.
+    """
     v = 0.03 * GRIPPER.v_s * motion()[1]
     found = fit_tracking(posed(record(GRIPPER, 1e-5, velocity=v)), values_of(GRIPPER), "revolute", starts=1).fit
     for name in map(parse, ("alpha_1", "v_s")):

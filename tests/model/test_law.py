@@ -65,7 +65,10 @@ def test_steady_curve_is_linear_but_in_v_s(v: float, p: Lugre[float]) -> None:
 
 
 def test_printed_19_is_the_derivative_by_alpha_1_not_alpha_0(gripper: Lugre[float]) -> None:
-    """Notes, section 1: at v = 0.03, z = 0.003 the printed right-hand side is dT_f/d alpha_1, digit for digit; d/d alpha_0 is another."""
+    """At v = 0.03, z = 0.003 the right-hand side of (19) as printed is dT_f/d alpha_1, and not dT_f/d alpha_0.
+
+    The digits are those of docs/paper.md.
+    """
     v, z = 0.03, 0.003
     p = Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
     theta = ca.SX.sym("theta", 2)
@@ -133,7 +136,7 @@ def test_units_are_those_of_the_equations() -> None:
 
 
 def test_only_base_minus_violates_passivity(table_set: Lugre[float]) -> None:
-    """Notes, section 7: alpha_2 > sigma_1 alpha_1 / alpha_0 holds for all sets of Table 1 but base rotation (-), 0.134 < 0.248."""
+    """alpha_2 > sigma_1 alpha_1 / alpha_0 for all of Table 1 but base rotation (-), 0.134 < 0.248 (docs/paper.md)."""
     assert is_passive(table_set) == (table_set.alpha_1 != 0.1098)
     if not is_passive(table_set):
         assert round(table_set.sigma_1 * table_set.alpha_1 / table_set.alpha_0, 3) == 0.248

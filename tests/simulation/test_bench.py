@@ -67,7 +67,7 @@ def test_the_seed_alone_decides() -> None:
 
 
 def test_joint_ends_where_it_began() -> None:
-    """Each speed goes forth and back by the same angle, so that the excursion is that of one leg."""
+    """Each speed goes back and forth by the same angle, so that the excursion is that of one leg."""
     reference = RAMPS.at(CLOCK.instants(RAMPS.duration))
     legs = [p.velocity * (p.stop - p.start) for p in RAMPS.plateaus]
     assert abs(reference.position[-1]) < 2e-3
