@@ -1,20 +1,18 @@
-"""The command line: the only print, the only argv, the only exit code.
+"""The command line: the only argv, the only exit code; what it prints goes through `terminal`.
 
 0 a result was written, warnings included; 1 our own defect; 2 bad input; 3 critical warnings or cautions, with --strict; 130 interrupted.
 """
 
-import io
-import os
 import sys
-from collections.abc import Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from bristle.errors import InputError
+from bristle.errors import InputError, one_line
 from bristle.progress import shown
+from bristle.terminal import complain, discard, open_streams, print_lines
 
 if TYPE_CHECKING:
     from bristle.api import Results
@@ -31,8 +29,8 @@ _WRONG_USE: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "C
 """What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it."""
 
 
-_LONGEST, _END = 500, 200
-"""Characters of an error's sentence, and of its end, which says what to do."""
+_LONGEST = 500
+"""Characters of an error's sentence: one of ours is shorter, the system's or click's may not be."""
 
 
 def _optional(none: str) -> Any:
@@ -47,11 +45,14 @@ def _path(text: str) -> Path:
     return Path(text)
 
 
-def _lands(what: str) -> Any:
-    """The option that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
-    return typer.Option(
-        "-o", "--output", parser=_path, metavar="DIR", help=f"Where the page lands [default: reports/NAME{what}]."
-    )
+def _to(metavar: str, meaning: str) -> Any:
+    """The option -o that names what to write."""
+    return typer.Option("-o", "--output", parser=_path, metavar=metavar, help=meaning)
+
+
+def _lands(what: str, thing: str = "page") -> Any:
+    """The option -o that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
+    return _to("DIR", f"Where the {thing} lands [default: reports/NAME{what}].")
 
 
 _Experiment = Annotated[
@@ -74,10 +75,10 @@ def _root(
     if version:
         from bristle import __version__
 
-        _print([__version__])
+        print_lines([__version__])
         raise typer.Exit
     if context.invoked_subcommand is None:
-        _print([context.get_help()])
+        print_lines([context.get_help()])
 
 
 @app.command()
@@ -90,12 +91,7 @@ def report(
             show_default=False,
         ),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", parser=_path, metavar="DIR", help="Where the report lands [default: reports/NAME]."
-        ),
-    ] = None,
+    output: Annotated[Path | None, _lands("", "report")] = None,
     uncertainty: _Uncertainty = False,
     strict: _Strict = False,
 ) -> None:
@@ -112,20 +108,17 @@ def report(
     with shown() as progress:
         results = identify(*sources, progress=progress, uncertainty=uncertainty)
         compensated = None if sources else compensate(identified=results, progress=progress)
-    _print(outcomes(results.joints))
+    print_lines(outcomes(results.joints))
     with shown() as progress:
         page = results.write_report(folder, progress, compensated)
-    _print([f"Report: {page}"], done=True)
+    print_lines([f"Report: {page}"], done=True)
     _finish(results, strict)
 
 
 @app.command()
 def identify(
     experiment: _Experiment,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", parser=_path, metavar="FILE", help="Write results.json here as well."),
-    ] = None,
+    output: Annotated[Path | None, _to("FILE", "Write results.json here as well.")] = None,
     uncertainty: _Uncertainty = False,
     strict: _Strict = False,
 ) -> None:
@@ -138,28 +131,23 @@ def identify(
     _check(output)
     with shown() as progress:
         results = run(experiment, progress=progress, uncertainty=uncertainty)
-    _print([results.fit_report()])
+    print_lines([results.fit_report()])
     if uncertainty:
         frame = results.uncertainty()
-        _print([frame.drop(columns="warnings").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])
-        _print(
+        print_lines([frame.drop(columns="warnings").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])
+        print_lines(
             f"{x.fit} {x.parameter} {x.direction}: {x.warnings}" for x in frame[frame["warnings"] != ""].itertuples()
         )
     if output is not None:
         _write(output, results.to_json())
-        _print([f"Results: {output}"], done=True)
+        print_lines([f"Results: {output}"], done=True)
     _finish(results, strict)
 
 
 @app.command()
 def inspect(
     experiment: _Experiment,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", parser=_path, metavar="FILE", help="Draw the segments into this .png or .svg file."
-        ),
-    ] = None,
+    output: Annotated[Path | None, _to("FILE", "Draw the segments into this .png or .svg file.")] = None,
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     from bristle.api import inspect as run
@@ -171,7 +159,7 @@ def inspect(
 
         figure_kind(output)
     measured = run(experiment)
-    _print(segment_lines(measured))
+    print_lines(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
 
@@ -180,7 +168,7 @@ def inspect(
             inspect_figure(records, [s for found in measured.segments for s in found], measured.experiment.joint.kind),
             output,
         )
-        _print([f"Figure: {output}"], done=True)
+        print_lines([f"Figure: {output}"], done=True)
 
 
 @app.command()
@@ -209,9 +197,9 @@ def validate(
     results = _cross_checked(experiment) if experiment else None
     with shown() as progress:
         validated = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-    _print([validated.text()])
+    print_lines([validated.text()])
     if validated.cases:
-        _print([f"Page: {validated.write(folder)}"], done=True)
+        print_lines([f"Page: {validated.write(folder)}"], done=True)
     if results:
         _finish(results, strict)
 
@@ -226,8 +214,8 @@ def _cross_checked(experiment: Path) -> "Results":
         results = run(experiment, crosscheck=True, progress=progress)
     for joint in results.joints:
         check_fitted(joint)
-        _print(checks(joint))
-    _print(f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in results.timings.items())
+        print_lines(checks(joint))
+    print_lines(f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in results.timings.items())
     return results
 
 
@@ -242,8 +230,8 @@ def adapt(
     folder = _folder(output, experiment, "-adapt")
     with shown() as progress:
         found = run(experiment, progress=progress)
-    _print([found.text()])
-    _print([f"Page: {found.write(folder)}"], done=True)
+    print_lines([found.text()])
+    print_lines([f"Page: {found.write(folder)}"], done=True)
 
 
 @app.command()
@@ -252,10 +240,7 @@ def compare(
     second: Annotated[
         Path, typer.Argument(metavar="B", help="results.json of the second session.", show_default=False)
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", parser=_path, metavar="DIR", help="Write a page with a figure and tables here."),
-    ] = None,
+    output: Annotated[Path | None, _to("DIR", "Write a page with a figure and tables here.")] = None,
 ) -> None:
     """Compare two sessions: which parameters changed beyond their joint uncertainty.
 
@@ -272,9 +257,9 @@ def compare(
             if resolved(session).parent == resolved(output):
                 raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
     compared = run(first, second)
-    _print(text(compared))
+    print_lines(text(compared))
     if output is not None:
-        _print([f"Page: {write_comparison(compared, output)}"], done=True)
+        print_lines([f"Page: {write_comparison(compared, output)}"], done=True)
 
 
 @app.command()
@@ -304,7 +289,7 @@ def sensitivity(
     if symbolic:
         from bristle.questions.sensitivity.formulas import formulas
 
-        _print([formulas().text()])
+        print_lines([formulas().text()])
         return
     from bristle import sensitivity as run
     from bristle import write_sensitivity
@@ -312,23 +297,14 @@ def sensitivity(
     folder = _folder(output, experiment, "-sensitivity")
     with shown() as progress:
         study = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
-    _print([study.text()])
-    _print([f"Page: {write_sensitivity(study, folder)}"], done=True)
+    print_lines([study.text()])
+    print_lines([f"Page: {write_sensitivity(study, folder)}"], done=True)
 
 
 @app.command()
 def plan(
     experiment: _Experiment,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            parser=_path,
-            metavar="FILE",
-            help="Write the references that a controller plays here, CSV.",
-        ),
-    ] = None,
+    output: Annotated[Path | None, _to("FILE", "Write the references that a controller plays here, CSV.")] = None,
     page: Annotated[
         Path | None,
         typer.Option("--page", parser=_path, metavar="DIR", help="Write a page with figures and tables here."),
@@ -337,8 +313,7 @@ def plan(
         int, typer.Option("--velocities", metavar="N", help="Runs at constant velocity in each direction.")
     ] = 12,
     aim: Annotated[
-        str,
-        typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0."),
+        str, typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0.")
     ] = "all",
 ) -> None:
     """Plan what to measure next: constant velocities, slow loading, a tracking motion, and the intervals to expect.
@@ -355,13 +330,13 @@ def plan(
         check_apart(output, page)
     with shown() as progress:
         planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
-    _print([planned.text()])
+    print_lines([planned.text()])
     with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
         written = None if page is None else planned.write(page)
     if output is not None:
-        _print([f"References: {output}, {planned.duration:.0f} s"], done=True)
+        print_lines([f"References: {output}, {planned.duration:.0f} s"], done=True)
     if written is not None:
-        _print([f"Page: {written}"], done=True)
+        print_lines([f"Page: {written}"], done=True)
 
 
 @app.command()
@@ -369,96 +344,54 @@ def new(
     data: Annotated[
         Path, typer.Argument(metavar="DATA", help="A data file: CSV, Parquet, MAT or NPZ.", show_default=False)
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", parser=_path, metavar="FILE", help="Write the draft here instead of printing it."
-        ),
-    ] = None,
+    output: Annotated[Path | None, _to("FILE", "Write the draft here instead of printing it.")] = None,
 ) -> None:
     """Draft a commented experiment file from a data file."""
     from bristle.data.experiment.draft import draft_experiment
 
     text, unknown = draft_experiment(data, None if output is None else output.parent)
     if output is None:
-        _print([text])
+        print_lines([text])
     elif output.exists():
         raise InputError(f"{output}: is there already; name a new file with -o, or move this one")
     else:
         _check(output)
-        _print([f"Draft: {output}"])
+        print_lines([f"Draft: {output}"])
         _write(output, text)
     for sentence in unknown:
-        _complain(f"not guessed: {sentence}")
+        complain(f"not guessed: {sentence}")
 
 
 def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
-    _open_streams()
+    open_streams()
     try:
         code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
-        _print([])
+        print_lines([])
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     except (BrokenPipeError, SystemExit) as end:  # who read the help has seen enough; click makes an exit of it
         if isinstance(end, SystemExit) and not isinstance(end.__context__, BrokenPipeError):
             raise
-        _discard("stdout")
+        discard("stdout")
         code = 0
     except (InputError, OSError) as bad:
         code = 2
-        _complain(f"bristle: {_sentence(bad)}")
+        complain(f"bristle: {_sentence(bad)}")
     except _WRONG_USE as wrong:
         code = 2
-        _complain(f"bristle: {_shown(wrong.format_message())}")
+        complain(f"bristle: {one_line(wrong.format_message(), _LONGEST)}")
     if code == 130:  # by an exception or, in newer versions of typer, as an exit code
-        _complain("interrupted")
-    _print([], done=True)
+        complain("interrupted")
+    print_lines([], done=True)
     sys.exit(code)
-
-
-def _open_streams() -> None:
-    """Standard streams that take any text: what an encoding lacks is escaped, and a closed stream goes nowhere.
-
-    Where one is closed the next file that is opened would have its number, and get what a library writes there.
-    """
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if stream is None:
-            _discard(name)
-        elif isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
-
-
-def _discard(name: str) -> None:
-    """From now on a standard stream goes nowhere, and so does what is in its buffer."""
-    stream, number = getattr(sys, name), {"stdout": 1, "stderr": 2}[name]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    if isinstance(stream, io.TextIOWrapper) or stream is None:
-        if nowhere != number:
-            os.dup2(nowhere, number if stream is None else stream.fileno())
-            os.close(nowhere)
-    else:
-        os.close(nowhere)
-    if not isinstance(stream, io.TextIOWrapper):
-        setattr(sys, name, io.StringIO())
 
 
 def _sentence(bad: Exception) -> str:
     text = str(bad)
     if isinstance(bad, OSError) and bad.strerror:
         text = f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror
-    return _shown(text)
-
-
-def _shown(text: str) -> str:
-    """A sentence on one line, with escapes for what a terminal would obey, and its middle left out where it is very long."""
-    line = _shortened(" ".join(text.split()))
-    return _shortened("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line))
-
-
-def _shortened(line: str) -> str:
-    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - _END]} ... {line[-_END:]}"
+    return one_line(text, _LONGEST)
 
 
 def _write(path: Path, text: str) -> None:
@@ -483,32 +416,8 @@ def _folder(output: Path | None, experiment: Path | None, what: str = "") -> Pat
     return folder
 
 
-def _print(lines: Iterable[str], *, done: bool = False) -> None:
-    """Print lines on standard output, all the way: what cannot be printed is known before a file is moved to its place.
-
-    Who reads may have seen enough; the work goes on. Raises OSError where the output is full, but not when all is `done`.
-    """
-    text = "".join(f"{line}\n" for line in lines)
-    try:
-        print(text, end="", flush=True)
-    except BrokenPipeError:
-        _discard("stdout")
-    except OSError as error:
-        _discard("stdout")
-        if not done:
-            raise OSError(error.errno, error.strerror or str(error), "standard output") from error
-
-
-def _complain(line: str) -> None:
-    """Print a line on standard error, where that can be."""
-    try:
-        print(line, file=sys.stderr, flush=True)
-    except OSError:
-        _discard("stderr")
-
-
 def _finish(results: "Results", strict: bool) -> None:
     count = len(results.serious) if strict else 0
     if count:
-        _complain(f"{count} warning{'' if count == 1 else 's'}, critical or for caution (--strict)")
+        complain(f"{count} warning{'' if count == 1 else 's'}, critical or for caution (--strict)")
         raise typer.Exit(3)

@@ -17,19 +17,18 @@ class InputError(ValueError):
     """
 
     def __init__(self, sentence: str) -> None:
-        super().__init__(_cut(_printable(sentence)))
+        super().__init__(one_line(sentence))
 
 
-def _cut(text: str) -> str:
-    """Beginning and end of a long text: they say what was got and what to do."""
-    return text if len(text) <= LONGEST else f"{text[: LONGEST * 2 // 3]} ... {text[5 - LONGEST // 3 :]}"
+def one_line(text: str, longest: int = LONGEST) -> str:
+    """A text as one line that can be shown in a terminal, of at most `longest` characters.
 
-
-def _printable(text: str) -> str:
-    """The text with each control character as Python writes it, and each blank as a space."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else " " if c.isspace() else ascii(c)[1:-1] for c in text)
+    Blanks become one space, control characters are escaped as Python writes them. Of a long text beginning and end are kept: they say what was got
+    and what to do.
+    """
+    words = " ".join(text.split())
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in words)
+    return line if len(line) <= longest else f"{line[: longest * 2 // 3]} ... {line[5 - longest // 3 :]}"
 
 
 def check_regular(path: Path, shown: str | None = None) -> None:

@@ -26,6 +26,7 @@ _READERS = (
     "questions/session_comparison/results_file.py",
     "errors.py",
     "cli.py",
+    "terminal.py",
     "api.py",
     "edro.py",
     "progress.py",

@@ -1,0 +1,57 @@
+"""What goes to standard output and standard error: the only print."""
+
+import io
+import os
+import sys
+from collections.abc import Iterable
+
+
+def open_streams() -> None:
+    """Standard streams that take any text: what an encoding lacks is escaped, and a closed stream goes nowhere.
+
+    Where one is closed the next file that is opened would have its number, and get what a library writes there.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            discard(name)
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def discard(name: str) -> None:
+    """From now on a standard stream goes nowhere, and so does what is in its buffer."""
+    stream, number = getattr(sys, name), {"stdout": 1, "stderr": 2}[name]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    if isinstance(stream, io.TextIOWrapper) or stream is None:
+        if nowhere != number:
+            os.dup2(nowhere, number if stream is None else stream.fileno())
+            os.close(nowhere)
+    else:
+        os.close(nowhere)
+    if not isinstance(stream, io.TextIOWrapper):
+        setattr(sys, name, io.StringIO())
+
+
+def print_lines(lines: Iterable[str], *, done: bool = False) -> None:
+    """Print lines on standard output, all the way: what cannot be printed is known before a file is moved to its place.
+
+    Who reads may have seen enough; the work goes on. Raises OSError where the output is full, but not when all is `done`.
+    """
+    text = "".join(f"{line}\n" for line in lines)
+    try:
+        print(text, end="", flush=True)
+    except BrokenPipeError:
+        discard("stdout")
+    except OSError as error:
+        discard("stdout")
+        if not done:
+            raise OSError(error.errno, error.strerror or str(error), "standard output") from error
+
+
+def complain(line: str) -> None:
+    """Print a line on standard error, where that can be."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:
+        discard("stderr")
