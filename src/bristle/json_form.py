@@ -1,6 +1,7 @@
-"""How results hold what JSON has no word for. pydantic reads these forms off the result classes where results.json is made or read, and only there.
+"""How results hold what JSON has no word for.
 
-Floats keep every digit. An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
+pydantic reads these forms off the result classes where results.json is made or read, and only there. Floats keep every
+digit. An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
 """
 
 from collections.abc import Callable
@@ -19,7 +20,7 @@ Bound = float | Literal["inf", "-inf"]
 
 @dataclass(frozen=True, slots=True)
 class JsonForm:
-    """What a value is in JSON, and the ways there and back; an annotation of a type, which pydantic asks for its schema."""
+    """What a value is in JSON, and the ways there and back; it annotates a type, and pydantic asks it for the schema."""
 
     form: Any
     """The type of what is written, or a function that gives it."""

@@ -722,6 +722,7 @@ COMPARED: dict[str, Spoil] = {
     "much freedom": lambda x: plus(x).update(degrees_of_freedom=10**17, n=10**17),
     "no freedom": lambda x: plus(x).update(degrees_of_freedom=0, n=-1),
     "free parameters that are none": lambda x: plus(x).update(names=["a", "b", "c", "d"]),
+    "one free parameter twice": lambda x: plus(x).update(names=["alpha_0", "alpha_0", "alpha_2", "v_s"]),
     "one free parameter four times": lambda x: plus(x).update(names=["alpha_0"] * 4),
     "unknown unit": lambda x: every(x, unit="furlong"),
     "no unit": lambda x: every(x, unit=""),

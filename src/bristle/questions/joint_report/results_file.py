@@ -27,8 +27,8 @@ def schema() -> dict[str, Any]:
 def to_json(joints: Sequence[Joint]) -> str:
     """`results.json` of schema bristle-results/2.
 
-    Floats keep every digit. A bound that is open is "inf" or "-inf"; what does not exist is null. Warnings and outcomes have their kind, severity,
-    sentence and numbers. Arrays with an entry per sample are left out.
+    Floats keep every digit. A bound that is open is "inf" or "-inf"; what does not exist is null. Warnings and outcomes
+    have their kind, severity, sentence and numbers. Arrays with an entry per sample are left out.
     """
     document = Document(bristle=__version__, joints={joint.name: joint for joint in joints})
     return adapter().dump_json(document, indent=1).decode() + "\n"

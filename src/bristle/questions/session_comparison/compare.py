@@ -176,7 +176,7 @@ def _adjusted(changes: Sequence[Change]) -> tuple[Change, ...]:
 def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[SetChange]:
     """Every fit that both sessions have with the covariance of what both know, none of them distrusted."""
     for a, b in pairs(first, second):
-        names = tuple(n for n in a.names if n in b.names and all(_known(fit, n) for fit in (a, b)))
+        names = tuple(n for n in dict.fromkeys(a.names) if n in b.names and all(_known(fit, n) for fit in (a, b)))
         freedom = min(a.freedom, b.freedom)
         if len(names) < 2 or freedom - len(names) < _FEW or FitPair(a, b).distrusted:
             continue

@@ -1,4 +1,4 @@
-"""What a comparison reads of results files of schema bristle-results/1, which versions before 2 of the schema wrote; nothing writes it any more."""
+"""What a comparison reads of results files of schema bristle-results/1, which nothing writes any more."""
 
 from typing import Annotated, Literal, TypeVar
 
