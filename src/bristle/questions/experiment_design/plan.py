@@ -236,7 +236,11 @@ def _information(
         for plan in velocities
     ]
     of_loadings = [
-        embedded(start.names, [ParameterName("sigma_0", start.direction_of(loading.direction))], np.array([[loading.error**-2]]))
+        embedded(
+            start.names,
+            [ParameterName("sigma_0", start.direction_of(loading.direction))],
+            np.array([[loading.error**-2]]),
+        )
         for loading in loadings
         if np.isfinite(loading.error)
     ]
