@@ -160,9 +160,9 @@ def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dic
     which = problem.shared[inside[problem.shared]]
     J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
     starts = [block.rows.start for block in problem.blocks] if whole else problem.stretches
-    told, length = J[n:], n if whole else None
+    prior_rows, length = J[n:], n if whole else None
     drawn = block_bootstrap(
-        J[:n], minimum.residuals[:n], starts, priors=told, sigma=problem.sigma, length=length, seed=seed
+        J[:n], minimum.residuals[:n], starts, priors=prior_rows, sigma=problem.sigma, length=length, seed=seed
     )
     out: dict[Name, tuple[Array, Array]] = {}
     for column, j in enumerate(which.tolist()):
@@ -198,8 +198,8 @@ def block_bootstrap(
         draws: B.
         seed: of the generator.
     """
-    told = np.zeros((0, jacobian.shape[1])) if priors is None else priors
-    size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian) + np.einsum("mp,mp->p", told, told))
+    prior_rows = np.zeros((0, jacobian.shape[1])) if priors is None else priors
+    size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian) + np.einsum("mp,mp->p", prior_rows, prior_rows))
     size[size == 0] = 1.0
     J = jacobian / size
     Z = J if instrument is None else instrument / np.linalg.norm(instrument)
@@ -207,7 +207,7 @@ def block_bootstrap(
     edges, of_stretch = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    found = _resample(grams, scores, of_stretch, told / size, sigma, draws, seed)
+    found = _resample(grams, scores, of_stretch, prior_rows / size, sigma, draws, seed)
     return found._replace(steps=found.steps / size)
 
 
@@ -230,7 +230,7 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
 
 
 def _resample(
-    grams: Array, scores: Array, of_stretch: Array, told: Array, sigma: float, draws: int, seed: int
+    grams: Array, scores: Array, of_stretch: Array, prior_rows: Array, sigma: float, draws: int, seed: int
 ) -> Resampled:
     """The steps where blocks of cells, (C, ...), are drawn, centred so that they vanish where each is drawn as often as any other."""
     grams, scores, share = _blocks(grams, scores, of_stretch)
@@ -240,14 +240,20 @@ def _resample(
     drawn = rng.choice(count, (draws, number), p=share / share.sum()) + count * np.arange(draws)[:, None]
     weight = float(share.sum()) / number
     times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
-    gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + told.T @ told
+    gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + prior_rows.T @ prior_rows
     inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
     score = times @ scores
-    news = sigma * rng.standard_normal((draws, told.shape[0])) @ told
+    news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
     steps = -np.einsum("bij,bj->bi", inverse, score - share @ scores + news)
     errors = [
         _errors(
-            grams, scores, told, sigma, times[part] * weight * number / max(number - 1, 1), inverse[part], steps[part]
+            grams,
+            scores,
+            prior_rows,
+            sigma,
+            times[part] * weight * number / max(number - 1, 1),
+            inverse[part],
+            steps[part],
         )
         for part in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE))
     ]
@@ -256,14 +262,14 @@ def _resample(
 
 
 def _errors(
-    grams: Array, scores: Array, told: Array, sigma: float, times: Array, inverse: Array, steps: Array
+    grams: Array, scores: Array, prior_rows: Array, sigma: float, times: Array, inverse: Array, steps: Array
 ) -> Array:
     """Standard errors of resampled estimates from the scores that blocks have left there, (b, p); `times` (b, C) counts squares."""
     count, p = scores.shape
     left = scores.T + (steps @ grams.transpose(1, 2, 0).reshape(p, -1)).reshape(-1, p, count)
     influence = inverse @ left
     squares = np.einsum("bic,bic,bc->bi", influence, influence, times)
-    by_priors = told @ inverse
+    by_priors = prior_rows @ inverse
     errors: Array = np.sqrt(squares + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors))
     return errors
 

@@ -145,15 +145,15 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
 def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]:
     """Directions that are hardly seen, in words, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
     size = np.sqrt(np.diag(matrix))
-    said = [f"Nothing is seen of {name}." for name, s in zip(names, size, strict=True) if s == 0]
+    sentences = [f"Nothing is seen of {name}." for name, s in zip(names, size, strict=True) if s == 0]
     kept = np.flatnonzero(size > 0)
     values, vectors = np.linalg.eigh(_scaled(matrix, size)[np.ix_(kept, kept)])
     for value, vector in zip(values, vectors.T, strict=True):
         if value < _HARDLY * values[-1]:
             share = np.abs(vector) / np.abs(vector).max()
             order = [k for k in np.argsort(-share, kind="stable") if share[k] > _PART]
-            said.append(str(hardly_seen([(names[kept[k]], float(vector[k])) for k in order])))
-    return tuple(said)
+            sentences.append(str(hardly_seen([(names[kept[k]], float(vector[k])) for k in order])))
+    return tuple(sentences)
 
 
 def _scaled(matrix: Array, size: Array) -> Array:

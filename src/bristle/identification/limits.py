@@ -157,15 +157,16 @@ def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Li
         why = f"fit.decimation, {decimation}, leaves" if decimation > 1 else "the sampling of the moving runs leaves"
         caps[1 / (least * step)] = f"{why} one equation in {step:.3g} s, {least:g} to a period"
     cap = min(caps)
-    found = replace(limits, frequency=min(limits.frequency, cap))
+    reachable = replace(limits, frequency=min(limits.frequency, cap))
     if asked.frequency is None:
         capped = f", at which {caps[cap]}" if cap < FREQUENCY else ""
-        return found, (
-            f"Highest frequency of the motion: {found.frequency:.3g} Hz{capped}, which the controller must be able to follow; give plan.frequency.",
+        return reachable, (
+            f"Highest frequency of the motion: {reachable.frequency:.3g} Hz{capped}, "
+            "which the controller must be able to follow; give plan.frequency.",
         )
     if asked.frequency <= cap:
-        return found, ()
-    return found, (
+        return reachable, ()
+    return reachable, (
         f"Highest frequency of the motion: {cap:.3g} Hz, not the declared {asked.frequency:g} Hz: at {cap:.3g} Hz {caps[cap]}.",
     )
 
@@ -177,8 +178,8 @@ def shortened(limits: Limits, share: float) -> Limits:
 
 def _largest(runs: tuple[Run, ...], signal: str) -> float:
     """Of a signal's magnitude in all runs, rare peaks apart; 0 where no run has it."""
-    found = [np.abs(values) for run in runs if (values := getattr(run.record, signal)) is not None and values.size]
-    return max((float(np.percentile(x, _RARE)) for x in found), default=0.0)
+    signals = [np.abs(values) for run in runs if (values := getattr(run.record, signal)) is not None and values.size]
+    return max((float(np.percentile(x, _RARE)) for x in signals), default=0.0)
 
 
 def _hold(measured: Measured) -> float:

@@ -47,7 +47,7 @@ def power_of(x: Array) -> float:
 
 def rank_models(
     data: Literal["points", "moving runs"],
-    found: Sequence[Candidate],
+    candidates: Sequence[Candidate],
     held_by: str,
     variance_inflation: float,
     power: float,
@@ -59,7 +59,7 @@ def rank_models(
 
     Args:
         data: what the equations are about.
-        found: the candidates, on the same n equations.
+        candidates: the candidates, on the same n equations.
         held_by: what their `hold_out` is about.
         variance_inflation: n over the number of independent equations.
         power: sum of squares of what they explain, (N*m)**2.
@@ -67,14 +67,14 @@ def rank_models(
         alone: the fit of all parameters to these data.
         left_out: what is not compared, and why.
     """
-    if not found:
+    if not candidates:
         return None
-    n = found[0].residuals.size
-    scores = [_scores(c, n / variance_inflation, power) for c in found]
+    n = candidates[0].residuals.size
+    scores = [_scores(c, n / variance_inflation, power) for c in candidates]
     lowest_aicc = min((aicc for aicc, _ in scores if aicc is not None), default=0.0)
     lowest_bic = min(bic for _, bic in scores)
     kept, seen = _keeps_stribeck(static, alone), alone is not None and _sees_bristle(alone)
-    allowed = [k for k, c in enumerate(found) if (seen if c.model == LUGRE else (c.model == STRIBECK) == kept)]
+    allowed = [k for k, c in enumerate(candidates) if (seen if c.model == LUGRE else (c.model == STRIBECK) == kept)]
     best = min(allowed, key=lambda k: scores[k][1], default=None)
     rows = tuple(
         ModelRow(
@@ -89,7 +89,7 @@ def rank_models(
             candidate=k in allowed,
             recommended=k == best,
         )
-        for k, (c, (aicc, bic)) in enumerate(zip(found, scores, strict=True))
+        for k, (c, (aicc, bic)) in enumerate(zip(candidates, scores, strict=True))
     )
     return ModelComparison(
         data=data,
@@ -112,10 +112,10 @@ def _scores(c: Candidate, effective: float, power: float) -> tuple[float | None,
 
 def _keeps_stribeck(static: Mapping[str, StaticFit], alone: TrackingFit | None) -> bool:
     """Whether the fit of these data keeps a Stribeck term in any direction: the static one, or else that of moving runs."""
-    found = [f.parameters.get("alpha_1") for f in static.values()]
+    estimates = [f.parameters.get("alpha_1") for f in static.values()]
     if not static and alone is not None:
-        found = [e for name, e in alone.parameters.items() if name.name == "alpha_1"]
-    return any(e is not None and e.value is not None for e in found)
+        estimates = [e for name, e in alone.parameters.items() if name.name == "alpha_1"]
+    return any(e is not None and e.value is not None for e in estimates)
 
 
 def _sees_bristle(alone: TrackingFit) -> bool:
@@ -149,14 +149,14 @@ def _called(row: ModelRow) -> str:
 
 def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> str:
     """What the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip."""
-    said = []
+    reasons = []
     shown = [r for r in rows if r.model == STRIBECK]
     if not kept and shown:
         gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
         but = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
-        said.append(f"the Stribeck term is not identifiable from these data, as the fit found{but}")
+        reasons.append(f"the Stribeck term is not identifiable from these data, as the fit found{but}")
     if kept and any(f.outcome.kind is Kind.STATIC_STICK_SLIP for f in static.values()):
-        said.append("but its Stribeck term rests on points that stick and slip")
+        reasons.append("but its Stribeck term rests on points that stick and slip")
     if any(r.model == LUGRE and not r.candidate for r in rows):
-        said.append("the motion does not show LuGre's bristle")
-    return "".join(f"; {x}" for x in said)
+        reasons.append("the motion does not show LuGre's bristle")
+    return "".join(f"; {x}" for x in reasons)

@@ -58,10 +58,10 @@ def compare_on_points(
         pose: poses the problem.
         static: what the fit found.
     """
-    found, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
+    candidates, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
     held = bool(pose(("both",), ())[1])
-    said = (*left, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart.")
-    return rank_models("points", found, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, said)
+    left_out = (*left, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart.")
+    return rank_models("points", candidates, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, left_out)
 
 
 def compare_on_motion(
@@ -98,19 +98,19 @@ def compare_on_motion(
         ]
         return made[0], made[1:]
 
-    found, left = _static_candidates(experiment, variants, pose, press=False)
-    found += _lugre(experiment, records, held, alone, variants)
+    candidates, left = _static_candidates(experiment, variants, pose, press=False)
+    candidates += _lugre(experiment, records, held, alone, variants)
     left = (
         *left,
         *(
             f"{LUGRE}, {c.directions}: the fit had not settled; its numbers can still improve."
-            for c in found
+            for c in candidates
             if not c.settled
         ),
     )
-    variance_inflation = inflation(min((c.residuals for c in found), key=power_of, default=np.zeros(0)))
+    variance_inflation = inflation(min((c.residuals for c in candidates), key=power_of, default=np.zeros(0)))
     return rank_models(
-        "moving runs", found, HELD if held else "", variance_inflation, _measured(pose), static, alone, left
+        "moving runs", candidates, HELD if held else "", variance_inflation, _measured(pose), static, alone, left
     )
 
 
@@ -145,7 +145,7 @@ def _static_candidates(
     experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, press: bool
 ) -> tuple[list[Candidate], tuple[str, ...]]:
     """The static models that there are equations enough for; and which there are not."""
-    found, few = list[Candidate](), list[str]()
+    candidates, few = list[Candidate](), list[str]()
     for called, directions in variants.items():
         whole, held = pose(directions, asked_regressors(experiment, directions, moving=not press))
         for model in (COULOMB, VISCOUS, STRIBECK):
@@ -154,8 +154,8 @@ def _static_candidates(
                 few.append(f"{model}, {called}")
                 continue
             tests = [_reduced(test, model) for test in held]
-            found.append(_solved(experiment, problem, tests, model, called, press=press))
-    return found, (f"Too few points, or too much alike, for {'; '.join(few)}.",) if few else ()
+            candidates.append(_solved(experiment, problem, tests, model, called, press=press))
+    return candidates, (f"Too few points, or too much alike, for {'; '.join(few)}.",) if few else ()
 
 
 def _reduced(problem: Regression, model: str) -> Regression:
@@ -212,7 +212,7 @@ def _lugre(
         done = ONE
     errors = [h.relative_error for h in alone.hold_out]
     count = len(alone.names) + len(alone.starts_of_runs)
-    found = {
+    candidates = {
         done: Candidate(
             model=LUGRE, directions=done, parameters=count, residuals=alone.residuals, hold_out=_mean(errors)
         )
@@ -220,8 +220,8 @@ def _lugre(
     for called, directions in variants.items():
         if called != done and not experiment.fit.shared:
             with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
-                found[called] = _refitted(experiment, records, held, alone, called, directions)
-    return [found[called] for called in variants if called in found]
+                candidates[called] = _refitted(experiment, records, held, alone, called, directions)
+    return [candidates[called] for called in variants if called in candidates]
 
 
 def _refitted(
@@ -266,15 +266,15 @@ def _carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> d
         each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
         return own if own is not None else (float(np.prod(each)) ** (1 / len(each)) if each else 0.0)
 
-    found = {name: value(*name) for name in (*problem.friction_names, *problem.extra_names)}
+    carried = {name: value(*name) for name in (*problem.friction_names, *problem.extra_names)}
     Coulomb = [ParameterName("alpha_0", d) for d in SIGNED]
     if _OFFSET in problem.extra_names and Coulomb[0] in known and _OFFSET not in known:
-        found[_OFFSET] = (known[Coulomb[0]] - known[Coulomb[1]]) / 2
+        carried[_OFFSET] = (known[Coulomb[0]] - known[Coulomb[1]]) / 2
     for name, sign in zip(Coulomb, DIRECTIONS.values(), strict=True):
-        if name in found and name not in known:
+        if name in carried and name not in known:
             both = known[name._replace(direction=Direction.BOTH)]
-            found[name] = max(found[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
-    return found
+            carried[name] = max(carried[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
+    return carried
 
 
 def _held(carried: Mapping[ParameterName, float], alone: TrackingFit) -> dict[ParameterName, float]:

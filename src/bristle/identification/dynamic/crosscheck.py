@@ -29,41 +29,41 @@ _SAME = 1e-4
 _OPTIONS = {"tol": 1e-9, "max_iter": 150, "hessian_approximation": "limited-memory", "limited_memory_max_history": 20}
 
 
-def check_tracking(found: DynamicSolution, starts: int = STARTS, seed: int = _SEED) -> Crosscheck:
+def check_tracking(solved: DynamicSolution, starts: int = STARTS, seed: int = _SEED) -> Crosscheck:
     """The same problem by IPOPT, from starts about the answer: costs, parameters in the fit's standard errors, and a verdict.
 
     Args:
-        found: the fit, before anything is taken off for encoder counts.
+        solved: the fit, before anything is taken off for encoder counts.
         starts: >= 1.
         seed: of the starts.
     """
-    posed, values = found.solution.posed, found.values
-    unknowns, best = posed.unknowns, found.solution.minimum.cost
+    posed, values = solved.solution.posed, solved.values
+    unknowns, best = posed.unknowns, solved.solution.minimum.cost
     x = ca.MX.sym("x", len(unknowns.names))
-    whole = solver("moving", x, _cost(found, x) / (best or 1.0), **_OPTIONS)
+    whole = solver("moving", x, _cost(solved, x) / (best or 1.0), **_OPTIONS)
     rng = np.random.default_rng(seed)
     away = ({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()} for _ in range(starts))
     begun = [np.clip(unknowns.scaled(one), unknowns.lower, unknowns.upper) for one in away]
     ended = ends(whole, unknowns, begun)
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
-    errors = {name: e.standard_error for name, e in found.fit.parameters.items()}
+    errors = {name: e.standard_error for name, e in solved.fit.parameters.items()}
     other = compared(values, best, errors, [unknowns.values(end) for end in ended], costs, _SAME * best)
-    told = Kind.IPOPT_LOWER if other.cost_full < best else Kind.IPOPT_HIGHER
+    differs = Kind.IPOPT_LOWER if other.cost_full < best else Kind.IPOPT_HIGHER
     verdict = (
         Kind.IPOPT_AGREES(worst=other.worst, reached=other.reached, starts=starts)
         if other.agrees
-        else told(lowest=other.cost_full, cost=best, reached=other.reached, starts=starts)
+        else differs(lowest=other.cost_full, cost=best, reached=other.reached, starts=starts)
     )
     known = {name: other.parameters[name] for name in other.difference_in_se}
     return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=verdict)
 
 
-def _cost(found: DynamicSolution, x: ca.MX) -> ca.MX:
+def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:
     """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
-    problem, unknowns = found.problem, found.solution.posed.unknowns
+    problem, unknowns = solved.problem, solved.solution.posed.unknowns
     known: dict[Any, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
     p = ca.vertcat(*(known[problem.key(name, d)] for d in problem.directions for name in Lugre._fields))
-    numbers: Values = {**problem.fixed, **found.values}
+    numbers: Values = {**problem.fixed, **solved.values}
     slowest = min(v for n, v in numbers.items() if n.name == "v_s")
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)
     cost = ca.MX(0)

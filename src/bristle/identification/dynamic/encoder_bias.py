@@ -25,7 +25,7 @@ Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProble
 
 
 def without_count_bias(
-    found: DynamicSolution, records: Sequence[Record], pose: Pose, cutoff: float, resolution: float
+    solved: DynamicSolution, records: Sequence[Record], pose: Pose, cutoff: float, resolution: float
 ) -> TrackingFit:
     """The fit with the bias that counting adds taken off each parameter, and its scatter added to the standard error.
 
@@ -33,35 +33,35 @@ def without_count_bias(
     a count, and differentiated as the data were, it gives other estimates. Their mean distance from the estimate is the bias.
 
     Args:
-        found: the fit.
+        solved: the fit.
         records: its training runs, whose velocity comes from the position.
         pose: makes the problem from such runs, with some parameters fixed.
         cutoff: of the position, Hz.
         resolution: one count, rad.
     """
     if any(r.position is None for r in records):
-        return found.fit
+        return solved.fit
     rng = np.random.default_rng(_SEED)
     true = [_as_if_true(r, cutoff) for r in records]
-    torque = np.concatenate(modelled(pose(true, found.problem.fixed), found.values))
+    torque = np.concatenate(modelled(pose(true, solved.problem.fixed), solved.values))
     torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
     priors = tuple(
-        replace(prior, value=np.array([found.values[name] for name in prior.names])) for prior in found.problem.priors
+        replace(prior, value=np.array([solved.values[name] for name in prior.names])) for prior in solved.problem.priors
     )
-    known = [name for name in found.problem.names if isinstance(name, ParameterName)]
+    known = [name for name in solved.problem.names if isinstance(name, ParameterName)]
     ends = []
     for _ in range(REPETITIONS):
         counted = [_counted(r, T, cutoff, resolution, rng.uniform()) for r, T in zip(true, torques, strict=True)]
-        posed = pose(counted, found.problem.fixed)
-        pairs = zip(posed.motions, found.problem.motions, strict=True)
+        posed = pose(counted, solved.problem.fixed)
+        pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
-        problem = replace(posed, motions=motions, priors=priors, sigma=found.problem.sigma)
-        values, _ = fit(problem, found.values, _STEPS)
+        problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma)
+        values, _ = fit(problem, solved.values, _STEPS)
         ends.append([values[name] for name in known])
-    bias = np.mean(ends, axis=0) - np.array([found.values[name] for name in known])
+    bias = np.mean(ends, axis=0) - np.array([solved.values[name] for name in known])
     moved = zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)
-    return _corrected(found.fit, {name: both for name, *both in moved})
+    return _corrected(solved.fit, {name: both for name, *both in moved})
 
 
 def _as_if_true(record: Record, cutoff: float) -> Record:
@@ -78,10 +78,10 @@ def _counted(record: Record, torque: Array, cutoff: float, resolution: float, ph
     )
 
 
-def _corrected(found: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:
+def _corrected(biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:
     """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`."""
-    parameters, large = dict(found.parameters), []
-    for name, e in found.parameters.items():
+    parameters, large = dict(biased.parameters), []
+    for name, e in biased.parameters.items():
         if e.value is None or e.standard_error is None or e.interval is None or name not in moved:
             continue
         bias, scatter = moved[name]
@@ -92,10 +92,10 @@ def _corrected(found: TrackingFit, moved: Mapping[ParameterName, Sequence[float]
         low, high = e.interval
         ends = max(new - (e.value - low) * wider, 0.0 if low >= 0 else -np.inf), new + (high - e.value) * wider
         parameters[name] = replace(e, value=new, standard_error=e.standard_error * wider, interval=ends)
-    said = (Kind.COUNT_BIAS(names=tuple(large)),) if large else ()
+    warning = (Kind.COUNT_BIAS(names=tuple(large)),) if large else ()
     return replace(
-        found,
+        biased,
         parameters=parameters,
         count_bias={n: bias for n, (bias, _) in moved.items()},
-        warnings=(*found.warnings, *said),
+        warnings=(*biased.warnings, *warning),
     )

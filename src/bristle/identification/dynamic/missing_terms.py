@@ -27,21 +27,21 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
     """
     if problem.quantity != "torque":
         return []
-    said, motions = [], problem.motions
+    warnings, motions = [], problem.motions
     torque = modelled(problem, solution.values)
     wanted = {"delay": [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]}
     if INERTIA not in problem.names:
         wanted["inertia"] = [np.gradient(m.velocity, m.time) for m in motions]
-    found = {name: more for name, more in _wanted(problem, solution, wanted).items() if more.counts}
-    if more := found.get("delay"):
+    missing = {name: more for name, more in _wanted(problem, solution, wanted).items() if more.counts}
+    if more := missing.get("delay"):
         samples = abs(more.value) / float(np.median(np.concatenate([m.step for m in motions])))
         when = "earlier" if more.value > 0 else "later"
-        said.append(
+        warnings.append(
             Kind.TORQUE_DELAYED(seconds=abs(more.value), samples=samples, when=when, share=more.share, delay=more.value)
         )
-    if more := found.get("inertia"):
-        said.append(Kind.INERTIA_DOUBTED(more=more.value, error=more.error, unit=unit("inertia", kind)))
-    return said
+    if more := missing.get("inertia"):
+        warnings.append(Kind.INERTIA_DOUBTED(more=more.value, error=more.error, unit=unit("inertia", kind)))
+    return warnings
 
 
 class _More(NamedTuple):

@@ -91,12 +91,11 @@ def fit_with_priors(
         posed: DynamicProblem, starts: int, *others: Values
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
-        solved = fit_tracking(posed, start, kind, tests, starts=starts, others=others)
+        refit = partial(fit_tracking, posed, start, kind, tests)
+        solved = refit(starts=starts, others=others)
         if not uncertainty:
             return solved, {}
-        return profile_until_stable(
-            solved, lambda end: fit_tracking(posed, start, kind, tests, starts=1, others=[end]), progress
-        )
+        return profile_until_stable(solved, lambda end: refit(starts=1, others=[end]), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
         """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
@@ -115,9 +114,7 @@ def fit_with_priors(
     tests = [(r.file, pose([r], fixed)) for r in held]
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
-        check = check_tracking(solved)
-        warnings = () if check.agrees else (check.verdict,)
-        solved = solved._replace(fit=replace(solved.fit, crosscheck=check, warnings=(*solved.fit.warnings, *warnings)))
+        solved = _crosschecked(solved)
     alone = finished(solved, profiles)
     if load and not static_is_apart:
         slow = load(alone)
@@ -129,6 +126,13 @@ def fit_with_priors(
     agree = _consistency(priors, alone, joint)
     joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
     return DynamicStages(alone, joint, agree, slow)
+
+
+def _crosschecked(solved: DynamicSolution) -> DynamicSolution:
+    """The fit with what CasADi and IPOPT find, and a warning where they find something else."""
+    check = check_tracking(solved)
+    warnings = () if check.agrees else (check.verdict,)
+    return solved._replace(fit=replace(solved.fit, crosscheck=check, warnings=(*solved.fit.warnings, *warnings)))
 
 
 def _output_error_problem(

@@ -254,8 +254,8 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
         {name: slopes[j, rows] for name, j in row_of.items()} if m.smooth is None else {}
         for m, rows in zip(problem.motions, blocks, strict=True)
     ]
-    found = problem.equations(problem, known, memory)
-    for m, here, (rest, own) in zip(problem.motions, blocks, found, strict=True):
+    by_motion = problem.equations(problem, known, memory)
+    for m, here, (rest, own) in zip(problem.motions, blocks, by_motion, strict=True):
         left[here] = m.smoothed(rest)
         for name in own.keys() & row_of.keys():
             np.multiply(m.smoothed(own[name]), factor[row_of[name]], out=slopes[row_of[name], here])

@@ -28,36 +28,36 @@ Refit = Callable[[Values], DynamicSolution]
 
 
 def profile_until_stable(
-    found: DynamicSolution, refit: Refit, progress: Progress | None = None
+    solved: DynamicSolution, refit: Refit, progress: Progress | None = None
 ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
-    """The profile of each parameter, and the fit: solved again, and saying so, where a profile found a better optimum."""
-    said: tuple[Diagnostic, ...] = ()
+    """The profile of each parameter, and the fit: solved again, and saying so, where a profile solved a better optimum."""
+    warnings: tuple[Diagnostic, ...] = ()
     for refits in range(_RESTARTS + 1):
-        seen, better = profiles(found.solution, progress, stop_at_better=refits < _RESTARTS)
+        seen, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
         if better is None:
             break
-        end = found.solution.posed.unknowns.values(better)
-        found, said = refit({**found.problem.fixed, **end}), (Kind.REFITTED(),)
+        end = solved.solution.posed.unknowns.values(better)
+        solved, warnings = refit({**solved.problem.fixed, **end}), (Kind.REFITTED(),)
     if refits == _RESTARTS:
-        said = (*said, Kind.STILL_LOWER(fits=_RESTARTS))
-    return found._replace(fit=replace(found.fit, warnings=(*found.fit.warnings, *said))), seen
+        warnings = (*warnings, Kind.STILL_LOWER(fits=_RESTARTS))
+    return solved._replace(fit=replace(solved.fit, warnings=(*solved.fit.warnings, *warnings))), seen
 
 
 def with_three_ways(
-    found: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled], seed: int = SEED
+    solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled], seed: int = SEED
 ) -> TrackingFit:
     """The fit with each parameter's intervals three ways.
 
     Args:
-        found: as it was profiled.
+        solved: as it was profiled.
         fit: the same, the bias of encoder counts taken off.
         profiles: by name.
         seed: of the bootstrap.
     """
-    (drawn, blocks), three = bootstrap_at(found.solution, seed), {}
+    (drawn, blocks), three = bootstrap_at(solved.solution, seed), {}
     for name, e in fit.parameters.items():
         if name in profiles:
-            three[name] = _three(found, name, e, profiles[name], drawn.get(name), blocks)
+            three[name] = _three(solved, name, e, profiles[name], drawn.get(name), blocks)
         else:
             three[name] = Uncertainty(
                 covariance=None, profile=None, bootstrap=None, warnings=(*e.warnings, Kind.NOT_FITTED())
@@ -71,7 +71,7 @@ def with_three_ways(
 
 
 def _three(
-    found: DynamicSolution,
+    solved: DynamicSolution,
     name: ParameterName,
     e: Estimate,
     profile: Profiled,
@@ -79,11 +79,11 @@ def _three(
     blocks: int,
 ) -> Uncertainty:
     """One parameter's intervals, and where they part; `drawn` are the ends of the bootstrap's interval, and its draws."""
-    moved = _moved(found, name, e)
+    moved = _moved(solved, name, e)
     low, high = moved(np.array(profile.interval)).tolist()
     ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
     bootstrap = None if ends is None else (ends[0], ends[1])
-    at_bound = found.values[name] == 0
+    at_bound = solved.values[name] == 0
     few = Kind.RESIDUAL_BLOCKS(blocks=blocks)
     warnings = profile.warnings
     if at_bound:
@@ -107,12 +107,12 @@ def _three(
     )
 
 
-def _moved(found: DynamicSolution, name: ParameterName, e: Estimate) -> Callable[[Array], Array]:
+def _moved(solved: DynamicSolution, name: ParameterName, e: Estimate) -> Callable[[Array], Array]:
     """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
-    value = found.values[name]
-    limits = float(found.solution.posed.unknowns.least[found.problem.names.index(name)]), np.inf
+    value = solved.values[name]
+    limits = float(solved.solution.posed.unknowns.least[solved.problem.names.index(name)]), np.inf
     new, wider = value if e.value is None else e.value, 1.0
-    error = found.fit.parameters[name].standard_error
+    error = solved.fit.parameters[name].standard_error
     if e.standard_error and error:
         wider = e.standard_error / error
 

@@ -50,27 +50,27 @@ def identify_presliding(
 
     Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """
-    found: list[Loading] = []
+    loadings: list[Loading] = []
     for record in records:
-        own = find_loadings(record, options.presliding_cutoff, resolution, options.breakaway_displacement)
-        if not own:
+        of_record = find_loadings(record, options.presliding_cutoff, resolution, options.breakaway_displacement)
+        if not of_record:
             raise InputError(
                 f"{record.file}: the torque never grows slowly from zero; a presliding run is a slow ramp or cycle of torque from rest"
             )
-        found += own
-    slid = [loading for loading in found if loading.breakaway is not None]
+        loadings += of_record
+    slid = [loading for loading in loadings if loading.breakaway is not None]
     fits, breakaway, warnings = {}, {}, list[Diagnostic]()
     for direction in ("+", "-"):
         own_slid = [x for x in slid if x.direction == direction]
         if own_slid:
-            breakaway[direction], said = _breakaway(own_slid, direction, kind)
-            warnings += said
-    for direction in sorted({loading.direction for loading in found}):
+            breakaway[direction], outliers = _breakaway(own_slid, direction, kind)
+            warnings += outliers
+    for direction in sorted({loading.direction for loading in loadings}):
         level = levels.get(direction) or _from_breakaway(breakaway, direction)
         if level is None:
             warnings.append(Kind.NO_SIGMA_0(direction=direction))
             continue
-        fits[direction] = fit_presliding([x for x in found if x.direction == direction], level, inertia, kind)
+        fits[direction] = fit_presliding([x for x in loadings if x.direction == direction], level, inertia, kind)
     cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
     warnings += _loop_warnings(loops, [drift for _, drifts in cycles for drift in drifts])
@@ -127,10 +127,10 @@ def fit_presliding(
     )
 
 
-def with_damping(found: Presliding, inertia: KnownValue, kind: JointKind) -> Presliding:
+def with_damping(presliding: Presliding, inertia: KnownValue, kind: JointKind) -> Presliding:
     """The same with sigma_1 by (15) for an inertia that became known since."""
-    fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in found.fits.items()}
-    return replace(found, fits=fits)
+    fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in presliding.fits.items()}
+    return replace(presliding, fits=fits)
 
 
 def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tuple[Estimate, list[Diagnostic]]:
@@ -165,17 +165,17 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> KnownV
 
 
 def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagnostic]:
-    said = []
+    warnings = []
     few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
     if few:
         one = min(few) == max(few)
-        said.append(
+        warnings.append(
             Kind.COARSE_LOOPS(counts=few[0]) if one else Kind.COARSE_LOOPS_BETWEEN(least=min(few), most=max(few))
         )
     if drifts:
         most = max(drifts, key=abs)
-        said.append(Kind.OPEN_CYCLES(open=len(drifts), cycles=len(drifts) + len(loops), most=most))
-    return said
+        warnings.append(Kind.OPEN_CYCLES(open=len(drifts), cycles=len(drifts) + len(loops), most=most))
+    return warnings
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: JointKind) -> Estimate:

@@ -233,12 +233,12 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
     """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting the fitted displacement."""
-    found = []
+    values = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
         shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
-        found.append(by_samples(pieces, shifted)[0])
-    return float(np.mean(found)) - sigma_0, float(np.std(found))
+        values.append(by_samples(pieces, shifted)[0])
+    return float(np.mean(values)) - sigma_0, float(np.std(values))
 
 
 def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: JointKind) -> Estimate:

@@ -69,18 +69,19 @@ def solve_static(
     if solution is None or dropped or options.loss == "huber":
         solution = solve(problem, v_s_range, options.grid)
     variance_inflation = inflation(solution.residuals) if problem.smooth is not None else 1.0
-    found = profiled(problem, solution, variance_inflation)
-    if found.better is not None:
-        solution = descended(problem, solution, found.better.tolist(), v_s_range)
-        found, again = profiled(problem, solution, variance_inflation), (Kind.REFITTED_FROM_GRID(),)
+    likelihood = profiled(problem, solution, variance_inflation)
+    if likelihood.better is not None:
+        solution = descended(problem, solution, likelihood.better.tolist(), v_s_range)
+        likelihood, again = profiled(problem, solution, variance_inflation), (Kind.REFITTED_FROM_GRID(),)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
     covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, variance_inflation)
     full, _ = uncertainty.covariance(jacobian, solution.cost, variance_inflation)
-    profiles = _profiles(problem, solution, options, v_s_range, found.threshold)
-    parameters = _estimates(problem, solution, covariance, free, found.intervals, kind)
+    profiles = _profiles(problem, solution, options, v_s_range, likelihood.threshold)
+    parameters = _estimates(problem, solution, covariance, free, likelihood.intervals, kind)
     v_s = {
-        d: found.intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
+        d: likelihood.intervals[name]
+        for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
     }
     warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
@@ -95,7 +96,7 @@ def solve_static(
         warnings=(*dropped.values(), *warnings, *again),
         profiles=profiles,
         dropped=dropped,
-        profiled=found,
+        profiled=likelihood,
         student=_student(problem, solution, full, freedom),
     )
 

@@ -36,7 +36,8 @@ class KnownFriction(NamedTuple):
     estimates: Mapping[ParameterName, Estimate]
     assumed: tuple[ParameterName, ...]
     """What is not known, and was filled in."""
-    said: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    """In sentences."""
 
 
 def motion_of(
@@ -127,15 +128,17 @@ def of_gripper(
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
     p = edro.TABLE_1[joint.name].positive
     known = known_joint(joint)
-    found = {name: known.estimate(name, Direction.POSITIVE) for name in Lugre._fields}
-    own = {ParameterName(n, Direction.BOTH): _moved(e, getattr(p, n)) for n, e in found.items() if e is not None}
-    said = (
+    identified = {name: known.estimate(name, Direction.POSITIVE) for name in Lugre._fields}
+    estimates = {
+        ParameterName(n, Direction.BOTH): _moved(e, getattr(p, n)) for n, e in identified.items() if e is not None
+    }
+    assumptions = (
         "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
         "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these numbers; the paper gives none.",
         "Noise: of the same simulated logs.",
         "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion.",
     )
-    return KnownFriction(p, own, (), said), moved, subject
+    return KnownFriction(p, estimates, (), assumptions), moved, subject
 
 
 def _moved(e: Estimate, value: float) -> Estimate:

@@ -153,7 +153,7 @@ def study_sensitivity(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=motion, box=box, local=along_motion,
         settled=along_motion.shares(last=motion.samples), map=mapped, tornado=charts,
         expected=tuple(x for x in expected if x is not None), sobol=sobol, formulas=written,
-        assumptions=(*model.said, *cut, *no_sobol, *no_formulas),
+        assumptions=(*model.assumptions, *cut, *no_sobol, *no_formulas),
     )  # fmt: skip  # a list of values
 
 

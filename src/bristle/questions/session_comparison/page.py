@@ -92,16 +92,16 @@ def _joint(compared: Comparison, joint: str, slug: str) -> dict[str, Any]:
     """What the template names of one joint."""
     own = [c for c in compared.changes if c.joint == joint]
     frame, whole = changes(replace(compared, changes=tuple(own))), sets(compared)
-    told = frame[["parameter", "direction", "unit", "source"]].copy()
-    told["first session"] = [measured(*_pair(c.first)) for c in own]
-    told["second session"] = [measured(*_pair(c.second)) for c in own]
-    told["difference (%)"] = [_percent(c) for c in own]
-    told = told.join(frame[["z", "adjusted_p", "changed"]]).round({"z": 2})
+    table = frame[["parameter", "direction", "unit", "source"]].copy()
+    table["first session"] = [measured(*_pair(c.first)) for c in own]
+    table["second session"] = [measured(*_pair(c.second)) for c in own]
+    table["difference (%)"] = [_percent(c) for c in own]
+    table = table.join(frame[["z", "adjusted_p", "changed"]]).round({"z": 2})
     comparable = frame["source"] != ""
     return {
         "name": joint,
         "slug": slug,
-        "changes": shown(_few_digits(told[comparable]).rename(columns=_NAMES)),
+        "changes": shown(_few_digits(table[comparable]).rename(columns=_NAMES)),
         "rest": shown(frame[~comparable][["parameter", "direction", "verdict"]]),
         "sets": shown(_few_digits(whole[whole["joint"] == joint].drop(columns=["names", "p"])).rename(columns=_NAMES)),
     }
