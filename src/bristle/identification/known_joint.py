@@ -153,11 +153,9 @@ class KnownJoint:
         if not self.has_law(direction):
             raise InputError(f"{self.name}: nothing is known of the friction over velocity in direction {direction}")
         if "sigma_0" in missing:
-            values["sigma_0"] = values["alpha_0"] / (DEFLECTION * way)
+            values["sigma_0"] = assumed_stiffness(values["alpha_0"], way)
         if "sigma_1" in missing:
-            values["sigma_1"] = float(
-                evaluate(functions.presliding_damping_function(), values["sigma_0"], J, DAMPING_RATIO)[0]
-            )
+            values["sigma_1"] = assumed_damping(values["sigma_0"], J)
         return Lugre(**values)
 
     def pair(self, way: float, J: float) -> Pair[float]:
@@ -215,6 +213,16 @@ def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
 def guessed_inertia(alpha_0: float, acceleration: float) -> float:
     """J where nothing tells it, kg*m**2: its torque at the largest acceleration (rad/s**2) is a share of alpha_0 (N*m)."""
     return INERTIAL * alpha_0 / acceleration
+
+
+def assumed_stiffness(alpha_0: float, way: float) -> float:
+    """sigma_0 where nothing shows it, N*m/rad: bent by `DEFLECTION` of `way` (rad) under alpha_0 (N*m)."""
+    return alpha_0 / (DEFLECTION * way)
+
+
+def assumed_damping(sigma_0: float, J: float) -> float:
+    """sigma_1 where nothing shows it, N*m*s/rad, by (15): of sigma_0 (N*m/rad) and the inertia J (kg*m**2)."""
+    return float(evaluate(functions.presliding_damping_function(), sigma_0, J, DAMPING_RATIO)[0])
 
 
 def draws_of(joint: Joint, way: float, J: float) -> tuple[tuple[Pair[float], float], ...]:

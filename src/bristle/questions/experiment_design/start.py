@@ -8,14 +8,20 @@ from bristle.arrays import Array, result
 from bristle.data.encoder import resolution
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.identification.known_joint import DEFLECTION, INERTIAL, guessed_inertia, inertia_of, known_joint
+from bristle.identification.known_joint import (
+    DEFLECTION,
+    INERTIAL,
+    assumed_damping,
+    assumed_stiffness,
+    guessed_inertia,
+    inertia_of,
+    known_joint,
+)
 from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Estimate, Joint, StaticFit
-from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, unit
-from bristle.model.vectorize import evaluate
 
 _PEAK = 0.1
 """Stribeck amplitude to look for where none was found, as a share of alpha_0."""
@@ -164,14 +170,14 @@ def _declared(
 def _filled(seen: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugre[float], list[str]]:
     """One direction's set with guesses for what has no value, and their names."""
     alpha_0 = seen["alpha_0"].value or 0.0
-    sigma_0 = seen["sigma_0"].value if "sigma_0" in seen else alpha_0 / (DEFLECTION * limits.travel)
+    sigma_0 = seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)
     guess = Lugre(
         alpha_0=alpha_0,
         alpha_1=_PEAK * alpha_0,
         alpha_2=0.1 * alpha_0 / limits.velocity,
         v_s=float(np.sqrt(limits.slowest * limits.velocity / 3)),
         sigma_0=sigma_0 or 0.0,
-        sigma_1=float(evaluate(functions.presliding_damping_function(), sigma_0 or 0.0, J, DAMPING_RATIO)[0]),
+        sigma_1=assumed_damping(sigma_0 or 0.0, J),
     )
     missing = [name for name in Lugre._fields if name not in seen]
     if {"alpha_1", "v_s"} & set(missing):  # neither is anything without the other
