@@ -54,8 +54,8 @@ def test_joints_keep_their_order(tmp_path: Path) -> None:
     assert [joint.name for joint in results.joints] == names
     assert list(json.loads(results.to_json())["joints"]) == names
     assert list(results.to_frame()["joint"].unique()) == names
-    assert re.findall(r"^\[\[(\w+)\]\]", results.fit_report(), re.MULTILINE) == names
-    assert list(dict.fromkeys(where.split()[0] for where, _ in results.warnings)) == names
+    assert re.findall(r"^\[\[(\w+)\]\]", results.text(), re.MULTILINE) == names
+    assert list(dict.fromkeys(warning.subject[0] for warning in results.warnings)) == names
 
 
 def test_a_source_is_a_path_its_text_or_the_experiment(tmp_path: Path) -> None:

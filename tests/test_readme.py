@@ -75,7 +75,7 @@ def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -
     assert set(zip(frame["joint"], frame["direction"], strict=True)) == {("wrist", "+"), ("wrist", "-")}
     for _, row in frame.iterrows():
         assert row["value"] == pytest.approx(getattr(TRUTH, row["parameter"]), rel=0.1)
-    (folder,) = re.findall(r'write_report\("(.+?)"\)', code)
+    (folder,) = re.findall(r'results\.write\("(.+?)"\)', code)
     assert (desk / folder / "index.html").is_file()
     assert results.to_json() == (desk / folder / "results.json").read_text(encoding="utf-8")
     assert list(json.loads(results.to_json())["joints"]) == ["wrist"]

@@ -4,7 +4,7 @@ Logs go in; a LuGre model with honest uncertainty and a report one can hand over
 
     results = bristle.identify("experiment.yaml")
     results.to_frame()
-    results.write_report("reports/wrist")
+    results.write("reports/wrist")
 """
 
 from typing import TYPE_CHECKING

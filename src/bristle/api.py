@@ -1,7 +1,7 @@
 """What `import bristle` offers: experiment files in, results out. The command line only calls these."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,16 +9,13 @@ from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
-from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured, measure
 from bristle.identification.results import Joint
-from bristle.page.wording import FITS
 from bristle.progress import Progress
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
-from bristle.questions.joint_report import results_file
 from bristle.questions.method_validation.cases import joint_cases, sweep
 from bristle.questions.method_validation.results import Validation
 from bristle.questions.method_validation.run import REPETITIONS, STARTS, check_request, validate
@@ -44,24 +41,34 @@ class Results:
     """Seconds spent, by name; no part of the result."""
 
     @property
-    def warnings(self) -> tuple[tuple[str, Diagnostic], ...]:
-        """Every diagnostic of every joint and its fits, each with the joint's name and the stage that it is about."""
-        of_joints = [(joint.name, warning) for joint in self.joints for warning in joint.warnings]
-        of_fits = [(f"{joint.name} {what}", warning) for joint in self.joints for what, warning in _of_fits(joint)]
-        return (*of_joints, *of_fits)
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """Every diagnostic about a joint, one of its stages or a fit, with the joint's name first in its subject."""
+        return tuple(
+            replace(x, subject=(joint.name, *x.subject)) for joint in self.joints for x in joint.fit_warnings()
+        )
 
     @property
-    def serious(self) -> tuple[tuple[str, Diagnostic], ...]:
+    def serious(self) -> tuple[Diagnostic, ...]:
         """Those of `warnings` that are critical, or call for caution; notes are not."""
-        return tuple((where, warning) for where, warning in self.warnings if warning.severity is not Severity.NOTE)
+        return tuple(warning for warning in self.warnings if warning.severity is not Severity.NOTE)
 
-    def to_json(self) -> str:
-        """`results.json` of schema bristle-results/2."""
-        return results_file.to_json(self.joints)
+    def text(self) -> str:
+        """The fit report, as the command line prints it."""
+        from bristle.questions.joint_report.text import fit_report
+
+        return fit_report(self.joints)
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""
-        return results_file.to_frame(self.joints)
+        from bristle.questions.joint_report.results_file import to_frame
+
+        return to_frame(self.joints)
+
+    def to_json(self) -> str:
+        """`results.json` of schema bristle-results/2."""
+        from bristle.questions.joint_report.results_file import to_json
+
+        return to_json(self.joints)
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
@@ -69,13 +76,7 @@ class Results:
 
         return uncertainty(self.joints)
 
-    def fit_report(self) -> str:
-        """The fits as plain text."""
-        return results_file.fit_report(self.joints)
-
-    def write_report(
-        self, folder: Path | str, progress: Progress | None = None, compensated: Study | None = None
-    ) -> Path:
+    def write(self, folder: Path | str, progress: Progress | None = None, compensated: Study | None = None) -> Path:
         """Write the HTML report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
 
         With what `adapt` returned, its sections follow.
@@ -94,16 +95,6 @@ class Results:
             progress=progress,
             appended=section(compensated) if compensated else None,
         )
-
-
-def _of_fits(joint: Joint) -> Iterator[tuple[str, Diagnostic]]:
-    """Each warning about a stage of a joint, with the stage's name."""
-    stages: dict[str, tuple[Diagnostic, ...]] = {d: fit.warnings for d, fit in joint.static.items()}
-    if joint.presliding is not None:
-        stages["presliding"] = joint.presliding.warnings
-        stages |= {f"presliding {d}": fit.warnings for d, fit in joint.presliding.fits.items()}
-    stages |= {FITS[kind]: fit.warnings for kind, fit in moving_fits(joint).items()}
-    yield from ((name, warning) for name, warnings in stages.items() for warning in warnings)
 
 
 def identify(

@@ -110,7 +110,7 @@ def report(
         compensated = None if sources else compensate(identified=results, progress=progress)
     print_lines(outcomes(results.joints))
     with shown() as progress:
-        page = results.write_report(folder, progress, compensated)
+        page = results.write(folder, progress, compensated)
     print_lines([f"Report: {page}"], done=True)
     _finish(results, strict)
 
@@ -131,7 +131,7 @@ def identify(
     _check(output)
     with shown() as progress:
         results = run(experiment, progress=progress, uncertainty=uncertainty)
-    print_lines([results.fit_report()])
+    print_lines([results.text()])
     if uncertainty:
         frame = results.uncertainty()
         print_lines([frame.drop(columns="warnings").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])

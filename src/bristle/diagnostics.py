@@ -4,7 +4,7 @@ It stands on the ground, and not in `estimation`: readers of data, fits and page
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum, StrEnum
 from string import Formatter
 from typing import Any
@@ -35,6 +35,8 @@ class Diagnostic:
     kind: "Kind"
     numbers: Mapping[str, Value]
     """What the sentence names, by name; a part of a sentence is a diagnostic of its own."""
+    subject: tuple[str, ...] = field(default=(), compare=False)
+    """What it is about, from the stage to the parameter, as `static`, `+`, `alpha_0`, or the file and its rows; empty: the joint as a whole."""
 
     @property
     def severity(self) -> Severity:
@@ -67,18 +69,20 @@ class WrittenDiagnostic:
     """The sentence."""
     numbers: dict[str, Any]
     """What the sentence names; a part of it that is a diagnostic has a kind, a text and numbers of its own."""
+    subject: tuple[str, ...] = ()
+    """What it is about, from the stage to the parameter; empty: the joint as a whole."""
 
 
 def _written(x: Diagnostic) -> WrittenDiagnostic:
     numbers = {name: _to_json(value) for name, value in x.numbers.items()}
-    return WrittenDiagnostic(kind=x.kind.name, severity=x.severity, text=str(x), numbers=numbers)
+    return WrittenDiagnostic(kind=x.kind.name, severity=x.severity, text=str(x), numbers=numbers, subject=x.subject)
 
 
 def _to_json(value: Value) -> Any:
     """A diagnostic, a list, a number or a word; whatever else is told by its text."""
     match value:
         case Diagnostic():
-            return _written(value)
+            return {name: getattr(_written(value), name) for name in ("kind", "text", "numbers")}
         case tuple() | list() if not hasattr(value, "_fields"):
             return [_to_json(x) for x in value]
         case np.generic():
@@ -94,8 +98,8 @@ def _to_json(value: Value) -> Any:
 def _read(x: WrittenDiagnostic) -> Diagnostic:
     """The diagnostic; one of a kind that this version does not know keeps its sentence."""
     if x.kind not in Kind.__members__:
-        return Kind.UNKNOWN(text=x.text)
-    return Diagnostic(Kind[x.kind], {name: _from_json(value) for name, value in x.numbers.items()})
+        return replace(Kind.UNKNOWN(text=x.text), subject=x.subject)
+    return Diagnostic(Kind[x.kind], {name: _from_json(value) for name, value in x.numbers.items()}, x.subject)
 
 
 def _from_json(value: Any) -> Value:
@@ -106,6 +110,28 @@ def _from_json(value: Any) -> Value:
             return tuple(map(_from_json, value))
         case None | "inf" | "-inf":
             return float(value or "nan")
+        case _:
+            return value
+
+
+def with_subjects(value: Any, subjects: Mapping[str, tuple[str, ...]], subject: tuple[str, ...] = ()) -> Any:
+    """The same result, in which each diagnostic knows its subject: the way to it from `subject` on.
+
+    A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
+    """
+    if isinstance(value, Diagnostic):
+        return replace(value, subject=subject)
+    subject = getattr(value, "subject", subject)
+    match value:
+        case Mapping():
+            return {key: with_subjects(x, subjects, (*subject, str(key))) for key, x in value.items()}
+        case tuple() if not hasattr(value, "_fields"):
+            return tuple(with_subjects(x, subjects, subject) for x in value)
+        case _ if is_dataclass(value) and not isinstance(value, type):
+            parts = {x.name: (*subject, *subjects.get(x.name, ())) for x in fields(value)}
+            return replace(
+                value, **{name: with_subjects(getattr(value, name), subjects, way) for name, way in parts.items()}
+            )
         case _:
             return value
 

@@ -61,6 +61,18 @@ def test_the_bristle_alone_is_filled_in() -> None:
         assert pair.positive.sigma_0 == pytest.approx(pair.positive.alpha_0 / (DEFLECTION * WAY))
 
 
+def test_a_draw_is_a_joint_however_little_is_known() -> None:
+    """With standard errors of a thousand times the values a drawn v_s, alpha_0, sigma_0 and J stay within e**5 of the estimate, never zero."""
+    fit = tracked(values_of(GRIPPER))
+    values = np.array([fit.parameters[name].value for name in fit.names], float)
+    own = joint(replace(fit, covariance=np.diag((1e3 * values) ** 2)))
+    for pair, inertia in draws_of(own, WAY, J):
+        assert np.exp(-5.001) <= inertia / J <= np.exp(5.001)
+        for drawn, estimated in zip(pair, GRIPPER, strict=True):
+            ratios = np.array([getattr(drawn, n) / getattr(estimated, n) for n in ("alpha_0", "v_s", "sigma_0")])
+            assert (np.abs(np.log(ratios)) < 5.001).all()
+
+
 def test_one_set_is_of_both_directions() -> None:
     """A fit of one set for both directions gives each direction the same, and is known of `both`."""
     values = {**GRIPPER.positive._asdict(), "inertia": J}

@@ -28,7 +28,7 @@ from bristle.identification.results import (
 from bristle.model.functions import loading_displacement_function, stribeck_shape_function
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
-from bristle.questions.joint_report.curves import curve
+from bristle.questions.joint_report.static_figures import curve
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 TABLE_1 = {

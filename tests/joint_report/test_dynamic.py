@@ -14,7 +14,8 @@ import pytest
 from bristle.identification.results import Joint, TrackingFit
 from bristle.model.parameters import ParameterName
 from bristle.questions.joint_report import results_file, tables
-from bristle.questions.joint_report.dynamic import agreement
+from bristle.questions.joint_report.sentences import agreement
+from bristle.questions.joint_report.text import fit_report
 
 from ..names import named
 from .conftest import TABLE_1
@@ -176,7 +177,7 @@ def test_table_1_lists_nothing_twice(moved: Joint) -> None:
 
 def test_report_is_the_golden_file(moved: Joint) -> None:
     """The blocks of the printed report are tracking_report.txt, word for word; BRISTLE_REGENERATE=1 rewrites it."""
-    text = results_file.fit_report([replace(moved, static={}, crosscheck={}, presliding=None)])
+    text = fit_report([replace(moved, static={}, crosscheck={}, presliding=None)])
     if os.environ.get("BRISTLE_REGENERATE"):
         GOLDEN.write_text(text, encoding="utf-8")
     assert text == GOLDEN.read_text(encoding="utf-8")

@@ -18,7 +18,7 @@ from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind as JointKind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
-from bristle.questions.joint_report.curves import curve
+from bristle.questions.joint_report.static_figures import curve
 
 from .conftest import TABLE_1
 

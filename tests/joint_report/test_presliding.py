@@ -13,8 +13,9 @@ import numpy as np
 from bristle.diagnostics import Kind
 from bristle.identification.results import Joint, Presliding
 from bristle.page.wording import METHODS
-from bristle.questions.joint_report import page, presliding, results_file, sections, tables
+from bristle.questions.joint_report import page, results_file, sections, sentences, tables
 from bristle.questions.joint_report.next_measurements import next_measurements
+from bristle.questions.joint_report.text import fit_report
 
 from .conftest import (
     FEW,
@@ -56,7 +57,7 @@ def test_json_holds_every_estimate_of_both_directions(slow: Joint) -> None:
     assert list(found) == ["+", "-"]
     for d, fit in (slow.presliding or Presliding(fits={}, breakaway={})).fits.items():
         assert {name: found[d][name]["value"] for name in METHODS} == {
-            name: e.value for name, e in presliding.methods(fit).items()
+            name: e.value for name, e in sentences.methods(fit).items()
         }
         assert found[d]["sigma_1"]["value"] == TABLE_1[d].sigma_1
         assert [found[d][f"bias_{x}"] for x in ("on_edge", "mean", "spread")] == [-0.024, -0.51, 0.28]
@@ -150,7 +151,7 @@ def test_tables_without_presliding_runs_have_their_columns(joint: Joint) -> None
 
 def test_presliding_report_is_the_golden_file(slow: Joint) -> None:
     """The blocks of the printed report are presliding_report.txt, word for word; BRISTLE_REGENERATE=1 rewrites it."""
-    text = results_file.fit_report(
+    text = fit_report(
         [replace(only(slow, fits={"+": slow_fit("+"), "-": nothing_seen("-")}), static={}, crosscheck={})]
     )
     if os.environ.get("BRISTLE_REGENERATE"):
@@ -188,6 +189,7 @@ def test_a_joint_without_presliding_runs_has_no_section(joint: Joint, tmp_path: 
 
 def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
     """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about; the verdict counts them."""
+    slow = slow.with_subjects()
     part = sections.page([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}})["joints"][0]  # type: ignore[dict-item] # no drawing here
     listed = {sentence: where for where, sentence in part["warnings"]}
     assert listed[str(FEW)] == "presliding (+)"

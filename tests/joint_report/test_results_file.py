@@ -15,6 +15,7 @@ from bristle.identification.results import Joint
 from bristle.identification.results_document import adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.joint_report import results_file
+from bristle.questions.joint_report.text import fit_report
 
 from .moving import moving
 
@@ -38,6 +39,22 @@ def test_schema_in_the_docs_is_the_one_in_the_code() -> None:
     if os.environ.get("BRISTLE_REGENERATE"):
         path.write_text(text, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == text
+
+
+def test_every_warning_knows_its_subject(moved: Joint, slow: Joint) -> None:
+    """Told their subjects, results are as before; a warning about a stage names it; told again, nothing changes; files keep it."""
+    for joint in (moved, slow):
+        told = joint.with_subjects()
+        subjects = [warning.subject for warning in told.all_warnings()]
+        assert list(told.all_warnings()) == list(joint.all_warnings())
+        assert [x.subject for x in told.with_subjects().all_warnings()] == subjects
+        about_joint = len(joint.warnings)
+        assert subjects[:about_joint] == [()] * about_joint
+        assert all(subjects[about_joint:])
+        read = adapter().validate_json(results_file.to_json([told])).joints[joint.name]
+        assert [x.subject for x in read.all_warnings()] == subjects
+    by_kind = {warning.kind: warning.subject for warning in moved.with_subjects().all_warnings()}
+    assert by_kind[Kind.UNSEEN_FAR] == ("moving runs", "alpha_1-")
 
 
 def test_schema_refuses_a_result_without_a_unit(joint: Joint) -> None:
@@ -148,7 +165,7 @@ def test_frame_is_tidy(joint: Joint, slide: Joint) -> None:
 
 def test_fit_report_is_the_golden_file(joint: Joint, slide: Joint) -> None:
     """The printed report is fit_report.txt, word for word; BRISTLE_REGENERATE=1 rewrites it."""
-    text = results_file.fit_report([joint, slide])
+    text = fit_report([joint, slide])
     if os.environ.get("BRISTLE_REGENERATE"):
         (HERE / "fit_report.txt").write_text(text, encoding="utf-8")
     assert text == (HERE / "fit_report.txt").read_text(encoding="utf-8")

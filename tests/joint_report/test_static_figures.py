@@ -11,7 +11,7 @@ from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import MOST_POINTS, render_as, thinned
 from bristle.questions.joint_report import static_figures
-from bristle.questions.joint_report.curves import band
+from bristle.questions.joint_report.static_figures import band
 
 from .conftest import HOSTILE
 

@@ -99,7 +99,7 @@ def identify_joint(
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
         settings=_settings(experiment, moving=bool(training)),
-    )
+    ).with_subjects()
 
 
 def _moving(

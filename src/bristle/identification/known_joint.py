@@ -26,6 +26,8 @@ DEFLECTION = 1e-3
 """Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of how far the joint goes."""
 INERTIAL = 0.1
 """Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
+_MOST_MOVED = 5.0
+"""How far a logarithm is drawn from the estimate: what is known by less than that factor is not known."""
 _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
 """Drawn by their logarithms: they are positive."""
 
@@ -248,7 +250,9 @@ def draws_of(joint: Joint, way: float, J: float) -> tuple[tuple[Pair[float], flo
     rng = np.random.default_rng(SEED)
     moved = rng.multivariate_normal(np.zeros(len(names)), covariance, DRAWS, method="eigh")
     with np.errstate(over="ignore"):
-        drawn = np.where(positive, centre * np.exp(np.minimum(moved, 5.0)), np.maximum(centre + moved, 0.0))
+        drawn = np.where(
+            positive, centre * np.exp(np.clip(moved, -_MOST_MOVED, _MOST_MOVED)), np.maximum(centre + moved, 0.0)
+        )
     joints = []
     for row in drawn.tolist():
         estimates = {n: replace(fit.parameters[n], value=x) for n, x in zip(names, row, strict=True)}

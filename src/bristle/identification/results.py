@@ -1,6 +1,6 @@
 """Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -9,7 +9,7 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
-from bristle.diagnostics import Diagnostic
+from bristle.diagnostics import Diagnostic, Severity, with_subjects
 from bristle.json_form import UNWRITTEN, Interval, JsonForm, Matrix, Number
 from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
 
@@ -35,6 +35,12 @@ class Estimate:
     standard_error: float | None = None
     interval: Interval | None = None
     warnings: tuple[Diagnostic, ...] = ()
+
+
+def _and_of(warnings: tuple[Diagnostic, ...], estimates: Iterable[Estimate]) -> Iterator[Diagnostic]:
+    """Warnings about a fit, then those about one of its estimates alone."""
+    yield from warnings
+    yield from (warning for e in estimates for warning in e.warnings if warning not in warnings)
 
 
 @result
@@ -126,6 +132,10 @@ class StaticFit:
     position: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """Where each point was measured, rad, shape (n,); empty where unknown."""
 
+    def all_warnings(self) -> Iterator[Diagnostic]:
+        """Those about the fit, then those about one parameter."""
+        return _and_of(self.warnings, self.parameters.values())
+
     def values(self) -> Stribeck[float] | None:
         """The fitted law, or None where nothing was fitted. A Stribeck term that is not identifiable is zero, at any v_s."""
         p = {name: estimate.value for name, estimate in self.parameters.items()}
@@ -205,6 +215,12 @@ class Presliding:
     loops: tuple[Loop, ...] = ()
     warnings: tuple[Diagnostic, ...] = ()
 
+    def warnings_of(self, direction: str) -> Iterator[Diagnostic]:
+        """Those about the fit of a direction, then those about one of its estimates or its breakaway."""
+        fit, broken = self.fits[direction], self.breakaway.get(direction)
+        estimates = (fit.printed, fit.corrected, fit.edges, fit.samples, fit.sigma_1, *((broken,) if broken else ()))
+        return _and_of(fit.warnings, estimates)
+
 
 @result
 class TrackingFit:
@@ -248,6 +264,10 @@ class TrackingFit:
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
     """Each parameter's interval three ways; empty where that was not asked for."""
 
+    def all_warnings(self) -> Iterator[Diagnostic]:
+        """Those about the fit, then those about one parameter."""
+        return _and_of(self.warnings, self.parameters.values())
+
     @property
     def known(self) -> dict[ParameterName, float]:
         """Every value: estimated, or as it was fixed."""
@@ -277,6 +297,16 @@ class Consistency:
     difference_in_se: float | None
     """(tracking - stage) in combined standard errors."""
     verdict: Diagnostic
+
+    @property
+    def subject(self) -> tuple[str, ...]:
+        """What its verdict is about."""
+        return f"{self.stage} stage and moving runs", str(self.parameter)
+
+    @property
+    def differs(self) -> bool:
+        """Whether they differ by more than chance."""
+        return self.verdict.severity is not Severity.NOTE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -363,3 +393,52 @@ class Joint:
     def moving(self) -> TrackingFit | None:
         """The fit of moving runs to use: the joint fit where there is one, else that of the moving runs alone, else None."""
         return self.joint_fit or self.tracking
+
+    def _moving_fits(self) -> Iterator[TrackingFit]:
+        """That of the moving runs alone, then the joint fit, where there are any."""
+        return filter(None, (self.tracking, self.joint_fit))
+
+    def with_subjects(self) -> "Joint":
+        """The same, in which each diagnostic knows what it is about."""
+        joint: Joint = with_subjects(self, _SUBJECTS)
+        return joint
+
+    def fit_warnings(self) -> Iterator[Diagnostic]:
+        """Those about the joint, its presliding runs, and each of its fits as a whole."""
+        yield from self.warnings
+        slow = self.presliding
+        for fit in (
+            *self.static.values(),
+            *filter(None, (slow,)),
+            *(slow.fits.values() if slow else ()),
+            *self._moving_fits(),
+        ):
+            yield from fit.warnings
+
+    def all_warnings(self) -> Iterator[Diagnostic]:
+        """Those about the joint, then about each stage, its fits and their estimates; stages that differ; then those about kept segments."""
+        yield from self.warnings
+        for static in self.static.values():
+            yield from static.all_warnings()
+        if self.presliding:
+            yield from (warning for d in self.presliding.fits for warning in self.presliding.warnings_of(d))
+            yield from self.presliding.warnings
+        for moving in self._moving_fits():
+            yield from moving.all_warnings()
+        yield from (x.verdict for x in self.consistency if x.differs)
+        yield from (warning for s in self.segments for warning in s.warnings)
+
+
+_SUBJECTS = {
+    "static": ("static",),
+    "crosscheck": ("cross-check",),
+    "presliding": ("presliding",),
+    "breakaway": ("breakaway",),
+    **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
+    "sigma_1": ("sigma_1",),
+    "without_stick_slip": ("without stick-slip",),
+    "tracking": ("moving runs",),
+    "joint_fit": ("joint fit",),
+    "models": ("models",),
+}
+"""The steps of a diagnostic's subject, by the fields that hold it."""

@@ -86,6 +86,11 @@ def percent(value: float | None, error: float | None) -> float | None:
     return abs(100 * error / value)
 
 
+def counted(count: int, thing: str) -> str:
+    """So many of a thing: 1 point, 2 points."""
+    return f"{count} {thing}{'' if count == 1 else 's'}"
+
+
 def printable(text: str) -> str:
     """Text without control characters and lone surrogates, which neither SVG nor UTF-8 can hold."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -65,8 +65,13 @@ class Segment:
         """File, first sample and one past the last, by which it is told from every other."""
         return self.file, self.start, self.stop
 
+    @property
+    def subject(self) -> tuple[str, ...]:
+        """What a warning about it names."""
+        return self.file, f"rows {self.start}-{self.stop}"
+
     def __str__(self) -> str:
-        return f"{self.file} rows {self.start}-{self.stop} at {self.velocity:.3g}"
+        return f"{' '.join(self.subject)} at {self.velocity:.3g}"
 
 
 def find_segments(

@@ -6,35 +6,31 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Crosscheck, Joint
-from bristle.page.wording import FITS
+from bristle.page.wording import FITS, counted
+from bristle.questions.joint_report.sentences import cost_change
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
-
-
-def warning_count(count: int) -> str:
-    """So many warnings, in words."""
-    return f"{count} warning{'' if count == 1 else 's'}"
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
     """How each fit of each joint ended, and how many warnings it has."""
     for joint in joints:
         for direction, fit in joint.static.items():
-            yield f"{joint.name} {direction}: {fit.outcome} {warning_count(len(fit.warnings))}."
+            yield f"{joint.name} {direction}: {fit.outcome} {counted(len(fit.warnings), 'warning')}."
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             yield (
                 f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. "
-                f"{warning_count(len(moving.warnings))}."
+                f"{counted(len(moving.warnings), 'warning')}."
             )
         if joint.warnings:
-            yield f"{joint.name}: {warning_count(len(joint.warnings))} about the joint as a whole."
+            yield f"{joint.name}: {counted(len(joint.warnings), 'warning')} about the joint as a whole."
 
 
 def checks(joint: Joint) -> Iterator[str]:
     """Each fit of a joint beside a full nonlinear one on the same data."""
     for direction, check in joint.crosscheck.items():
-        yield from _check(f"{joint.name} {direction}", "grid", check, direction)
+        yield from _check(f"{joint.name} {direction}", "the grid", check, direction)
     if joint.tracking is not None and joint.tracking.crosscheck is not None:
         yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.crosscheck)
     elif joint.tracking is not None:
@@ -43,11 +39,11 @@ def checks(joint: Joint) -> Iterator[str]:
 
 def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> Iterator[str]:
     yield f"{title}: {check.verdict}"
-    yield f"  cost: {first} {check.cost_grid:.8g}, full fit {check.cost_full:.8g}; starts {check.starts}, reached {check.reached}"
+    yield f"  cost: {cost_change(check, first)}"
     for name, value in check.parameters.items():
         distance = check.difference_in_se.get(name)
-        apart = "" if distance is None else f" {distance:+.2e} standard errors from {first}"
-        yield f"  {name.within(direction):<12} {value:<14.7g}{apart}"
+        apart = "" if distance is None else f" {distance:+.1e} standard errors from {first}"
+        yield f"  {name.within(direction):<12} {value:<12.4g}{apart}"
 
 
 def segment_lines(measured: Measured) -> Iterator[str]:

@@ -7,9 +7,9 @@ from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
-from bristle.questions.joint_report import dynamic_tables
-from bristle.questions.joint_report.dynamic import bias_text, biased, fit_warnings, reached
+from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
+from bristle.questions.joint_report.sentences import bias_text, biased, reached
 
 
 def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -20,7 +20,7 @@ def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
             "outcome": fit.outcome,
             "n": f"{fit.n} equations",
             "relative_error": fit.relative_error,
-            "warnings": len({warning for _, warning in fit_warnings("", fit)}),
+            "warnings": len(set(fit.all_warnings())),
             "estimates": [
                 (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
                 for name, e in (fit.parameters if fit is joint.moving else {}).items()
@@ -37,7 +37,7 @@ def dynamic_section(joint: Joint) -> dict[str, Any] | None:
     return {
         "fits": [_fit(joint, kind, fit) for kind, fit in moving_fits(joint).items()],
         "table": _side_by_side(joint),
-        "hold_out": shown(dynamic_tables.tracking_hold_out([joint])),
+        "hold_out": shown(tables.tracking_hold_out([joint])),
         "consistency": _compared(joint),
         "shown": _drawn(joint),
     }

@@ -7,8 +7,8 @@ from bristle.model.parameters import unit
 from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, measured, pretty, span
 from bristle.questions.joint_report import tables
-from bristle.questions.joint_report.presliding import bias, choice, presliding_warnings
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
+from bristle.questions.joint_report.sentences import bias, choice
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -19,7 +19,7 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
             "direction": f"presliding {direction(d)}",
             "outcome": choice(fit),
             "relative_error": None,
-            "warnings": len({warning for _, warning in presliding_warnings(fit, slow.breakaway.get(d))}),
+            "warnings": len(set(slow.warnings_of(d))),
             "estimates": [
                 (name, measured(e.value, e.standard_error), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (("sigma_0", fit.sigma_0, ""), ("sigma_1", fit.sigma_1, " (a prior)"))

@@ -1,15 +1,18 @@
 """Results as JSON (schema bristle-results/2, generated from the result classes) and as a tidy table."""
 
-from collections.abc import Sequence
-from typing import Any
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from bristle import __version__
+from bristle.identification.known_joint import Known, chosen, moving_estimates, moving_fits, stage_estimates
 from bristle.identification.results import Joint
 from bristle.identification.results_document import Document, adapter
-from bristle.questions.joint_report.frame import to_frame
-from bristle.questions.joint_report.text import fit_report
 
-__all__ = ["fit_report", "schema", "to_frame", "to_json"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = ("joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "warnings", "source")
 
 
 def schema() -> dict[str, Any]:
@@ -32,3 +35,42 @@ def to_json(joints: Sequence[Joint]) -> str:
     """
     document = Document(bristle=__version__, joints={joint.name: joint for joint in joints})
     return adapter().dump_json(document, indent=1).decode() + "\n"
+
+
+def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
+    """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings (joined by `; `).
+
+    What does not exist is nan; a bound that is open is infinite. Where anything but the static fits was found, a last column `source` says
+    which stage a row comes from: `static`, `presliding`, and `joint` (all runs at once) or, without a joint fit, `tracking` (the moving runs alone).
+    """
+    frame = estimates(joints)
+    return frame if (frame["source"] != "static").any() else frame.drop(columns="source")
+
+
+def estimates(joints: Sequence[Joint]) -> "pd.DataFrame":
+    """The rows of `to_frame`, `source` included whatever was found."""
+    return _framed((joint, row) for joint in joints for row in (*stage_estimates(joint), *_best_of_moving(joint)))
+
+
+def identified(joints: Sequence[Joint]) -> "pd.DataFrame":
+    """One row per joint, direction and parameter, as `known_joint.chosen` has them."""
+    return _framed((joint, row) for joint in joints for row in chosen(joint))
+
+
+def _best_of_moving(joint: Joint) -> Iterable[Known]:
+    """The joint fit where there is one, else that of the moving runs alone."""
+    return (row for source in list(moving_fits(joint))[-1:] for row in moving_estimates(joint, source))
+
+
+def _framed(rows: Iterable[tuple[Joint, Known]]) -> "pd.DataFrame":
+    import pandas as pd
+
+    return pd.DataFrame([_row(joint.name, row) for joint, row in rows], columns=list(COLUMNS))
+
+
+def _row(joint: str, row: Known) -> tuple[object, ...]:
+    e, (name, direction) = row.estimate, row.parameter
+    lower, upper = (math.nan, math.nan) if e.interval is None else e.interval
+    value, error = (math.nan if x is None else x for x in (e.value, e.standard_error))
+    warnings = "; ".join(map(str, e.warnings))
+    return joint, str(direction), name, value, e.unit, error, lower, upper, warnings, str(row.source)

@@ -1,31 +1,29 @@
 """What each section of the page shows: one function per section, results -> the values that its template names."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
 from markupsafe import Markup
 
-from bristle.diagnostics import Diagnostic
-from bristle.identification.results import Joint, StaticFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import versions
 from bristle.page.style import MOST_POINTS
-from bristle.page.wording import direction, measured, pretty, slugs, span
+from bristle.page.wording import direction, measured, number, pretty, slugs, span
 from bristle.questions.joint_report import (
     dynamic_section,
     interval_tables,
-    models_section,
     presliding_section,
     static_figures,
     tables,
 )
-from bristle.questions.joint_report.curves import band
-from bristle.questions.joint_report.dynamic import agreement, moving_warnings
-from bristle.questions.joint_report.dynamic_tables import table_1
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.presliding import presliding_warnings, whole_warnings
+from bristle.questions.joint_report.sentences import agreement
+from bristle.questions.joint_report.static_figures import band
+
+_NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
 
 
 def page(
@@ -60,7 +58,7 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "comparison": _comparison(joint),
         "crosscheck": _crosscheck(joint),
         "hold_out": shown(tables.hold_out([joint])),
-        "models": models_section.models_section(joint),
+        "models": _models(joint),
         "presliding": presliding_section.presliding_section(joint),
         "tracking": dynamic_section.dynamic_section(joint),
         "uncertainty": interval_tables.interval_section(joint),
@@ -90,7 +88,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
         }
         for d, fit in joint.static.items()
     ]
-    inside = table_1([joint])["inside"].dropna()
+    inside = tables.table_1([joint])["inside"].dropna()
     covered = (int(inside.astype(bool).sum()), len(inside)) if len(inside) else None
     fits += [*presliding_section.presliding_summary(joint), *dynamic_section.dynamic_summary(joint)]
     verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
@@ -125,7 +123,7 @@ def _complete(joint: Joint) -> Table | None:
     """All parameters by the stage to use; None where there are static fits alone."""
     if joint.presliding is None and joint.tracking is None:
         return None
-    frame = table_1([joint])
+    frame = tables.table_1([joint])
     frame.insert(3, "source", frame.pop("source"))
     return _with_truth(joint, frame)
 
@@ -157,27 +155,24 @@ def _shared(joint: Joint) -> dict[str, Any]:
     return {"extra": extra, "shared": "shared" in joint.static}
 
 
+def _models(joint: Joint) -> list[dict[str, Any]]:
+    """What the template names of each comparison."""
+    frame, torque = tables.models([joint]), pretty(unit("torque", joint.kind))
+    found = []
+    for x in joint.models:
+        own = frame[frame["data"] == x.data].drop(columns=["data", "joint", "candidate"])
+        if own["hold_out"].isna().all():
+            own = own.drop(columns="hold_out")
+        for name in {"rms", "relative_error", "hold_out"} & set(own):
+            own[name] = [float(f"{value:.4g}") for value in own[name]]
+        own = own.round({"aicc": 1, "bic": 1}).rename(columns={**_NAMES, "rms": f"rms ({torque})"})
+        found.append({"of": x, "table": shown(own), "effective": number(x.effective, 4)})
+    return found
+
+
 def _warnings(joint: Joint) -> list[tuple[str, str]]:
     """Each warning once, with what it is about."""
     found: dict[str, list[str]] = {}
-    for where, warning in _all_warnings(joint):
-        found.setdefault(str(warning), []).append(where)
+    for warning in joint.all_warnings():
+        found.setdefault(str(warning), []).append(" ".join(map(direction, warning.subject)))
     return [(", ".join(dict.fromkeys(where)), sentence) for sentence, where in found.items()]
-
-
-def _all_warnings(joint: Joint) -> Iterable[tuple[str, Diagnostic]]:
-    yield from (("", warning) for warning in joint.warnings)
-    for d, fit in joint.static.items():
-        yield from ((direction(d), warning) for warning in fit.warnings)
-        yield from _parameter_warnings(d, fit)
-    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
-        yield from presliding_warnings(slow, joint.presliding.breakaway.get(d) if joint.presliding else None)
-    yield from (("presliding", warning) for warning in whole_warnings(joint))
-    yield from moving_warnings(joint)
-    yield from ((f"{s.file} rows {s.start}-{s.stop}", warning) for s in joint.segments for warning in s.warnings)
-
-
-def _parameter_warnings(d: str, fit: StaticFit) -> Iterable[tuple[str, Diagnostic]]:
-    said = set(fit.warnings)
-    for name, e in fit.parameters.items():
-        yield from ((f"{direction(d)} {name}", warning) for warning in e.warnings if warning not in said)

@@ -7,14 +7,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from scipy.special import stdtrit
 
+from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.identification.results import Joint, Profile, StaticFit
-from bristle.model.parameters import Kind, Lugre, unit
+from bristle.model.functions import steady_jacobian_function, steady_torque_function
+from bristle.model.parameters import Kind, Lugre, Stribeck, unit
+from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, pretty, shortened
-from bristle.questions.joint_report.curves import band, curve
 
 FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of the paper's Fig. 1."""
@@ -251,3 +254,24 @@ def _label(ax: Axes, x: str, y: str) -> None:
 def _legend(ax: Axes) -> None:
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="best")
+
+
+def curve(v: Array, p: Stribeck[float]) -> Array:
+    """T_ss(v) of (9), N*m, shape of v."""
+    return evaluate(steady_torque_function(), v, *p)[0]
+
+
+def band(v: Array, fit: StaticFit) -> Array | None:
+    """Half-width of the 95 % confidence band of the fitted curve at v, N*m; None where the covariance gives none.
+
+    sqrt(j C j') times Student's t, with j the exact derivative of (9) with respect to the free parameters, by CasADi.
+    """
+    p = fit.values()
+    keep = [k for k, name in enumerate(fit.names) if name in Stribeck._fields]
+    covariance = fit.covariance[np.ix_(keep, keep)]
+    if p is None or not keep or fit.degrees_of_freedom < 1 or not np.isfinite(covariance).all():
+        return None
+    columns = dict(zip(Stribeck._fields, evaluate(steady_jacobian_function(), v, *p), strict=True))
+    j = np.array([columns[fit.names[k]] for k in keep])
+    variance = np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0)
+    return np.asarray(float(stdtrit(fit.degrees_of_freedom, 0.975)) * np.sqrt(variance))

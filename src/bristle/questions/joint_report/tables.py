@@ -1,19 +1,19 @@
 """Results as tables: each function makes one DataFrame, which the page shows and `tables/*.csv` holds."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Estimate, Joint, StaticFit
-from bristle.model.parameters import ParameterName, unit
+from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.page.wording import WORK
-from bristle.questions.joint_report.dynamic_tables import consistency, table_1, tracking, tracking_hold_out
-from bristle.questions.joint_report.frame import estimates, with_truth
 from bristle.questions.joint_report.interval_tables import uncertainty
-from bristle.questions.joint_report.models_section import models
-from bristle.questions.joint_report.presliding import methods
+from bristle.questions.joint_report.results_file import estimates, identified
+from bristle.questions.joint_report.sentences import methods
 
 
 def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -194,6 +194,104 @@ def profiles(joints: Sequence[Joint]) -> pd.DataFrame:
         for v_s, cost in zip(x.tolist(), y.tolist(), strict=True)
     ]
     return pd.DataFrame(rows, columns=["joint", "direction", "grid", "v_s", "cost"])
+
+
+def models(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per joint, data and model: parameters, rms, relative error, AICc and BIC above the lowest, hold-out error, which to use."""
+    columns = [
+        "model",
+        "directions",
+        "parameters",
+        "rms",
+        "relative_error",
+        "aicc",
+        "bic",
+        "hold_out",
+        "candidate",
+        "recommended",
+    ]
+    rows = [
+        (joint.name, x.data, *(getattr(row, name) for name in columns))
+        for joint in joints
+        for x in joint.models
+        for row in x.rows
+    ]
+    frame = pd.DataFrame(rows, columns=["joint", "data", *columns])
+    numbers = ["rms", "relative_error", "aicc", "bic", "hold_out"]
+    return frame.astype({**dict.fromkeys(numbers, float), "candidate": bool, "recommended": bool})
+
+
+def table_1(joints: Sequence[Joint]) -> pd.DataFrame:
+    """All parameters per direction, as in the paper's Table 1, each by the stage to use, with the truth where the data are simulated."""
+    frame = with_truth(identified(joints), joints, 8)
+    frame.insert(len(frame.columns) - 2, "source", frame.pop("source"))
+    return frame
+
+
+def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit and parameter, with the truth where the data are simulated, and what encoder counts had added."""
+    columns = ["joint", "fit", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper"]
+    rows = [
+        (joint.name, kind, name.direction, name.name, e.value, e.unit, e.standard_error, *(e.interval or (None, None)), fit.count_bias.get(name))
+        for joint in joints
+        for kind, fit in moving_fits(joint).items()
+        for name, e in fit.parameters.items()
+    ]  # fmt: skip  # one row, one line
+    numbers = ["value", "standard_error", "lower", "upper", "count_bias"]
+    frame = pd.DataFrame(rows, columns=[*columns, "count_bias"]).astype(dict.fromkeys(numbers, float))
+    return with_truth(frame, joints, len(columns))
+
+
+def tracking_hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit and hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
+    rows = [
+        (joint.name, kind, held.file, held.relative_error, fit.relative_error)
+        for joint in joints
+        for kind, fit in moving_fits(joint).items()
+        for held in fit.hold_out
+    ]
+    return pd.DataFrame(rows, columns=["joint", "fit", "file", "relative_error", "relative_error_of_fit"])
+
+
+def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per parameter that a stage of its own knows: that stage, the moving runs alone, the joint fit, and what follows."""
+    numbers = ["stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error"]
+    rows = [
+        (
+            joint.name, x.parameter.direction, x.parameter.name, x.stage, *(getattr(x, name) for name in numbers),
+            _unit(joint, x.parameter), x.difference_in_se, x.verdict,
+        )
+        for joint in joints
+        for x in joint.consistency
+    ]  # fmt: skip  # as above
+    columns = ["joint", "direction", "parameter", "stage", *numbers, "unit", "difference_in_se", "verdict"]
+    return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "difference_in_se"], float))
+
+
+def _unit(joint: Joint, name: ParameterName) -> str:
+    return next((fit.parameters[name].unit for fit in moving_fits(joint).values() if name in fit.parameters), "")
+
+
+def with_truth(frame: pd.DataFrame, joints: Sequence[Joint], place: int) -> pd.DataFrame:
+    """The frame with true, error_percent and inside (the interval holds the truth) inserted as its columns from `place` on.
+
+    `frame` has joint, direction, parameter, value, lower and upper. What is not known is nan; `inside` is None there.
+    """
+    frame = frame.copy()
+    true = [true_value(joints, row.joint, row.direction, row.parameter) for row in frame.itertuples()]
+    frame.insert(place, "true", np.array(true, dtype=float))
+    frame.insert(place + 1, "error_percent", 100 * (frame["value"] - frame["true"]) / frame["true"])
+    known = frame[["true", "lower", "upper"]].notna().all(axis=1)
+    inside = (frame["lower"] <= frame["true"]) & (frame["true"] <= frame["upper"])
+    frame.insert(place + 2, "inside", inside.astype(object).where(known, None))
+    return frame
+
+
+def true_value(joints: Sequence[Joint], joint: Any, direction: Any, parameter: Any) -> float:
+    """The true value; nan where it is not known. A truth of both directions is that of each."""
+    given = next((j.truth for j in joints if j.name == joint), {})
+    truth = given.get(direction, given.get(Direction.BOTH))
+    return float(getattr(truth, parameter)) if truth is not None and parameter in Lugre._fields else math.nan
 
 
 def units(joints: Sequence[Joint]) -> pd.DataFrame:

@@ -20,9 +20,8 @@ from bristle.identification.results import (
     TrackingFit,
 )
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import FITS, WORK, percent, printable
-from bristle.questions.joint_report.dynamic import bias_text, biased, reached
-from bristle.questions.joint_report.presliding import bias, choice, methods
+from bristle.page.wording import FITS, WORK, counted, measured, percent, printable
+from bristle.questions.joint_report.sentences import bias, bias_text, biased, choice, cost_change, methods, reached
 
 _CORRELATED = 0.5
 """Correlations below this are not printed."""
@@ -56,13 +55,13 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 
 def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
-    points = f"{fit.n} points, {fit.degrees_of_freedom} degrees of freedom"
+    points = f"{counted(fit.n, 'point')}, {counted(fit.degrees_of_freedom, 'degree')} of freedom"
     yield f"  [[{direction}]] {fit.outcome}"
     yield f"    {'data':<15}= {points}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit)}".rstrip()
-    yield f"    {'relative error':<15}= {_number(fit.relative_error)} %"
+    yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
     for held in fit.hold_out:
-        yield f"    {'hold-out':<15}= {_number(held.relative_error)} % on {printable(held.file)}"
+        yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
     yield from _parameters("parameters", fit.parameters)
     yield from _correlations(fit.names, fit.covariance)
     yield from _parameters("without the points that stick and slip", fit.without_stick_slip)
@@ -81,11 +80,10 @@ def _parameters(title: str, parameters: Mapping[Any, Estimate]) -> Iterator[str]
 def _estimate(e: Estimate) -> str:
     if e.value is None:
         return "not estimated"
-    error = "" if (text := _number(e.standard_error)) == "none" else f" +/- {text}"
     share = percent(e.value, e.standard_error)
-    relative = "" if share is None else f" ({share:.2f} %)"
+    relative = "" if share is None else f" ({share:.2g} %)"
     interval = "no interval" if e.interval is None else f"[{_number(e.interval[0])}, {_number(e.interval[1])}]"
-    return f"{e.value:<12.7g}{error}{relative} {e.unit}, 95 %: {interval}"
+    return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}, 95 %: {interval}"
 
 
 def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> Iterator[str]:
@@ -104,10 +102,10 @@ def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> It
         yield f"      C({a}, {b}) = {value:+.4f}"
 
 
-def _check(check: Crosscheck, of: str = "grid") -> Iterator[str]:
+def _check(check: Crosscheck, of: str = "the grid") -> Iterator[str]:
     yield "    [[cross-check]]"
     yield f"      {printable(str(check.verdict))}"
-    yield f"      cost: {of} {check.cost_grid:.8g}, full {check.cost_full:.8g}; {check.reached} of {check.starts} starts reached it"
+    yield f"      cost: {cost_change(check, of)}"
 
 
 def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
@@ -120,10 +118,10 @@ def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
 
 
 def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[str]:
-    torque, error = unit("torque", joint.kind), _number(fit.level_standard_error)
+    level = f"{_pair(fit.level, fit.level_standard_error)} {unit('torque', joint.kind)}"
     yield f"  [[presliding {fit.direction}]] {choice(fit)}"
-    yield f"    {'data':<15}= {len(fit.loadings)} loadings, {fit.counts} count edges"
-    yield f"    {'level g0':<15}= {fit.level:.5g} +/- {error} {torque}, from {printable(fit.level_source)}"
+    yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
+    yield f"    {'level g0':<15}= {level}, from {printable(fit.level_source)}"
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
@@ -137,11 +135,11 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
     yield f"  [[{name}]] {printable(str(fit.outcome))}"
-    yield f"    {'data':<15}= {fit.n} equations in {len(fit.starts_of_runs)} {_plural('stretch', 'es', len(fit.starts_of_runs))}"
+    yield f"    {'data':<15}= {fit.n} samples, {counted(len(fit.starts_of_runs), 'segment')}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit(fit.quantity, joint.kind)}"
-    yield f"    {'relative error':<15}= {_number(fit.relative_error)} %"
+    yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
     for held in fit.hold_out:
-        yield f"    {'hold-out':<15}= {_number(held.relative_error)} % on {printable(held.file)}"
+        yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
     yield f"    {'starts':<15}= {reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
     yield from _parameters("parameters", fit.parameters)
@@ -171,11 +169,7 @@ def _consistency(joint: Joint) -> Iterator[str]:
 
 
 def _pair(value: float | None, error: float | None) -> str:
-    return _number(value) if error is None else f"{_number(value)} +/- {_number(error)}"
-
-
-def _plural(word: str, ending: str, count: int) -> str:
-    return word if count == 1 else word + ending
+    return "none" if value is None else measured(value, error).replace("±", "+/-")
 
 
 def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
@@ -185,7 +179,7 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
     for x in loops:
         slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
         where = f"{printable(x.file)} rows {x.start}-{x.stop}"
-        yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {x.counts} counts"
+        yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
 
 
 def _sentences(warnings: Sequence[Diagnostic]) -> Iterator[str]:
@@ -197,4 +191,8 @@ def _torque_unit(fit: StaticFit) -> str:
 
 
 def _number(x: float | None) -> str:
-    return "none" if x is None or math.isnan(x) else f"{x:.5g}"
+    return "none" if x is None or math.isnan(x) else f"{x:.4g}"
+
+
+def _percent(x: float | None) -> str:
+    return "none" if x is None or math.isnan(x) else f"{x:.3g} %"
