@@ -12,7 +12,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.diagnostics import NOT_IDENTIFIABLE, Kind
-from bristle.estimation.levenberg_marquardt import minimise
+from bristle.estimation.nonlinear import minimise
 from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias

@@ -26,11 +26,12 @@ from bristle.control.control_period import (
     at_rest,
     blank_log,
     control_period,
+    flat,
     named,
     numbers_of,
+    shaped,
     stiff_control_period,
 )
-from bristle.control.packing import flat, shaped
 from bristle.control.plant import THREADS
 from bristle.control.stability import refuse_long_period
 from bristle.errors import InputError

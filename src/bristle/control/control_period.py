@@ -1,22 +1,21 @@
 """One control period of the closed loop: what it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples.
 
 The encoder reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and the plant
-goes on. Whatever goes in or out is a tuple with names; `packing` makes the vectors.
+goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import casadi as ca
 
 from bristle.arrays import Array
 from bristle.control import compensator as compensating
 from bristle.control.compensator import Compensator, Measurement, Reference
-from bristle.control.packing import flat, symbols
 from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
-from bristle.control.plant import STILL, Current, State, inductive_step, plant_rates, plant_step
-from bristle.control.sensors import quantise
+from bristle.control.plant import STILL, Current, State, inductive_step, plant_rates, plant_step, quantise
 from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair, pair_of
@@ -281,3 +280,26 @@ def stiff_control_period(options: LoopOptions) -> ca.Function:
     n = state.shape[0]
     moved = solver(x0=inputs[0][:n], p=given)["xf"]
     return ca.Function("stiff_control_period", inputs, [ca.vertcat(moved, new[n:]), logged])
+
+
+T = TypeVar("T")
+
+
+def flat(value: Any) -> list[Any]:
+    """Every number of nested tuples, in order."""
+    return [x for part in value for x in flat(part)] if isinstance(value, tuple) else [value]
+
+
+def shaped(like: T, values: Iterator[Any]) -> T:
+    """The inverse of `flat`: the next values in the shape of these nested tuples."""
+    if not isinstance(like, tuple):
+        value: T = next(values)
+        return value
+    parts = [shaped(part, values) for part in like]
+    return type(like)(*parts) if hasattr(like, "_fields") else type(like)(parts)
+
+
+def symbols(name: str, like: T) -> tuple[ca.SX, T]:
+    """A CasADi vector, (n, 1), and its elements in the shape of these nested tuples of n numbers."""
+    vector = ca.SX.sym(name, len(flat(like)))
+    return vector, shaped(like, iter(ca.vertsplit(vector)))

@@ -1,4 +1,4 @@
-"""The plant: motor and LuGre friction, stepped together in CasADi.
+"""The plant: motor and LuGre friction, stepped together in CasADi; and what its sensors do to a signal, on the bench as in the closed loop.
 
 Velocity and bristle are one stiff pair: a joint in stick rings at sqrt(sigma_0 / J). With lambda(v) frozen, (4) and (7) are linear in (v, z),
 
@@ -12,7 +12,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
+from bristle.arrays import Array
+from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair
 
@@ -121,3 +124,29 @@ def inductive_step(
     new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
     mean = (new.position - state.position) / h
     return new, a * i + (1 - a) * motor.current(V, mean, m)
+
+
+class Sensors(NamedTuple):
+    """How well the bench measures."""
+
+    resolution: float
+    """Angle of one encoder count, rad (m where prismatic), > 0."""
+    voltage_noise: float
+    """Standard deviation of each logged voltage, V, >= 0: white."""
+    torque_noise: float
+    """Standard deviation of the torque that disturbs the plant, N*m, >= 0: held over a control period, white from one to the next."""
+
+
+def quantise(x: Expression, resolution: Expression) -> Expression:
+    """The encoder's reading of x: the nearest count, in the unit of x. Each count's interval is half open, [k - 1/2, k + 1/2)."""
+    return ca.floor(x / resolution + 0.5) * resolution
+
+
+def white_noise(rng: np.random.Generator, standard_deviation: float, shape: tuple[int, ...]) -> Array:
+    """Normal, independent, zero-mean noise, in the unit of `standard_deviation`.
+
+    Raises InputError if the standard deviation is negative.
+    """
+    if not standard_deviation >= 0:
+        raise InputError(f"the standard deviation of noise is {standard_deviation}; expected zero or more")
+    return standard_deviation * rng.standard_normal(shape)

@@ -25,9 +25,9 @@ from bristle.control.control_period import (
     after,
     at_rest,
     controlled,
+    flat,
     numbers_of,
 )
-from bristle.control.packing import flat
 from bristle.control.plant import State
 from bristle.errors import InputError
 from bristle.model import law, motor

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from bristle.arrays import Array, freeze
+from bristle.arrays import UNWRITTEN, Array, Number, freeze
 from bristle.data.differentiation import derivative, smoothed, stretches
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.json_form import UNWRITTEN, Number
 
 _PROMINENT = 0.1
 """Of the range of torque: a turn smaller than this is none."""

@@ -32,7 +32,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.problem import Name, projected
+from bristle.estimation.nonlinear import Name, projected
 
 DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""

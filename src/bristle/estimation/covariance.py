@@ -8,9 +8,8 @@ from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levenberg_marquardt import Minimum
 from bristle.estimation.linear import inverse_gram
-from bristle.estimation.problem import LeastSquares, projected
+from bristle.estimation.nonlinear import LeastSquares, Minimum, projected
 
 LEVEL = 0.95
 """Every interval's level."""

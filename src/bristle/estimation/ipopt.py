@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.problem import Name, Unknowns
+from bristle.estimation.nonlinear import Name, Unknowns
 
 
 class SecondRoute(NamedTuple, Generic[Name]):

@@ -7,8 +7,7 @@ from typing import Generic, NamedTuple, TypeVar
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.covariance import covariance_at
-from bristle.estimation.levenberg_marquardt import Minimum
-from bristle.estimation.problem import LeastSquares, Name
+from bristle.estimation.nonlinear import LeastSquares, Minimum, Name
 
 Start = TypeVar("Start")
 _STEPS, _TRIES = 60, 30

@@ -25,10 +25,9 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import LEVEL, seen, student
-from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.problem import LeastSquares, Name
+from bristle.estimation.nonlinear import LeastSquares, Minimum, Name, minimise
 from bristle.progress import Progress
 
 _TRIES, _BUDGET = 12, 40

@@ -34,9 +34,8 @@ from bristle.identification.results import (
     StaticFit,
     TrackingFit,
 )
-from bristle.identification.static.moving_data import fit_moving
-from bristle.identification.static.points import fit_points, points_problem
 from bristle.identification.static.problem import Regression
+from bristle.identification.static.runs import fit_moving, fit_points, points_problem
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress
 

@@ -1,14 +1,21 @@
-"""Moving runs as every fit of them takes them: directions, regressors, inertia, and what is refused before any is fitted."""
+"""Moving runs as every fit of them takes them: directions, regressors, inertia, the decimation filter, and what is refused before any is fitted."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import signal, sparse
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import Inertia
 from bristle.data.record import Record
 from bristle.errors import InputError
+
+_DROWNS = 1e9
+"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
+DIRECTIONS = {"+": 1.0, "-": -1.0}
+_KERNEL_TAIL = 1e-8
+"""Where the smoothing kernel is cut, relative to its peak."""
 
 
 def needed(record: Record, name: str) -> Array:
@@ -34,11 +41,6 @@ def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]
 def gravity(position: Array) -> dict[str, Array]:
     """The two columns of a gravity torque, gravity_sin sin(q) + gravity_cos cos(q); position in rad, (n,)."""
     return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
-
-
-_DROWNS = 1e9
-"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
-DIRECTIONS = {"+": 1.0, "-": -1.0}
 
 
 def regressors(experiment: Experiment) -> tuple[str, ...]:
@@ -104,3 +106,42 @@ def inertial(record: Record, inertia: float) -> Array:
             f"{record.file}: an inertia of {inertia:.3g} takes {own:.3g} off a torque of {measured:.3g} at most (SI); check its unit"
         )
     return torque
+
+
+def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+    """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost.
+
+    Raises InputError where no stretch is longer than the transients.
+    """
+    lengths = np.concatenate(stretches).astype(int)
+    samples = int(lengths.sum())
+    if decimation == 1:
+        return sparse.eye_array(samples, format="csr"), 0
+    kernel = _kernel(decimation)
+    half = kernel.size // 2
+    ends = np.cumsum(lengths)
+    pairs = zip(ends - lengths, ends, strict=True)
+    centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
+    if centres.size == 0:
+        raise InputError(
+            f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
+            f"log longer, or set fit.decimation below {decimation}"
+        )
+    columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()
+    pointers = np.arange(0, columns.size + 1, kernel.size)
+    smooth = sparse.csr_array((np.tile(kernel, centres.size), columns, pointers), shape=(centres.size, samples))
+    return smooth, int(np.minimum(lengths, 2 * half).sum())
+
+
+def _kernel(decimation: int) -> Array:
+    """Impulse response of the zero-phase decimation filter, cut where it has died out; odd length, sum 1."""
+    sections = signal.butter(4, 0.8 / decimation, output="sos")
+    reach = 80 * decimation
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    response = signal.sosfiltfilt(sections, impulse, padtype=None)
+    alive = np.flatnonzero(np.abs(response) > _KERNEL_TAIL * np.abs(response).max())
+    half = int(max(reach - alive[0], alive[-1] - reach))
+    kernel: Array = response[reach - half : reach + half + 1]
+    kernel /= kernel.sum()
+    return kernel

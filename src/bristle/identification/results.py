@@ -1,17 +1,20 @@
-"""Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly."""
+"""Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly. The document `results.json` is made of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
-from bristle.arrays import Array, result
+from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
-from bristle.json_form import UNWRITTEN, Interval, JsonForm, Matrix, Number
 from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 
 def _lugre(values: Mapping[str, float]) -> Lugre[float]:
@@ -363,3 +366,21 @@ class Joint:
     def moving(self) -> TrackingFit | None:
         """The fit of moving runs to use: the joint fit where there is one, else that of the moving runs alone, else None."""
         return self.joint_fit or self.tracking
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Document:
+    """What bristle identified. A bound that is open is "inf" or "-inf"; what these data do not give is null."""
+
+    schema: Literal["bristle-results/2"] = "bristle-results/2"
+    bristle: str
+    """Version that wrote it."""
+    joints: Mapping[str, Joint]
+
+
+@cache
+def adapter() -> "TypeAdapter[Document]":
+    """What writes and reads the document; without the fields that are marked as unwritten, which come back empty."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Document)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
-from bristle.json_form import JsonForm
+from bristle.arrays import JsonForm
 
 T = TypeVar("T")
 Kind = Literal["revolute", "prismatic"]
@@ -31,6 +31,10 @@ class Stribeck(NamedTuple, Generic[T]):
     alpha_1: T
     alpha_2: T
     v_s: T
+
+
+STRIBECK_REACH = 1.5
+"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
 
 
 class Lugre(NamedTuple, Generic[T]):

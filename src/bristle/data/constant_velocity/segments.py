@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, Number
 from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
 from bristle.data.constant_velocity.changepoints import Stretch, stretches
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
@@ -15,7 +15,6 @@ from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import residual_warnings
-from bristle.json_form import Number
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_warnings"]
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from bristle.data.binary_tables import names_of
 from bristle.data.experiment.signals import DRIVE
-from bristle.data.layout import text_layout
-from bristle.data.text_table import BINARY, naming, read_table
+from bristle.data.text_table import BINARY, naming, read_table, text_layout
 from bristle.errors import check_name
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of

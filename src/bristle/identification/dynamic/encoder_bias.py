@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.control.sensors import quantise
+from bristle.control.plant import quantise
 from bristle.data.differentiation import derivative, estimate_motion, smoothed, usable
 from bristle.data.record import Record
 from bristle.diagnostics import Kind

@@ -13,14 +13,15 @@ from bristle.estimation.autocorrelation import lag_one
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.missing_terms import missing_terms
-from bristle.identification.dynamic.multistart import (
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.unknowns import (
+    LOGARITHMIC,
     equations_left,
+    fit,
     solve_dynamic,
     with_deflections,
     without_deflections,
 )
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, fit
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
 from bristle.model.parameters import Kind as JointKind

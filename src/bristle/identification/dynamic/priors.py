@@ -16,10 +16,10 @@ from bristle.estimation.profile_likelihood import Profiled
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
-from bristle.identification.dynamic.multistart import solve_dynamic, without_deflections
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
+from bristle.identification.dynamic.unknowns import solve_dynamic, without_deflections
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model import functions

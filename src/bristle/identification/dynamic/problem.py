@@ -17,9 +17,8 @@ from bristle.arrays import Array
 from bristle.data.differentiation import stretches
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.problem import Block
-from bristle.identification.decimation import decimator
-from bristle.identification.moving_runs import extra_columns, inertial
+from bristle.estimation.nonlinear import Block
+from bristle.identification.moving_runs import decimator, extra_columns, inertial
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_into
 

@@ -1,16 +1,30 @@
-"""The descent over the scaled unknowns of moving data: alpha_0, v_s and sigma_0 as logarithms, the others over a typical size."""
+"""The descent over the scaled unknowns of moving data, from one start or from several.
 
+alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.levenberg_marquardt import Minimum, minimise
-from bristle.estimation.problem import Evaluate, LeastSquares, Unknowns
-from bristle.estimation.separable import descend
-from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, residuals
-from bristle.identification.identifiability import SEEN
+from bristle.estimation.multistart import MultistartSolution, solve_from_starts
+from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, descend, minimise
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    InitialState,
+    Motion,
+    Unknown,
+    Values,
+    modelled,
+    parameters,
+    residuals,
+)
+from bristle.model.parameters import STRIBECK_REACH, Lugre, ParameterName
+from bristle.model.rollout import rollout
 
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
@@ -26,6 +40,8 @@ _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
+_APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
+"""How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
 
 
 def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Unknown, float], Minimum]:
@@ -99,7 +115,7 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
         "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
         "alpha_1": (torque, 0.0, _MOST),
         "alpha_2": (damping, 0.0, np.inf),
-        "v_s": (1.0, *np.log([1e-4 * speed, speed / SEEN])),
+        "v_s": (1.0, *np.log([1e-4 * speed, speed / STRIBECK_REACH])),
         "sigma_0": (1.0, *np.log([1e-1 * torque / travel, 1e9 * torque / travel])),
         "sigma_1": (damping, 0.0, np.inf),
         "z0": (max(alpha_0) / min(sigma_0), -2.0, 2.0),
@@ -161,3 +177,49 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
         return rows, slopes
 
     return evaluate
+
+
+def solve_dynamic(
+    problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values] = ()
+) -> MultistartSolution[Unknown]:
+    """The lowest minimum from several starts, and the covariance there."""
+    rng = np.random.default_rng(seed)
+    moved = ({name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1))
+    first, random = with_deflections(problem, start), (with_deflections(problem, whole) for whole in moved)
+    return solve_from_starts(partial(solved, problem), (first, *others), random, partial(polished, problem))
+
+
+def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
+    """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
+    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+    rows: Array = solution.minimum.residuals[: weight.size] / weight
+    return rows
+
+
+def _factor(name: str, rng: np.random.Generator) -> float:
+    reach = np.log(_APART.get(name, 3.0))
+    return float(np.exp(rng.uniform(-reach, reach))) if name in Lugre._fields else 1.0
+
+
+def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
+    """A start with what each motion begins with: the deflection that carries its first torque, within the steady one, and the first position.
+
+    Where a motion goes on from the one before, the deflection is that to which the estimated velocity has brought it.
+    """
+    p = parameters(problem, start)
+    out, end = dict(start), 0.0
+    for k, m in enumerate(problem.motions):
+        own = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
+        most = own.alpha_0 / own.sigma_0
+        z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
+        if m.continues_previous:
+            z0 = end
+        end = float(rollout(m.velocity, m.step, p, z0).z[-1]) if problem.quantity == "position" else z0
+        first = {"y0": float(m.measured[0]), "v0": float(m.velocity[0]), "z0": z0}
+        out |= {InitialState(name, k): first[name] for name in problem.initial_states}
+    return out
+
+
+def without_deflections(values: Values) -> dict[ParameterName, float]:
+    """The values without the deflections at the start of each stretch."""
+    return {name: value for name, value in values.items() if isinstance(name, ParameterName)}

@@ -16,10 +16,9 @@ from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profile_threshold
-from bristle.identification.static.grid import log_grid, solve
-from bristle.identification.static.problem import Regression, from_points
+from bristle.identification.static.grid import Projected, solve
+from bristle.identification.static.problem import Regression, from_points, log_grid
 from bristle.identification.static.profiles import profiled
-from bristle.identification.static.projection import Projected
 from bristle.model.parameters import Stribeck
 
 GRID = 96

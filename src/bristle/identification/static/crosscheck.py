@@ -13,9 +13,7 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.results import Crosscheck
-from bristle.identification.static.compression import reduced
-from bristle.identification.static.problem import Regression
-from bristle.identification.static.unknowns import unknowns_of
+from bristle.identification.static.problem import Regression, reduced, unknowns_of
 from bristle.model import law
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 

@@ -13,10 +13,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
-from bristle.identification.static.compression import reduced
-from bristle.identification.static.grid import Solution
-from bristle.identification.static.problem import Regression
-from bristle.identification.static.projection import Projected, subsets
+from bristle.identification.static.grid import Projected, Solution, subsets
+from bristle.identification.static.problem import Regression, reduced
 from bristle.model.parameters import ParameterName
 
 _LOOKS = (

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bristle import __version__
-from bristle.identification.results import Joint
-from bristle.identification.results_document import Document, adapter
+from bristle.identification.results import Document, Joint, adapter
 from bristle.questions.joint_report.frame import to_frame
 from bristle.questions.joint_report.text import fit_report
 
