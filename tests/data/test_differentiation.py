@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from bristle.arrays import Array
-from bristle.data.differentiation import derivative, estimate_motion, smoothed, stretches
+from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 
 
@@ -47,7 +47,7 @@ def test_nothing_crosses_a_gap() -> None:
     both = estimate_motion(_record(np.concatenate([t, t + 50]), np.concatenate([first, second]), (0, 100)), 10.0)
     alone = estimate_motion(_record(t, first), 10.0)
     np.testing.assert_allclose(_of(both.velocity)[:100], _of(alone.velocity), atol=1e-9)
-    assert [s.stop for s in stretches(both)] == [100, 200]
+    assert [s.stop for s in between_gaps(both)] == [100, 200]
 
 
 def test_short_stretches_are_left_out_and_counted() -> None:
@@ -57,7 +57,7 @@ def test_short_stretches_are_left_out_and_counted() -> None:
     assert (record.time.size, record.starts, record.dropped) == (90, (0, 50), 3)
     assert record.time[50] == 20
     assert any(note.startswith("3 rows dropped") for note in record.notes)
-    with pytest.raises(ValueError, match="no stretch without a gap has 16 samples"):
+    with pytest.raises(ValueError, match="no segment between gaps has 16 samples"):
         estimate_motion(_record(t[:10], t[:10]), 10.0)
 
 

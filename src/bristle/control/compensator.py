@@ -163,15 +163,15 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
     z, slopes = state.deflection, learnt.sensitivity
     for first, last, part in ((v0, middle, share * h), (middle, v, (1 - share) * h)):
         p = law.active(z, first + last, state.parameters)
-        own = effective(p, a, learnt.theta) if a else p
+        acting = effective(p, a, learnt.theta) if a else p
         if a and a.law == "total":
-            by_z, rest, *by_p = functions.step_sensitivity_function()(first, last, part, *own)
+            by_z, rest, *by_p = functions.step_sensitivity_function()(first, last, part, *acting)
             enter = functions.step_parameters()
             more = {n: by_p[i] * z + by_p[len(enter) + i] for i, n in enumerate(enter)}
             pairs = zip(a.parameters, slopes, strict=True)
             slopes = tuple(by_z * s + getattr(p, n) * more.get(n, 0.0) for n, s in pairs)
         else:
-            by_z, rest = law.bristle_step(first, last, part, own)
+            by_z, rest = law.bristle_step(first, last, part, acting)
         z = by_z * z + rest
         stiffness = law.active(
             z, first + last, state.parameters

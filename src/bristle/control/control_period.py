@@ -191,9 +191,11 @@ def named(case: Case, period: float) -> Numbers:
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """What the loop remembers at rest at its reference, rad."""
     control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
-    own = compensating.packed(compensating.initial_state(options.compensator, _NO_FRICTION, position))
+    compensator = compensating.packed(compensating.initial_state(options.compensator, _NO_FRICTION, position))
     current = (0.0,) if options.inductance else ()
-    return LoopMemory(STILL._replace(position=position), current, control, tuple(own), ((0.0, 0.0),) * options.delay)
+    return LoopMemory(
+        STILL._replace(position=position), current, control, tuple(compensator), ((0.0, 0.0),) * options.delay
+    )
 
 
 def blank_log(options: LoopOptions) -> Logged:
@@ -214,8 +216,8 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
     seen = state.position + outside.noise
     seen = quantise(seen, case.resolution) if options.encoder else seen
     measured = Measurement(seen, state.velocity if options.speedometer else None)
-    own = compensating.unpacked(before.compensator, model, compensating.adapted_count(options.compensator))
-    new_own, T_c = compensating.step(options.compensator, own, r, measured, h)
+    compensator = compensating.unpacked(before.compensator, model, compensating.adapted_count(options.compensator))
+    new_compensator, T_c = compensating.step(options.compensator, compensator, r, measured, h)
     if options.controller == "sliding":
         T_own, control = sliding(before.controller, r.position - seen, h, case.sliding)
     else:
@@ -232,8 +234,8 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
         friction=friction,
         load=outside.load,
         sent=now[options.drive == "voltage"],
-        kept=LoopMemory(state, before.current, control, tuple(compensating.packed(new_own)), tuple(later)),
-        log=Logged(state.position, state.velocity, seen, T, V, true, T_c, new_own.learnt.theta),
+        kept=LoopMemory(state, before.current, control, tuple(compensating.packed(new_compensator)), tuple(later)),
+        log=Logged(state.position, state.velocity, seen, T, V, true, T_c, new_compensator.learnt.theta),
     )
 
 

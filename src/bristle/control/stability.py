@@ -47,11 +47,11 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
         return
     linear = [replace(case, plant=Pair(p, p), torque_limit=inf) for case in cases for p in case.plant]
     rows = np.array([numbers_of(case, period) for case in linear])
-    found = _growth(options, rows, np.full(len(rows), period))
-    if not (found > _LEAST).any():
+    growth = _growth(options, rows, np.full(len(rows), period))
+    if not (growth > _LEAST).any():
         return
     bearable = _bearable(options, rows, period)
-    blamed = np.where(bearable > 0, found, 0.0)
+    blamed = np.where(bearable > 0, growth, 0.0)
     worst = int(blamed.argmax())
     if blamed[worst] > _LEAST:
         which = f"case {worst // 2}: " if len(cases) > 1 else ""

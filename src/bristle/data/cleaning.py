@@ -183,7 +183,7 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
 
 
 def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
-    """First samples of the stretches between gaps; the regularity of time is noted."""
+    """First samples of the segments between gaps; the regularity of time is noted."""
     intervals = np.diff(rows.data["time"])
     step = float(np.median(intervals))
     if not _STEPS[0] < step < _STEPS[1]:
@@ -199,7 +199,7 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     if wide.any():
         rows.notes.append(
             f"{int(wide.sum())} gap{'s' if wide.sum() > 1 else ''} longer than {gap:g} intervals ({gap * step:.4g} s), "
-            f"the longest {intervals.max():.4g} s; each stretch between gaps is treated on its own."
+            f"the longest {intervals.max():.4g} s; each segment between gaps is treated on its own."
         )
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide)))
 
@@ -223,7 +223,7 @@ def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool
 
 
 def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
-    """Each signal taken when it happened: linear between samples, held beyond the ends of a stretch."""
+    """Each signal taken when it happened: linear between samples, held beyond the ends of a segment."""
     time = rows.data["time"]
     for name, signal in signals:
         if not isinstance(signal, Signal) or not signal.delay:

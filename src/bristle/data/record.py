@@ -39,7 +39,7 @@ class Record:
     acceleration: Array | None = None
     """rad/s**2, estimated."""
     starts: tuple[int, ...] = (0,)
-    """First sample of each stretch that has no gap inside; nothing is ever differentiated, filtered or simulated across one."""
+    """First sample of each segment between gaps; nothing is ever differentiated, filtered or simulated across a gap."""
     rows: int = 0
     """Rows in the file."""
     dropped: int = 0

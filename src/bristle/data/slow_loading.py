@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from bristle.arrays import UNWRITTEN, Array, Number, freeze
-from bristle.data.differentiation import derivative, smoothed, stretches
+from bristle.data.differentiation import between_gaps, derivative, smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
@@ -115,7 +115,7 @@ def find_loadings(
     quantum = _quantum(record, position, resolution)
     slow = _low_passed(record, torque, cutoff)
     speed = derivative(record, _low_passed(record, position, cutoff))
-    found = []
+    loadings = []
     for piece, sign in _pieces(record, slow):
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
@@ -125,7 +125,7 @@ def find_loadings(
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
         inside = slice(0, slide)
         edges, at = _edges(position_along[inside], quantum)
-        found.append(
+        loadings.append(
             Loading(
                 file=record.file,
                 direction="+" if sign > 0 else "-",
@@ -139,7 +139,7 @@ def find_loadings(
                 breakaway=None if slide is None else float(torque_along[slide]),
             )
         )
-    return tuple(found)
+    return tuple(loadings)
 
 
 def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple[tuple[Loop, ...], tuple[float, ...]]:
@@ -150,10 +150,10 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     position, torque = _signals(record)
     quantum = _quantum(record, position, resolution)
     slow = _low_passed(record, torque, cutoff)
-    found, drifts = [], []
-    for stretch in stretches(record):
-        tops, bottoms = _turns(slow[stretch])
-        ends = (tops if tops.size > 1 else bottoms) + stretch.start
+    loops, drifts = [], []
+    for segment in between_gaps(record):
+        tops, bottoms = _turns(slow[segment])
+        ends = (tops if tops.size > 1 else bottoms) + segment.start
         for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             y, T = position[start : stop + 1], torque[start : stop + 1]
             if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > _CLOSED * np.ptp(slow):
@@ -161,8 +161,8 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
             if abs(y[-1] - y[0]) > max(1.5 * quantum, _CLOSED * np.ptp(y)):
                 drifts.append(float((y[-1] - y[0]) / np.ptp(y)))
             else:
-                found.append(_loop(record.file, start, stop, y, T, quantum))
-    return tuple(found), tuple(drifts)
+                loops.append(_loop(record.file, start, stop, y, T, quantum))
+    return tuple(loops), tuple(drifts)
 
 
 def _signals(record: Record) -> tuple[Array, Array]:
@@ -196,10 +196,10 @@ def _turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
     """Samples and sign of each piece between turns, from where its torque has passed zero for the last time."""
-    found = []
-    for stretch in stretches(record):
-        turns = np.sort(np.concatenate(_turns(torque[stretch]))) + stretch.start
-        bounds = [stretch.start, *turns.tolist(), stretch.stop - 1]
+    pieces = []
+    for segment in between_gaps(record):
+        turns = np.sort(np.concatenate(_turns(torque[segment]))) + segment.start
+        bounds = [segment.start, *turns.tolist(), segment.stop - 1]
         for first, turn in pairwise(bounds):
             part = torque[first : turn + 1]
             sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
@@ -210,8 +210,8 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
             start = first + (int(before[-1]) + 1 if before.size else 0)
             unloaded = before.size > 0 or abs(part[0]) <= _CLOSED * np.ptp(torque)
             if unloaded and last + 1 - start >= _SHORTEST and sign * torque[last] > _PROMINENT * np.ptp(torque):
-                found.append((slice(start, last + 1), sign))
-    return found
+                pieces.append((slice(start, last + 1), sign))
+    return pieces
 
 
 def _slides_at(torque: Array, displacement: Array, speed: Array, floor: float, breakaway: float | None) -> int | None:

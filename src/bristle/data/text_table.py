@@ -99,12 +99,12 @@ def text_layout(path: Path) -> Layout:
     names = None if named is None else cells[named][1]
     note = _header_note(cells[:start], named, width) if start < len(cells) else ""
     if names is None and comment:
-        said = (
+        commented = (
             split(line.lstrip().lstrip("#%/").strip(), delimiter)
             for line in reversed(lines[:skip])
             if line.lstrip().startswith(comment)
         )
-        names = next((row for row in said if len(row) == len([c for c in first if c]) > 1), None)
+        names = next((row for row in commented if len(row) == len([c for c in first if c]) > 1), None)
     ends_rows = (
         comment if comment != "//" else None
     )  # pandas would take one slash for it, and cut a cell that holds one

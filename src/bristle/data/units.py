@@ -66,9 +66,9 @@ def to_si(value: object, target: str) -> float:
     text = _plain(value)
     if target in ("rad", "m") and (per := _PER_TURN.fullmatch(text)) and 0 < float(per[1]) < LARGEST:
         return _sane(factor(per[2], target) / float(per[1]), value, target)
-    found = _QUANTITY.fullmatch(text)
-    if found and found[2]:
-        return _sane(float(found[1]) * factor(found[2], target), value, target)
+    match = _QUANTITY.fullmatch(text)
+    if match and match[2]:
+        return _sane(float(match[1]) * factor(match[2], target), value, target)
     raise InputError(f"got {short(value)}; expected a number with its unit, such as {_example(target)}")
 
 
@@ -137,12 +137,12 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
 
 
 def _scale(scale: str | float) -> tuple[float, str]:
-    found = _QUANTITY.fullmatch(_plain(str(scale)))
-    if not found or float(found[1]) == 0:
+    match = _QUANTITY.fullmatch(_plain(str(scale)))
+    if not match or float(match[1]) == 0:
         raise InputError(
             f"scale {short(scale)} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
         )
-    return float(found[1]), found[2] or "1"
+    return float(match[1]), match[2] or "1"
 
 
 def _root(unit: "pint.Unit") -> tuple[float, object]:

@@ -81,16 +81,16 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
         period, basis = _strongest_harmonic(residuals, known["position"], count)
         tests.append((Kind.RESIDUAL_RIPPLE, {"period": period}, basis))
     both = "velocity" in known and velocity.min() < 0 < velocity.max()
-    looks, found = len(known) + count + both, []
+    looks, warnings = len(known) + count + both, []
     if both:  # a symmetric curve that is not: what it leaves is even in velocity
         p, share = _f_test(residuals, np.stack([np.ones(n), np.abs(velocity)]), about_mean=False)
         if p * looks < _SIGNIFICANT:
-            found.append(Kind.DIRECTIONS_DIFFER(p=p * looks, looks=looks, share=share))
+            warnings.append(Kind.DIRECTIONS_DIFFER(p=p * looks, looks=looks, share=share))
     for kind, what, basis in tests:
         p, share = _f_test(residuals, basis)
         if p * looks < _SIGNIFICANT:
-            found.append(kind(**what, p=p * looks, looks=looks, share=share))
-    return tuple(found)
+            warnings.append(kind(**what, p=p * looks, looks=looks, share=share))
+    return tuple(warnings)
 
 
 def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, Array]:

@@ -5,7 +5,7 @@ Time series. A resample counts block b m_b times. Its minimum is, to first order
     d = -(sum m_b G_b + P'P)**-1 (sum m_b s_b + P'e),    G_b = J_b'J_b,    s_b = J_b'r_b
 
 from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step has the bootstrap's accuracy); P are the rows
-of priors, whose means are drawn anew as well, e. Blocks overlap and wrap around within their stretch (Politis and
+of priors, whose means are drawn anew as well, e. Blocks overlap and wrap around within their segment (Politis and
 Romano, 1992): each equation is drawn as often as any other.
 
 Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample,
@@ -159,7 +159,7 @@ def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dic
     inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
     which = problem.shared[inside[problem.shared]]
     J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
-    starts = [block.rows.start for block in problem.blocks] if whole else problem.stretches
+    starts = [block.rows.start for block in problem.blocks] if whole else problem.starts
     prior_rows, length = J[n:], n if whole else None
     drawn = block_bootstrap(
         J[:n], minimum.residuals[:n], starts, priors=prior_rows, sigma=problem.sigma, length=length, seed=seed
@@ -190,7 +190,7 @@ def block_bootstrap(
     Args:
         jacobian: of the residuals at the minimum, (n, p), of full rank together with the priors.
         residuals: (n,), in whatever sign the Jacobian is of.
-        starts: first equation of each stretch; no block reaches over one.
+        starts: first equation of each segment between gaps; no block reaches over one.
         priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are none.
         sigma: see there.
         instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
@@ -204,11 +204,11 @@ def block_bootstrap(
     J = jacobian / size
     Z = J if instrument is None else instrument / np.linalg.norm(instrument)
     length = length or block_length(Z * residuals[:, None])
-    edges, of_stretch = cells(residuals.size, starts, length)
+    edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    found = _resample(grams, scores, of_stretch, prior_rows / size, sigma, draws, seed)
-    return found._replace(steps=found.steps / size)
+    resampled = _resample(grams, scores, of_segment, prior_rows / size, sigma, draws, seed)
+    return resampled._replace(steps=resampled.steps / size)
 
 
 def block_length(scores: Array) -> int:
@@ -219,7 +219,7 @@ def block_length(scores: Array) -> int:
 
 
 def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
-    """Quarters of blocks: the first equation of each and n, (C + 1,), and the number of the stretch that each lies in, (C,)."""
+    """Quarters of blocks: the first equation of each and n, (C + 1,), and the number of the segment that each lies in, (C,)."""
     step = max(length / _OVERLAP, n / _CELLS)
     firsts = [*starts, n]
     counts = [max(round((stop - first) / step), 1) for first, stop in pairwise(firsts)]
@@ -230,10 +230,10 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
 
 
 def _resample(
-    grams: Array, scores: Array, of_stretch: Array, prior_rows: Array, sigma: float, draws: int, seed: int
+    grams: Array, scores: Array, of_segment: Array, prior_rows: Array, sigma: float, draws: int, seed: int
 ) -> Resampled:
     """The steps where blocks of cells, (C, ...), are drawn, centred so that they vanish where each is drawn as often as any other."""
-    grams, scores, share = _blocks(grams, scores, of_stretch)
+    grams, scores, share = _blocks(grams, scores, of_segment)
     number = max(round(float(share.sum())), 1)
     rng = np.random.default_rng(seed)
     count, p = share.size, scores.shape[1]
@@ -274,11 +274,11 @@ def _errors(
     return errors
 
 
-def _blocks(grams: Array, scores: Array, of_stretch: Array) -> tuple[Array, Array, Array]:
+def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:
     """Sums over the block that begins at each cell, and its weight: one over the number of blocks that each of its cells lies in."""
-    sizes = np.bincount(of_stretch)
-    first, size = (np.cumsum(sizes) - sizes)[of_stretch], sizes[of_stretch]
-    place = np.arange(of_stretch.size) - first
+    sizes = np.bincount(of_segment)
+    first, size = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
+    place = np.arange(of_segment.size) - first
     others = [first + (place + k) % size for k in range(_OVERLAP)]
     inside = [(k < size).astype(float) for k in range(_OVERLAP)]
     whole = sum(grams[o] * w[:, None, None] for o, w in zip(others, inside, strict=True))

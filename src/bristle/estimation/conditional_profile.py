@@ -114,17 +114,17 @@ class ConditionalProfiles:
             around = np.take_along_axis(nodes, k[..., None], axis=1)[:, :, None] + step[:, None, None] * offsets
             nodes = np.clip(around, *np.moveaxis(self.box, -1, 0)[:, :, None, None]).reshape(S, -1, P)
             at = self.free(nodes)
-            own = np.einsum("smnm->smn", self._reach(at, sign).reshape(S, M, -1, M))
-            k = own.argmax(axis=2) + own.shape[2] * np.arange(M)
+            reach = np.einsum("smnm->smn", self._reach(at, sign).reshape(S, M, -1, M))
+            k = reach.argmax(axis=2) + reach.shape[2] * np.arange(M)
             step = step * 2 / (near - 1)
-        found = np.take_along_axis(self._reach(at, sign), k[:, None], axis=1)[:, 0]
+        extreme = np.take_along_axis(self._reach(at, sign), k[:, None], axis=1)[:, 0]
         for j in range(M):
             inside = np.take_along_axis(self._inside(at, j, sign), k[:, [j]], axis=1)[:, 0]
             if self.faces and not inside.all():
-                found[0, j] = self._bounded(list(self.faces(j)), j, sign)
+                extreme[0, j] = self._bounded(list(self.faces(j)), j, sign)
             else:
                 self.broken |= ~inside
-        return np.where(self.bounded, np.maximum(sign * found, 0.0), sign * found)
+        return np.where(self.bounded, np.maximum(sign * extreme, 0.0), sign * extreme)
 
     def _steps(self) -> tuple[Array, Array]:
         """The nodes of the second look about the best, in steps, (K, P), and a step, (S, P)."""
@@ -151,10 +151,10 @@ class ConditionalProfiles:
 
     def _inside(self, at: Conditional, j: int, sign: float) -> NDArray[np.bool_]:
         """Whether no unknown breaks its bound at the extreme of unknown j, raised to its own bound if need be, at each node, (S, K)."""
-        own, theta, most = at.spread[..., j, j], at.theta[..., j], self.threshold[:, None]
-        far = np.sqrt(own * np.maximum(most - at.cost, 0.0))
+        variance, theta, most = at.spread[..., j, j], at.theta[..., j], self.threshold[:, None]
+        far = np.sqrt(variance * np.maximum(most - at.cost, 0.0))
         end = np.maximum(theta + sign * far, 0.0) if self.bounded[j] else theta + sign * far
-        moved = (end - theta) / np.where(own > 0, own, np.inf)
+        moved = (end - theta) / np.where(variance > 0, variance, np.inf)
         slack = _SLACK * np.sqrt(np.einsum("skmm->skm", at.spread) * most[..., None])
         inside = (at.theta + moved[..., None] * at.spread[..., j] >= -slack) | ~self.bounded
         inside[..., j] = end <= theta + far + slack[..., j]
@@ -170,9 +170,11 @@ class ConditionalProfiles:
     def _held(self, face: Face, nodes: Array, j: int, values: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The least cost on a face with unknown j held at values (D,), inf where others break a bound; and where the free least one breaks none."""
         theta, spread, least = (each[0] for each in face(nodes))
-        own = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
-        off = np.divide(values[:, None] - theta[:, j], own, out=np.zeros((values.size, own.size)), where=own > 0)
-        cost = least + off**2 * own
+        variance = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
+        off = np.divide(
+            values[:, None] - theta[:, j], variance, out=np.zeros((values.size, variance.size)), where=variance > 0
+        )
+        cost = least + off**2 * variance
         point = theta + off[:, :, None] * spread[:, j]
         fine = (point >= -_SLACK * np.abs(point).max()) | ~self.bounded
         inside = fine[..., np.arange(theta.shape[1]) != j].all(axis=-1)

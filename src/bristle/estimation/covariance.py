@@ -91,21 +91,21 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     estimate by G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w.
     """
     blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
-    own = shared[seen(minimum.jacobian[:, shared])]
-    size = _lengths(minimum.jacobian[:, own])
-    left = projected(minimum.jacobian, own, blocks) / size
+    influential = shared[seen(minimum.jacobian[:, shared])]
+    size = _lengths(minimum.jacobian[:, influential])
+    left = projected(minimum.jacobian, influential, blocks) / size
     grams = [left[rows].T @ left[rows] for rows, _ in blocks]
     slopes = [left[rows].T @ rest[rows] for rows, _ in blocks]
     priors = left[blocks[-1].rows.stop :]
     inner = np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True)
-    one, count = np.eye(own.size), len(blocks)
+    one, count = np.eye(influential.size), len(blocks)
     moves = np.array(
         [inner @ np.linalg.lstsq(one - A @ inner, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
     )
     spread = (count - 1) / count * moves.T @ moves + problem.sigma**2 * inner @ priors.T @ priors @ inner
     spread /= np.outer(size, size)
     plain = np.diag(inner) / size**2 * minimum.cost / max(rest.size - minimum.x.size, 1)
-    known = np.isin(np.arange(minimum.x.size), own)
+    known = np.isin(np.arange(minimum.x.size), influential)
     widening = float(np.median(np.sqrt(spread.diagonal() / plain)))
     return _in_units(problem, minimum.x, known, spread.diagonal(), spread, max(count - 1.0, 1.0), widening)
 

@@ -62,7 +62,7 @@ def compared(
     values: Mapping[Name, float],
     cost: float,
     errors: Mapping[Name, float | None],
-    found: Sequence[Mapping[Name, float]],
+    minima: Sequence[Mapping[Name, float]],
     costs: Sequence[float],
     same: float,
 ) -> SecondRoute[Name]:
@@ -72,12 +72,12 @@ def compared(
         values: of the first, by name.
         cost: there.
         errors: its standard errors.
-        found: values at each end of the second.
+        minima: values at each end of the second.
         costs: there, by the first's own reckoning.
         same: difference in cost below which two ends are the same.
     """
     lowest = min(costs)
-    parameters = found[costs.index(lowest)]
+    parameters = minima[costs.index(lowest)]
     known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
     return SecondRoute(
         cost_grid=cost,

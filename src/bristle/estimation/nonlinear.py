@@ -92,8 +92,8 @@ class LeastSquares(Generic[Name]):
     """Groups of equations that have unknowns of their own, in the order of the rows."""
     independent: bool = False
     """Whether blocks err independently of one another, however correlated their own residuals are."""
-    stretches: tuple[int, ...] = (0,)
-    """First equation of each stretch; no correlation reaches over one."""
+    starts: tuple[int, ...] = (0,)
+    """First equation of each segment between gaps; no correlation reaches over one."""
     priors: int = 0
     """How many of the last rows are priors, which scatter by `sigma` ..."""
     sigma: float = 1.0
@@ -102,8 +102,8 @@ class LeastSquares(Generic[Name]):
     @property
     def shared(self) -> NDArray[np.intp]:
         """The unknowns that no block has to itself, ascending."""
-        own = [k for block in self.blocks for k in block.columns]
-        return np.setdiff1d(np.arange(len(self.unknowns.names)), own)
+        of_blocks = [k for block in self.blocks for k in block.columns]
+        return np.setdiff1d(np.arange(len(self.unknowns.names)), of_blocks)
 
 
 def projected(jacobian: Array, shared: NDArray[np.intp], blocks: tuple[Block, ...]) -> Array:
@@ -212,9 +212,9 @@ def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
             best, lowest = x, cost
         return rows, projected(slopes, shared, problem.blocks)
 
-    found = minimise(outer, best[shared], lower[shared], upper[shared], most)
+    minimum = minimise(outer, best[shared], lower[shared], upper[shared], most)
     residuals, jacobian = problem.evaluate(best)
-    return Minimum(best, float(residuals @ residuals), residuals, jacobian, found.steps, found.converged)
+    return Minimum(best, float(residuals @ residuals), residuals, jacobian, minimum.steps, minimum.converged)
 
 
 def _settle(problem: LeastSquares[Any], x: Array, most: int) -> tuple[Array, Array, Array]:
@@ -228,9 +228,9 @@ def _settle(problem: LeastSquares[Any], x: Array, most: int) -> tuple[Array, Arr
         trial = x.copy()
         for k in np.flatnonzero(busy).tolist():
             rows, columns = blocks[k]
-            own = jacobian[rows][:, columns]
-            size = np.maximum(np.sqrt(np.einsum("np,np->p", own, own)), 1e-300)
-            unit = own / size
+            slopes = jacobian[rows][:, columns]
+            size = np.maximum(np.sqrt(np.einsum("np,np->p", slopes, slopes)), 1e-300)
+            unit = slopes / size
             inner = unit.T @ unit + damping[k] * np.eye(len(columns))
             step = np.linalg.lstsq(inner, unit.T @ residuals[rows], rcond=1e-15)[0] / size
             trial[columns] = np.clip(x[columns] - step, lower[columns], upper[columns])

@@ -108,12 +108,12 @@ def inertial(record: Record, inertia: float) -> Array:
     return torque
 
 
-def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
-    """The filter as a matrix (equations, samples), for stretches of given lengths; and how many samples its transients cost.
+def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+    """The filter as a matrix (equations, samples), for segments between gaps of given lengths; and how many samples its transients cost.
 
-    Raises InputError where no stretch is longer than the transients.
+    Raises InputError where no segment is longer than the transients.
     """
-    lengths = np.concatenate(stretches).astype(int)
+    lengths = np.concatenate(segments).astype(int)
     samples = int(lengths.sum())
     if decimation == 1:
         return sparse.eye_array(samples, format="csr"), 0
@@ -124,7 +124,7 @@ def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[s
     centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
     if centres.size == 0:
         raise InputError(
-            f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
+            f"{file}: no segment between gaps is longer than {2 * half} samples, the transient of the decimation filter; "
             f"log longer, or set fit.decimation below {decimation}"
         )
     columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()

@@ -245,7 +245,7 @@ class TrackingFit:
     """Torque, N*m, or position, rad, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
-    """First equation of each stretch."""
+    """First equation of each segment between gaps."""
     windows: int = 0
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)

@@ -39,7 +39,7 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
     nodes = _period(amplitude, frequency, min(float(p.v_s.min()) for p in joints), samples)
     count = joints.positive.v_s.size
     parts = np.array_split(np.arange(count), ceil(count * nodes.v.size / _BLOCK))
-    rows = (Pair(*(Lugre(*(x[own, None] for x in p)) for p in joints)) for own in parts)
+    rows = (Pair(*(Lugre(*(x[joint, None] for x in p)) for p in joints)) for joint in parts)
     return np.concatenate([_rms(pair, nodes) for pair in rows])
 
 

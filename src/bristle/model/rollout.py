@@ -128,14 +128,14 @@ def rollout_into(
         z_by = scan(slopes[0], _by_set(source, parameters, signs, nodes.heading, names), carry)
         z_all[at] = inside[nodes.samples]
         T_z = np.empty(at.stop - at.start)
-        acting, own = _acting(parameters, z_all[at], velocity[at]), [row[at] for row in by_parameters]
-        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *own[:6]])
+        acting, derivatives = _acting(parameters, z_all[at], velocity[at]), [row[at] for row in by_parameters]
+        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *derivatives[:6]])
         if isinstance(parameters, Pair):
-            shared_out = _by_set(np.array(own[:6]), parameters, z_all[at], velocity[at], Lugre._fields)
-            for row, part in zip(own, shared_out, strict=True):
+            shared_out = _by_set(np.array(derivatives[:6]), parameters, z_all[at], velocity[at], Lugre._fields)
+            for row, part in zip(derivatives, shared_out, strict=True):
                 row[:] = part
         for column, row in zip(enters, z_by, strict=True):
-            own[column] += T_z * row[nodes.samples]
+            derivatives[column] += T_z * row[nodes.samples]
         by_z0[at] = 0.0
         if faded > _FADED:
             left = scan(slopes[0], np.zeros(slopes.shape[1]), faded)

@@ -1,4 +1,4 @@
-"""Whether a stretch of a run counts as motion at constant velocity: each reason says what would have let it in."""
+"""Whether a candidate counts as motion at constant velocity: each reason says what would have let it in."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Thresholds:
 
 
 def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
-    """Why a stretch does not count, with what would have let it in; empty where it does."""
+    """Why a candidate does not count, with what would have let it in; empty where it does."""
     steady = (
         _at_rest(e, usual, t, 0.0)
         or _accelerating(e, t)
@@ -41,23 +41,23 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
         or _unsteady(e, t)
         or _unsettled(e)
     )
-    found = [reason for reason in (_too_short(e, usual, t), steady, _saturated(e, t)) if reason]
-    return tuple(reason.but(alone=len(found) < 2) for reason in found)
+    against = [reason for reason in (_too_short(e, usual, t), steady, _saturated(e, t)) if reason]
+    return tuple(reason.but(alone=len(against) < 2) for reason in against)
 
 
 def warnings(e: Evidence) -> tuple[Diagnostic, ...]:
-    """Warnings about a stretch that counts."""
-    found = []
+    """Warnings about a candidate that counts."""
+    out = []
     speed = abs(e.velocity)
     if sticks(e):
-        found.append(Kind.STICK_SLIP(swing=e.swing / speed, resting=e.resting))
+        out.append(Kind.STICK_SLIP(swing=e.swing / speed, resting=e.resting))
     if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
-        found.append(Kind.POSITION_DIFFERS(slope=e.velocity, logged=e.logged))
+        out.append(Kind.POSITION_DIFFERS(slope=e.velocity, logged=e.logged))
     if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
-        found.append(Kind.TORQUE_DRIFTS(drift=e.torque_drift, torque=e.torque))
+        out.append(Kind.TORQUE_DRIFTS(drift=e.torque_drift, torque=e.torque))
     if e.torque_error is None:
-        found.append(Kind.TORQUE_UNSURE())
-    return tuple(found)
+        out.append(Kind.TORQUE_UNSURE())
+    return tuple(out)
 
 
 def sticks(e: Evidence) -> bool:
@@ -82,8 +82,8 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Diagnostic | None:
 
 
 def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Diagnostic | None:
-    own = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
-    least = own if t.minimum_velocity is None else t.minimum_velocity
+    noise_floor = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
+    least = noise_floor if t.minimum_velocity is None else t.minimum_velocity
     speed = abs(e.velocity)
     if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
         return None
@@ -94,8 +94,8 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Diagnost
 
 def _accelerating(e: Evidence, t: Thresholds) -> Diagnostic | None:
     speed = abs(e.velocity)
-    own = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
-    allowed = own if t.velocity_tolerance is None else t.velocity_tolerance * speed
+    tolerance = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
+    allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
     if e.drift <= allowed:
         return None
     return Kind.ACCELERATING(drift=e.drift, velocity=e.velocity, allowed=allowed, option=_tolerance(e.drift, speed))

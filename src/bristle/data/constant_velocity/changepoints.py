@@ -1,4 +1,4 @@
-"""Where to look for constant velocity: a run cut into stretches of constant acceleration, each a plateau or not.
+"""Where to look for constant velocity: a run cut into candidates of constant acceleration, each a plateau or not.
 
 The cut depends on the data alone, on no threshold, so that loosening a threshold can only let more of the same candidates in.
 Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic programming over the marginal likelihood
@@ -32,7 +32,7 @@ _PRIOR = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Candidate:
     """Samples start to stop - 1 of a run, which look like a plateau or do not."""
 
     start: int
@@ -42,7 +42,7 @@ class Stretch:
     """Samples explained as motion at constant velocity; fewer the more the velocity swings."""
 
 
-def stretches(velocity: Array, torque: Array, start: int, stop: int) -> list[Stretch]:
+def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Candidate]:
     """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order; with no plateau, into lines.
 
     Args:
@@ -51,18 +51,20 @@ def stretches(velocity: Array, torque: Array, start: int, stop: int) -> list[Str
         start: first sample.
         stop: one past the last sample.
     """
-    found = [_without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))]
-    if not found and stop - start >= _BLOCKS[0] * _SMALLEST:
+    plateaus = [
+        _without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))
+    ]
+    if not plateaus and stop - start >= _BLOCKS[0] * _SMALLEST:
         return _cut(velocity, torque, start, stop, min(_ENOUGH // 2, (stop - start) // _SMALLEST))
-    edges = [start, *(edge for s in found for edge in (s.start, s.stop)), stop]
-    between = [Stretch(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
-    return sorted([*found, *between], key=lambda s: s.start)
+    edges = [start, *(edge for s in plateaus for edge in (s.start, s.stop)), stop]
+    between = [Candidate(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+    return sorted([*plateaus, *between], key=lambda s: s.start)
 
 
-def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Stretch]:
+def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Candidate]:
     if stop - start < _BLOCKS[0] * _SMALLEST:
         return []
-    best: list[Stretch] = []
+    best: list[Candidate] = []
     most = 0.0
     for blocks in _BLOCKS:
         if stop - start < blocks * _SMALLEST or (blocks > _ENOUGH and most > 0.5 * (stop - start)):
@@ -73,27 +75,27 @@ def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Str
             best, most = cut, total
     if not best:
         return []
-    found: list[Stretch] = []
+    plateaus: list[Candidate] = []
     edge = start
     for plateau in (s for s in best if s.plateau):
-        found += [*_plateaus(velocity, torque, edge, plateau.start), plateau]
+        plateaus += [*_plateaus(velocity, torque, edge, plateau.start), plateau]
         edge = plateau.stop
-    return found + _plateaus(velocity, torque, edge, stop)
+    return plateaus + _plateaus(velocity, torque, edge, stop)
 
 
-def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> list[Stretch]:
+def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> list[Candidate]:
     length = (stop - start) // blocks
     blocks = (stop - start) // length
     u, t = (x[start : start + blocks * length].reshape(blocks, length).mean(axis=1) for x in (velocity, torque))
     edges = start + length * np.arange(blocks + 1)
     edges[-1] = stop
-    found = []
+    lines = []
     for i, j in _lines(u):
         first, last = _settled(u, t, i, j) if j - i >= _SHORTEST else (i, j)
         a, b = int(edges[first]), int(edges[last])
         score = _score(u[first:last], velocity[a:b])
-        found += [Stretch(a, b, True, score)] if score else [Stretch(int(edges[i]), int(edges[j]), False)]
-    return found
+        lines += [Candidate(a, b, True, score)] if score else [Candidate(int(edges[i]), int(edges[j]), False)]
+    return lines
 
 
 def _lines(u: Array) -> list[tuple[int, int]]:
@@ -145,10 +147,10 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
     return (i + int(inside[0]), i + int(inside[-1]) + 1) if inside.size else (i, i)
 
 
-def _without_edges(velocity: Array, found: list[Stretch]) -> list[Stretch]:
+def _without_edges(velocity: Array, plateaus: list[Candidate]) -> list[Candidate]:
     """Without plateaus that are the edge of another: no further from it than they are long, a third as long or less, at its speed within 10 %."""
-    kept: list[tuple[Stretch, float]] = []
-    for s in sorted(found, key=lambda s: s.start - s.stop):
+    kept: list[tuple[Candidate, float]] = []
+    for s in sorted(plateaus, key=lambda s: s.start - s.stop):
         length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
         if not any(
             max(k.start - s.stop, s.start - k.stop) <= length
@@ -160,7 +162,7 @@ def _without_edges(velocity: Array, found: list[Stretch]) -> list[Stretch]:
     return sorted((s for s, _ in kept), key=lambda s: s.start)
 
 
-def _without_transient(torque: Array, s: Stretch) -> Stretch:
+def _without_transient(torque: Array, s: Candidate) -> Candidate:
     """A plateau from where its mean torque has the least standard error, in its first quarter: the marginal standard error rule (White, 1997)."""
     length = max((s.stop - s.start) // _TRIMS, 1)
     count = (s.stop - s.start) // length

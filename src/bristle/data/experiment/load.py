@@ -174,10 +174,10 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
 
     Raises InputError in one sentence that names the file and what is wrong with it.
     """
-    found = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
+    files = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
     return tuple(
         Run(kind=run.experiment, record=_read(experiment, run, path, shown), hold_out=run.hold_out)
-        for run, path, shown in found
+        for run, path, shown in files
     )
 
 
@@ -196,18 +196,18 @@ def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
             f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
         )
     try:
-        found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
+        matches = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
     except OSError as error:
         raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
-    if not found:
+    if not matches:
         what = "matches no file" if glob.has_magic(pattern) else "is no file"
         raise InputError(
             f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
         )
-    shown = [_shown(match, folder, variables) for match in found]
+    shown = [_shown(match, folder, variables) for match in matches]
     return [
         (folder / match, check_name(name, f"{experiment}: runs: files: the file name"))
-        for match, name in zip(found, shown, strict=True)
+        for match, name in zip(matches, shown, strict=True)
     ]
 
 
@@ -216,8 +216,8 @@ def _glob(pattern: str, folder: Path) -> list[str]:
         return glob.glob(pattern, root_dir=folder)  # noqa: PTH207  # Path.glob takes no absolute pattern
     root = Path(pattern).anchor  # and glob.glob follows links, in circles where they go so
     base = Path(root) if root else folder
-    found = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
-    return [f"{root}{path}" for path in found if not any(p.startswith(".") and p != ".." for p in path.parts)]
+    matches = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
+    return [f"{root}{path}" for path in matches if not any(p.startswith(".") and p != ".." for p in path.parts)]
 
 
 def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:

@@ -154,9 +154,9 @@ class Signals(StrictModel):
 
     def over(self, base: "Signals") -> "Signals":
         """These signals, and those of `base` that they do not replace; any of torque, voltage and current replaces the others."""
-        own = {name: signal for name, signal in self if signal is not None}
-        cleared = dict.fromkeys(DRIVE) if set(DRIVE) & set(own) else {}
-        return base.model_copy(update=cleared | own)
+        given = {name: signal for name, signal in self if signal is not None}
+        cleared = dict.fromkeys(DRIVE) if set(DRIVE) & set(given) else {}
+        return base.model_copy(update=cleared | given)
 
     def drive(self) -> str | None:
         """Which of torque, voltage and current is logged."""

@@ -104,7 +104,7 @@ def fit_tracking(
         measured=problem.measured,
         quantity=problem.quantity,
         residuals=rows,
-        starts_of_runs=problem.stretches,
+        starts_of_runs=problem.starts,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
     return DynamicSolution(result, problem, solution.values, solution)

@@ -64,8 +64,8 @@ def _wanted(
     jacobian, rest = solution.minimum.jacobian, solution.minimum.residuals
     known = jacobian[:, solution.scaled_errors < np.inf]
     columns = np.zeros((rest.size, len(wanted)))
-    for k, own in enumerate(wanted.values()):
-        rows = [m.weight * m.smoothed(c) for m, c in zip(problem.motions, own, strict=True)]
+    for k, by_motion in enumerate(wanted.values()):
+        rows = [m.weight * m.smoothed(c) for m, c in zip(problem.motions, by_motion, strict=True)]
         columns[: sum(r.size for r in rows), k] = np.concatenate(rows)
     beside = columns - known @ (inverse_gram(known) @ (known.T @ columns))
     weights = beside @ inverse_gram(beside)

@@ -17,7 +17,7 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.control.plant import THREADS, Current, State, plant_step
-from bristle.data.differentiation import stretches
+from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values, by_name
@@ -65,16 +65,16 @@ class Simulated:
         alike: dict[int, list[int]] = {}
         for k, window in enumerate(windows):
             alike.setdefault(window.time.size, []).append(k)
-        found: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
-        for size, own in alike.items():  # windows of one length go in one call
-            x0 = np.array([[known[InitialState(name, k)] for name in problem.initial_states] for k in own]).T
-            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(own), axis=1)])
-            inputs = np.concatenate([_inputs(windows[k], every) for k in own], axis=1)
-            ends = _chain((size - 1) * every, every, self.current, len(own))(start, inputs, p)
-            for k, first, rows in zip(own, start.T, np.split(np.asarray(ends), len(own), axis=1), strict=True):
+        simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
+        for size, chosen in alike.items():  # windows of one length go in one call
+            x0 = np.array([[known[InitialState(name, k)] for name in problem.initial_states] for k in chosen]).T
+            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(chosen), axis=1)])
+            inputs = np.concatenate([_inputs(windows[k], every) for k in chosen], axis=1)
+            ends = _chain((size - 1) * every, every, self.current, len(chosen))(start, inputs, p)
+            for k, first, rows in zip(chosen, start.T, np.split(np.asarray(ends), len(chosen), axis=1), strict=True):
                 whole = np.concatenate([first[::3, None], rows], axis=1)
-                found[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
-        return [found[k] for k in range(len(windows))]
+                simulated[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
+        return [simulated[k] for k in range(len(windows))]
 
     def _by_name(self, problem: DynamicProblem, k: int, by: Array) -> dict[Unknown, Array]:
         sets = by[3:15] if len(problem.directions) == 2 else by[3:9] + by[9:15]
@@ -108,7 +108,7 @@ def simulation(
         )
     by_voltage = constants is not None and all(r.voltage is not None for r in records)
     plant = Simulated(constants, motor.current) if constants and by_voltage else Simulated(_NO_MOTOR, motor.current_for)
-    parts = [(r, part) for r in records for part in stretches(r)]
+    parts = [(r, part) for r in records for part in between_gaps(r)]
     pairs = zip(parts, posed.motions, strict=True)
     windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
     return replace(
@@ -119,7 +119,7 @@ def simulation(
 def _windows(
     record: Record, part: slice, whole: Motion, horizon: float, decimation: int, *, by_voltage: bool
 ) -> list[Window]:
-    """The windows of a stretch: each of the same length, the last of what is left."""
+    """The windows of a segment between gaps: each of the same length, the last of what is left."""
     drive = record.voltage if by_voltage else record.torque
     if record.position is None or drive is None:
         raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
@@ -130,23 +130,23 @@ def _windows(
             f"{_EQUATIONS}, more than it has unknowns at its start: raise fit.horizon, or lower fit.decimation"
         )
     bounds = [k for k in range(0, whole.time.size, size) if whole.time.size - k >= _SHORTEST]
-    found = []
+    windows = []
     for first in bounds:
-        own = slice(first, min(first + size, whole.time.size))
-        found.append(
+        samples = slice(first, min(first + size, whole.time.size))
+        windows.append(
             Window(
                 file=record.file,
                 continues_previous=first > 0,
-                time=whole.time[own],
-                velocity=whole.velocity[own],
-                torque=whole.torque[own],
-                extra=whole.extra[own],
-                smooth=_means(own.stop - own.start, decimation),
-                measured=record.position[part][own],
-                drive=drive[part][own],
+                time=whole.time[samples],
+                velocity=whole.velocity[samples],
+                torque=whole.torque[samples],
+                extra=whole.extra[samples],
+                smooth=_means(samples.stop - samples.start, decimation),
+                measured=record.position[part][samples],
+                drive=drive[part][samples],
             )
         )
-    return found
+    return windows
 
 
 def _means(samples: int, decimation: int) -> sparse.csr_array | None:

@@ -49,8 +49,8 @@ def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Un
 
     Raises InputError as `minimise` does.
     """
-    posed, found = solved(problem, start, most)
-    return posed.unknowns.values(found.x), found
+    posed, minimum = solved(problem, start, most)
+    return posed.unknowns.values(minimum.x), minimum
 
 
 def solved(problem: DynamicProblem, start: Values, most: int) -> tuple[LeastSquares[Unknown], Minimum]:
@@ -70,10 +70,10 @@ def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: V
     )
     begin = unknowns.scaled(start)
     try:
-        found = minimise(_evaluation(few, unknowns), begin, unknowns.lower, unknowns.upper, most, _NEAR)
+        rough = minimise(_evaluation(few, unknowns), begin, unknowns.lower, unknowns.upper, most, _NEAR)
     except InputError:
         return start
-    near, measured = unknowns.values(found.x), between.measured
+    near, measured = unknowns.values(rough.x), between.measured
     return min((near, start), key=lambda values: np.sum((measured - np.concatenate(modelled(between, values))) ** 2))
 
 
@@ -86,15 +86,15 @@ def _thinned(motion: Motion, first: int) -> Motion:
 
 
 def polished(
-    problem: DynamicProblem, posed: LeastSquares[Unknown], found: Minimum
+    problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
     """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves; kept where it is lower."""
-    if problem.quantity == "torque" or found.converged:
-        return posed, found
-    values = posed.unknowns.values(found.x)
+    if problem.quantity == "torque" or minimum.converged:
+        return posed, minimum
+    values = posed.unknowns.values(minimum.x)
     near = least_squares(problem, values)
     better = descend(near, near.unknowns.scaled(values), _POLISH)
-    return (near, better) if better.cost <= found.cost else (posed, found)
+    return (near, better) if better.cost <= minimum.cost else (posed, minimum)
 
 
 def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
@@ -145,7 +145,7 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
         evaluate=_evaluation(problem, unknowns),
         blocks=problem.blocks,
         independent=problem.quantity == "position",
-        stretches=problem.stretches,
+        starts=problem.starts,
         priors=sum(len(prior.names) for prior in problem.priors),
         sigma=problem.sigma,
     )
@@ -169,10 +169,10 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
         if weight is not None:
             rows, slopes = rows * weight, slopes * weight[:, None]
         for prior in problem.priors:
-            own = [problem.names.index(name) for name in prior.names]
-            slope = np.zeros((len(own), x.size))
-            slope[:, own] = problem.sigma * prior.root * chain[own]
-            rows = np.append(rows, problem.sigma * (prior.root @ (natural[own] - prior.value)))
+            columns = [problem.names.index(name) for name in prior.names]
+            slope = np.zeros((len(columns), x.size))
+            slope[:, columns] = problem.sigma * prior.root * chain[columns]
+            rows = np.append(rows, problem.sigma * (prior.root @ (natural[columns] - prior.value)))
             slopes = np.vstack([slopes, slope])
         return rows, slopes
 
@@ -209,9 +209,9 @@ def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, fl
     p = parameters(problem, start)
     out, end = dict(start), 0.0
     for k, m in enumerate(problem.motions):
-        own = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
-        most = own.alpha_0 / own.sigma_0
-        z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / own.sigma_0, -most, most))
+        acting = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
+        most = acting.alpha_0 / acting.sigma_0
+        z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / acting.sigma_0, -most, most))
         if m.continues_previous:
             z0 = end
         end = float(rollout(m.velocity, m.step, p, z0).z[-1]) if problem.quantity == "position" else z0
@@ -221,5 +221,5 @@ def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, fl
 
 
 def without_deflections(values: Values) -> dict[ParameterName, float]:
-    """The values without the deflections at the start of each stretch."""
+    """The values without the deflections at the start of each segment."""
     return {name: value for name, value in values.items() if isinstance(name, ParameterName)}

@@ -130,10 +130,10 @@ def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inve
 
     def at(g0: float) -> tuple[float, float, float]:
         """u, e and degrees of freedom at one g0; no u where nothing is left to estimate from."""
-        own = [of_loading(loading, g0) for loading in loadings]
-        if not inverse and not any(one.edge_y.size > 1 for one in own):
+        pieces = [of_loading(loading, g0) for loading in loadings]
+        if not inverse and not any(one.edge_y.size > 1 for one in pieces):
             return np.nan, np.nan, 1.0
-        value, error, freedom = by_samples(own) if inverse else by_edges(own)
+        value, error, freedom = by_samples(pieces) if inverse else by_edges(pieces)
         return (1 / value, float(np.hypot(error / value**2, spread)), freedom) if inverse else (value, error, freedom)
 
     reach = student(at(level.value)[2])
@@ -165,15 +165,15 @@ def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inv
     drawn = _by_samples(pieces, seed) if inverse else _by_edges(pieces, seed)
     middle, e = map(float, line.at(0.0))
     steps = drawn.steps[:, 0]
-    own = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
-    data = float(np.sqrt(np.mean(own**2)))
+    errors = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
+    data = float(np.sqrt(np.mean(errors**2)))
     rng = np.random.default_rng([seed, 1])
     g0, rest = rng.standard_normal((2, steps.size))
     other = max(error**2 - e**2, 0.0)  # by g0
     counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
     moved = line.at(g0)[0] - middle
     steps = steps + np.sqrt(counts) * rest
-    studentised = (steps - moved) / np.sqrt(own**2 + counts + other)
+    studentised = (steps - moved) / np.sqrt(errors**2 + counts + other)
     return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
 
 

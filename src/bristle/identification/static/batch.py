@@ -161,9 +161,9 @@ class Batch:
         high[-2, open_[0] | open_[1]] = np.inf
         alone = self._alone | self._breaks(box) | broken[0] | broken[1] | linear.broken | (best <= 0)
         for k in np.flatnonzero(alone).tolist():
-            own = self._one(k)
-            one = profiled(own, solve(own, self.v_s_range, self.grid)).intervals
-            low[:, k], high[:, k] = np.array([one[name] for name in own.names]).T
+            single = self._one(k)
+            intervals = profiled(single, solve(single, self.v_s_range, self.grid)).intervals
+            low[:, k], high[:, k] = np.array([intervals[name] for name in single.names]).T
         return self._floored(low), high
 
     def _one(self, k: int) -> Regression:
@@ -184,8 +184,8 @@ class Batch:
         weights = np.vander((x - first).ravel(), 6, increasing=True) @ _TO_POLYNOMIAL
         weights = weights.reshape(*x.shape, 6)
         near = first[..., None] + _NEIGHBOURS
-        own = self._tables.along[near, np.arange(x.shape[0])[:, None, None]]
-        tables = (*(table[..., near] for table in self._tables[:4]), own)
+        along = self._tables.along[near, np.arange(x.shape[0])[:, None, None]]
+        tables = (*(table[..., near] for table in self._tables[:4]), along)
         return Tables(*(np.einsum("...sqi,sqi->...sq", table, weights) for table in tables))
 
     def _costs(self, at: Tables) -> Array:
@@ -270,8 +270,8 @@ def solve_batch(
         theta, shape (4, sets), in the order alpha_0, alpha_2, alpha_1, v_s; and the cost, shape (sets,). Sets whose minimum lies at the end
         of the range, or whose free solution breaks a bound, are solved one by one, as `solve` does.
     """
-    found = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, v_s_range, grid)
-    return found.theta, found.cost
+    batch = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, v_s_range, grid)
+    return batch.theta, batch.cost
 
 
 def _steepest(along: Array) -> Array:

@@ -69,10 +69,10 @@ def crosscheck(
     ended = full_fit(problem, v_s_range)
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
     same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)
-    values, errors, *found = (
+    values, errors, *minima = (
         dict(zip(problem.names, one.tolist(), strict=True)) for one in (theta, standard_errors, *ended)
     )
-    other = compared(values, cost, errors, found, costs, same)
+    other = compared(values, cost, errors, minima, costs, same)
     verdict = Kind.GRID_LOWER(grid=cost, full=other.cost_full)
     if other.agrees:
         verdict = Kind.ROUTES_AGREE(worst=other.worst, reached=other.reached, starts=STARTS)
@@ -89,8 +89,8 @@ def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[flo
     extra = ca.vertcat(*(value[name] for name in few.linear_names[known:]))
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, known:]), extra)
     for direction in few.directions:
-        own = {name: value[key] for name in Stribeck._fields if (key := ParameterName(name, direction)) in value}
-        p = Stribeck(**{"alpha_1": 0.0, "v_s": 1.0, **own})
+        given = {name: value[key] for name in Stribeck._fields if (key := ParameterName(name, direction)) in value}
+        p = Stribeck(**{"alpha_1": 0.0, "v_s": 1.0, **given})
         moving = few.velocity != 0
         if len(few.directions) == 2:
             moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0

@@ -316,8 +316,8 @@ def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, flo
     linear = projected.back(projected.q.T @ torques - inside * alpha_1)
     theta = np.vstack([linear, alpha_1, v_s])
     for k in np.flatnonzero((linear <= projected.lower[:, None]).any(axis=0)).tolist():
-        own = replace(problem, torque=torques[:, k].copy(), memory={})
-        theta[:, k] = plain_grid(own, v_s_range, count)[2]
+        alone = replace(problem, torque=torques[:, k].copy(), memory={})
+        theta[:, k] = plain_grid(alone, v_s_range, count)[2]
     return theta
 
 

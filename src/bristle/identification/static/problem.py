@@ -193,7 +193,7 @@ def from_records(
     """The problem for moving data, as robot identification poses it.
 
     Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order Butterworth, forward and
-    backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end of a stretch without gaps are dropped.
+    backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end of a segment between gaps are dropped.
 
     Args:
         records: with velocity, torque, and acceleration or position where a regressor needs them.
@@ -206,13 +206,13 @@ def from_records(
         The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples dropped at ends.
 
     Raises:
-        InputError: where a stretch is too short for the filter, with the length it needs.
+        InputError: where a segment is too short for the filter, with the length it needs.
     """
     smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
     velocity = np.concatenate([needed(r, "velocity") for r in records])
     torque = np.concatenate([needed(r, "torque") for r in records])
     columns = [extra_columns(regressors, record) for record in records]
-    extra = {name: np.concatenate([own[name] for own in columns]) for name in columns[0]}
+    extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     problem = _build(velocity, torque, directions, extra, smooth)
     if inertia is not None:
         known = smooth @ np.concatenate([inertial(r, inertia) for r in records])
@@ -289,9 +289,9 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     velocities, shares = [], []
     for sign in (1.0, -1.0) if two else (1.0,):
         moving = problem.velocity * sign > 0 if two else problem.velocity != 0
-        nodes, own = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ (basis * weight[:, None])).T)
+        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ (basis * weight[:, None])).T)
         velocities.append(sign * nodes)
-        shares.append(sign * own)
+        shares.append(sign * sums)
     return replace(
         problem,
         velocity=np.concatenate(velocities),

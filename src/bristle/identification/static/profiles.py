@@ -91,12 +91,12 @@ def profiled(problem: Regression, solution: Solution, variance_inflation: float 
         looks=_LOOKS[peaks],
         tolerance=_ROUNDING * free.rest_cost,
     )
-    found = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
+    intervals = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
     for name, (low, high) in v_s.items():
         if low == 0 or not np.isfinite(high):
             alpha_1 = name._replace(name="alpha_1")
-            found[alpha_1] = found[alpha_1][0], np.inf
-    return StaticProfiles(found | v_s, threshold, few, linear)
+            intervals[alpha_1] = intervals[alpha_1][0], np.inf
+    return StaticProfiles(intervals | v_s, threshold, few, linear)
 
 
 def _over_log(projected: Projected) -> Face:
@@ -114,8 +114,8 @@ def _of_v_s(
 ) -> dict[ParameterName, tuple[float, float]]:
     """The interval of v_s of each peak; of two, the other's v_s is searched on the grid and near its best."""
     projected, peaks = Projected(problem), len(problem.peaks)
-    found = {}
+    intervals = {}
     for k, name in enumerate(problem.names[len(problem.names) - peaks :]):
         costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
-        found[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
-    return found
+        intervals[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
+    return intervals

@@ -166,11 +166,11 @@ def _refitted(
         if not problem.peaks:
             theta, errors = linear_refit(problem.linear, torques, uneven)
             return theta - best, errors
-        found = Batch(problem, torques, v_s_range)
+        batch = Batch(problem, torques, v_s_range)
         with np.errstate(divide="ignore", invalid="ignore"):
-            steps = np.where(logarithmic, np.log(found.theta / best), found.theta - best)
-        size = np.where(logarithmic, np.column_stack([best, found.theta[:, 1:]]), 1.0)
-        return steps, found.errors(robust=uneven) / size
+            steps = np.where(logarithmic, np.log(batch.theta / best), batch.theta - best)
+        size = np.where(logarithmic, np.column_stack([best, batch.theta[:, 1:]]), 1.0)
+        return steps, batch.errors(robust=uneven) / size
 
     return residual_bootstrap(solution.jacobian, solution.residuals, problem.velocity, refit, draws, seed)
 
