@@ -11,7 +11,7 @@ from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number,
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
-from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
+from bristle.model.parameters import WITHOUT_PEAK, Kind, Lugre, ParameterName, Stribeck, in_direction
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -130,11 +130,9 @@ class StaticFit:
     """Where each point was measured, rad, shape (n,); empty where unknown."""
 
     def values(self) -> Stribeck[float] | None:
-        """The fitted law, or None where nothing was fitted. A Stribeck term that is not identifiable is zero, at any v_s."""
-        p = {name: estimate.value for name, estimate in self.parameters.items()}
-        if p.get("alpha_0") is None:
-            return None
-        return Stribeck(p["alpha_0"] or 0.0, p["alpha_1"] or 0.0, p["alpha_2"] or 0.0, p["v_s"] or 1.0)
+        """The fitted law, or None where nothing was fitted; a law without a peak is `WITHOUT_PEAK`."""
+        fitted = {n: e.value for n, e in self.parameters.items() if n in Stribeck._fields and e.value is not None}
+        return Stribeck(**{"alpha_2": 0.0, **WITHOUT_PEAK, **fitted}) if "alpha_0" in fitted else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,6 +33,8 @@ class Stribeck(NamedTuple, Generic[T]):
     v_s: T
 
 
+WITHOUT_PEAK = {"alpha_1": 0.0, "v_s": 1.0}
+"""Of a law whose Stribeck term is not there, or not identifiable: it is zero, at any v_s."""
 STRIBECK_REACH = 1.5
 """Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is not seen alone."""
 

@@ -89,10 +89,10 @@ def find_segments(
             f"{record.file}: a ramp run needs velocity and torque; name position or velocity, and torque, under signals"
         )
     edges = (*record.starts, record.time.size)
-    listed = [s for start, stop in pairwise(edges) for s in candidates(record.velocity, record.torque, start, stop)]
-    usual = usual_scale(record, listed, encoder_resolution)
-    settling = _settling(record.velocity, listed)
-    return tuple(_segment(record, s, usual, thresholds, longer) for s, longer in zip(listed, settling, strict=True))
+    cut = [s for start, stop in pairwise(edges) for s in candidates(record.velocity, record.torque, start, stop)]
+    usual = usual_scale(record, cut, encoder_resolution)
+    settling = _settling(record.velocity, cut)
+    return tuple(_segment(record, s, usual, thresholds, longer) for s, longer in zip(cut, settling, strict=True))
 
 
 def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
@@ -115,20 +115,20 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
     return message + nearest + looks
 
 
-def _settling(velocity: Array, listed: Sequence[Candidate]) -> list[Candidate | None]:
+def _settling(velocity: Array, cut: Sequence[Candidate]) -> list[Candidate | None]:
     """For each candidate, the plateau that it is the beginning or end of.
 
     That is at least three times as long, at the same speed within 10 %, and reached from the candidate, in a third of its length, without ever
     leaving that speed.
     """
-    means = [float(np.mean(velocity[s.start : s.stop])) for s in listed]
-    owner: list[Candidate | None] = [None] * len(listed)
-    for j, plateau in enumerate(listed):
+    means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
+    owner: list[Candidate | None] = [None] * len(cut)
+    for j, plateau in enumerate(cut):
         reach = (plateau.stop - plateau.start) / 3
         for way in (-1, 1):
             k = j + way
-            while plateau.plateau and 0 <= k < len(listed) and abs(means[k] - means[j]) <= 0.1 * abs(means[j]):
-                s, before = listed[k], listed[k - way]
+            while plateau.plateau and 0 <= k < len(cut) and abs(means[k] - means[j]) <= 0.1 * abs(means[j]):
+                s, before = cut[k], cut[k - way]
                 touches = s.stop == before.start or s.start == before.stop
                 away = plateau.start - s.start if way < 0 else s.stop - plateau.stop
                 if not touches or away > reach:

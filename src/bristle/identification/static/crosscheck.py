@@ -15,7 +15,7 @@ from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.results import Crosscheck
 from bristle.identification.static.problem import Regression, reduced, unknowns_of
 from bristle.model import law
-from bristle.model.parameters import Direction, ParameterName, Stribeck
+from bristle.model.parameters import WITHOUT_PEAK, Direction, ParameterName, Stribeck
 
 STARTS = 8
 """Random starts of the full fit."""
@@ -90,7 +90,7 @@ def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[flo
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, known:]), extra)
     for direction in few.directions:
         given = {name: value[key] for name in Stribeck._fields if (key := ParameterName(name, direction)) in value}
-        p = Stribeck(**{"alpha_1": 0.0, "v_s": 1.0, **given})
+        p = Stribeck(**{**WITHOUT_PEAK, **given})
         moving = few.velocity != 0
         if len(few.directions) == 2:
             moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
