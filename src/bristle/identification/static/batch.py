@@ -6,7 +6,6 @@ has a few small sums of its own. Tables and errors in closed form are for speed:
 would take many times as long.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.grid import Projected, solve
 from bristle.identification.static.problem import Regression, from_points, log_grid
 from bristle.identification.static.profiles import profiled
-from bristle.model.parameters import Stribeck
 
 GRID = 96
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
@@ -77,9 +75,8 @@ class Batch:
         projected = Projected(problem)
         values, q = log_grid(v_s_range, grid), projected.q
         shapes, slopes = problem.slopes(values)
-        slopes = slopes * values
-        inside = np.stack([q.T @ shapes, q.T @ slopes])
-        off, steep = shapes - q @ inside[0], slopes - q @ inside[1]
+        (of_shapes, off), (of_slopes, steep) = projected.without(shapes), projected.without(slopes * values)
+        inside = np.stack([of_shapes, of_slopes])
         products = np.hstack([q, off]).T @ torques
         in_q, along = products[: q.shape[1]], products[q.shape[1] :]
         length = np.maximum(np.linalg.norm(off, axis=0), 1e-300)
@@ -151,7 +148,7 @@ class Batch:
             box=box[:, None],
             looks=_LOOKS,
             cost=best,
-            bounded=np.append(np.isfinite(self.problem.lower), True),
+            bounded=np.isfinite(self.problem.least[:-1]),
         )
         low, high = (
             np.vstack([x.T, self._v_s(end)])
@@ -161,18 +158,13 @@ class Batch:
         high[-2, open_[0] | open_[1]] = np.inf
         alone = self._alone | self._breaks(box) | broken[0] | broken[1] | linear.broken | (best <= 0)
         for k in np.flatnonzero(alone).tolist():
-            single = self._one(k)
+            single = self.problem.with_torque(self.torques[:, k])
             intervals = profiled(single, solve(single, self.v_s_range, self.grid)).intervals
             low[:, k], high[:, k] = np.array([intervals[name] for name in single.names]).T
         return self._floored(low), high
 
-    def _one(self, k: int) -> Regression:
-        return replace(self.problem, torque=self.torques[:, k].copy(), memory={})
-
     def _floored(self, low: Array) -> Array:
-        bounded = np.array([name.name in Stribeck._fields for name in self.problem.names])
-        floored: Array = np.where(bounded[:, None], np.maximum(low, 0.0), low)
-        return floored
+        return np.maximum(low, self.problem.least[:, None])
 
     def _v_s(self, x: Array) -> Array:
         values: Array = self._base * np.exp(self._step * x)
@@ -205,10 +197,9 @@ class Batch:
         linear, alpha_1 = self._without - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
         self.theta = np.vstack([linear, alpha_1, self._v_s(self._x)])
         self.cost = np.maximum(self._costs(at)[:, 0], 0.0)
-        lower = np.append(self.problem.lower, 0.0)
-        self._alone = (self.theta[:-1] <= lower[:, None]).any(axis=0) | ~inside_grid
+        self._alone = (self.theta[:-1] <= self.problem.least[:-1, None]).any(axis=0) | ~inside_grid
         for k in np.flatnonzero(self._alone).tolist():
-            one = solve(self._one(k), self.v_s_range, self.grid)
+            one = solve(self.problem.with_torque(self.torques[:, k]), self.v_s_range, self.grid)
             self.theta[:, k], self.cost[k] = one.theta, one.cost
             self._x[k] = np.clip(np.log(one.theta[-1] / self._base) / self._step, 0.0, last)
 

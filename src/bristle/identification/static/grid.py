@@ -86,6 +86,11 @@ class Projected:
         broken = problem.torque - problem.linear @ bounded_least_squares(problem.linear, problem.torque, self.lower)
         return float(broken @ broken)
 
+    def without(self, columns: Array) -> tuple[Array, Array]:
+        """The coefficients in Q of some columns, (m, k), and what is left of them off the linear ones, (n, k)."""
+        inside = self.q.T @ columns
+        return inside, columns - self.q @ inside
+
     def off(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
         """Stribeck columns less their part in the linear ones (n, k), and their squared lengths (k,), inf where they vanish."""
         shapes = self.problem.shapes(v_s, direction)
@@ -116,8 +121,8 @@ class Projected:
     def at(self, v_s: float) -> Inner:
         """The problem at one v_s, from what is projected already; one peak."""
         shape, slope = self.problem.slopes(np.array([v_s]))
-        inside = self.q.T @ shape
-        off = (shape - self.q @ inside)[:, 0]
+        inside, left = self.without(shape)
+        off = left[:, 0]
         length = float(off @ off)
         if length > _FLAT * float(shape[:, 0] @ shape[:, 0]):
             alpha_1 = float(self.rest @ off) / length
@@ -176,9 +181,8 @@ class Projected:
         K, P, p = v_s.shape[0], len(self.peaks), self.size
         off, inside = np.empty((K, P, self.rest.size)), np.empty((K, P, self.q.shape[1]))
         for row, k in enumerate(self.peaks):
-            shapes = self.problem.shapes(v_s[:, k], k)
-            in_q = self.q.T @ shapes
-            off[:, row], inside[:, row] = (shapes - self.q @ in_q).T, in_q.T
+            in_q, left = self.without(self.problem.shapes(v_s[:, k], k))
+            off[:, row], inside[:, row] = left.T, in_q.T
         gram = np.linalg.pinv(off @ off.transpose(0, 2, 1), hermitian=True)
         along = off @ self.rest
         alpha_1 = np.einsum("kpr,kr->kp", gram, along)
@@ -205,7 +209,7 @@ def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
     solution = least_squares(design, problem.torque)
     held: tuple[ParameterName, ...] = ()
     if solution.min() <= 0:  # an extra regressor may well be negative; a friction parameter may not
-        lower = np.append(problem.lower, np.zeros(len(v_s)))
+        lower = problem.least[: solution.size]
         if (solution < lower).any():
             solution = bounded_least_squares(design, problem.torque, lower)
         held = tuple(name for name, x, low in zip(problem.names, solution, lower, strict=False) if x <= low)
@@ -316,8 +320,7 @@ def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, flo
     linear = projected.back(projected.q.T @ torques - inside * alpha_1)
     theta = np.vstack([linear, alpha_1, v_s])
     for k in np.flatnonzero((linear <= projected.lower[:, None]).any(axis=0)).tolist():
-        alone = replace(problem, torque=torques[:, k].copy(), memory={})
-        theta[:, k] = plain_grid(alone, v_s_range, count)[2]
+        theta[:, k] = plain_grid(problem.with_torque(torques[:, k]), v_s_range, count)[2]
     return theta
 
 

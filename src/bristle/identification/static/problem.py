@@ -71,9 +71,19 @@ class Regression:
         return name.name if len(self.directions) == 1 else str(name)
 
     @property
+    def least(self) -> Array:
+        """What each parameter may be at least: 0 for friction, -inf for the extra regressors; in the order of `names`."""
+        return np.array([0.0 if name.name in Stribeck._fields else -np.inf for name in self.names])
+
+    @property
     def lower(self) -> Array:
-        """Lower bounds of the linear columns: 0 for friction, -inf for the extra regressors."""
-        return np.array([0.0 if name.name.startswith("alpha") else -np.inf for name in self.linear_names])
+        """`least` of the linear columns, (m,)."""
+        return self.least[: len(self.linear_names)]
+
+    @property
+    def logarithmic(self) -> NDArray[np.bool_]:
+        """Which parameters a step moves by their logarithm: v_s; in the order of `names`."""
+        return np.array([name.name == "v_s" for name in self.names])
 
     @property
     def equation_velocity(self) -> Array:
@@ -134,6 +144,10 @@ class Regression:
         """The same problem with each equation multiplied by the square root of its weight, (n,)."""
         root = np.sqrt(weight)
         return replace(self, torque=self.torque * root, linear=self.linear * root[:, None], root_weight=root)
+
+    def with_torque(self, torque: Array) -> "Regression":
+        """The same velocities with another torque, N*m, (n,)."""
+        return replace(self, torque=torque.copy(), memory={})
 
     def rows(self, keep: NDArray[np.bool_]) -> "Regression":
         """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
@@ -358,12 +372,11 @@ def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns
     columns = np.abs(problem.linear).max(axis=0)
     columns[columns == 0] = 1.0
     low, high = np.log(v_s_range)
-    friction = [name.name in Stribeck._fields for name in problem.names]
     return Unknowns(
         names=problem.names,
-        logarithmic=np.array([name.name == "v_s" for name in problem.names]),
+        logarithmic=problem.logarithmic,
         scale=np.concatenate([torque / columns, np.full(peaks, torque), np.ones(peaks)]),
         lower=np.concatenate([problem.lower, np.zeros(peaks), np.full(peaks, low)]),
         upper=np.concatenate([np.full(columns.size + peaks, np.inf), np.full(peaks, high)]),
-        least=np.where(friction, 0.0, -np.inf),
+        least=problem.least,
     )

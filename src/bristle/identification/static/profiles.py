@@ -71,7 +71,7 @@ def profiled(problem: Regression, solution: Solution, variance_inflation: float 
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]
     v_s = _of_v_s(few, solution, best, threshold)
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
-    bounded = np.array([name.name.startswith("alpha") for name in names])
+    bounded = np.isfinite(few.least[: len(names)])
     free = Projected(few)
 
     def faces(j: int) -> Iterator[Face]:

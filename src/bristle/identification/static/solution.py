@@ -17,7 +17,7 @@ from bristle.identification.results import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
-from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, Stribeck, unit
+from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 
 SUPPORTED = 0.05
@@ -126,8 +126,9 @@ def _student(
 ) -> dict[ParameterName, tuple[float, float]]:
     """The intervals by Student's t, by name; no friction parameter below zero."""
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(covariance))
-    floor = [0.0 if name.name in Stribeck._fields else -np.inf for name in problem.names]
-    ends = zip(np.maximum(solution.theta - reach, floor).tolist(), (solution.theta + reach).tolist(), strict=True)
+    ends = zip(
+        np.maximum(solution.theta - reach, problem.least).tolist(), (solution.theta + reach).tolist(), strict=True
+    )
     return dict(zip(problem.names, ends, strict=True))
 
 

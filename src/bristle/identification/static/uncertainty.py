@@ -27,7 +27,7 @@ from bristle.identification.static.grid import Projected, Solution
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import others
 from bristle.identification.static.solution import StaticSolution
-from bristle.model.parameters import ParameterName, Stribeck
+from bristle.model.parameters import ParameterName
 
 SEED = 0
 """Of the bootstrap."""
@@ -136,8 +136,7 @@ def resample(
     if problem.smooth is not None and drawn.blocks < FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
-    best, logarithmic = solution.theta[keep, None], _logarithmic(problem)[keep, None]
-    floor = np.array([0.0 if name.name in Stribeck._fields else -np.inf for name in problem.names])[keep, None]
+    best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))
 
     def moved(steps: Array) -> Array:
         """All parameters moved by steps, (p, k); nan for what is not stepped."""
@@ -151,14 +150,10 @@ def resample(
     return StaticDraws(low, high, moved(drawn.steps.T[: best.size]), drawn.wild)
 
 
-def _logarithmic(problem: Regression) -> NDArray[np.bool_]:
-    return np.array([name.name == "v_s" for name in problem.names])
-
-
 def _refitted(
     problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int, seed: int
 ) -> tuple[Resampled, Array]:
-    best, logarithmic = solution.theta[:, None], _logarithmic(problem)[:, None]
+    best, logarithmic = solution.theta[:, None], problem.logarithmic[:, None]
 
     def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
         """How far the whole grid's estimates lie off, and their standard errors; inf where nothing is seen of a parameter."""
@@ -178,7 +173,7 @@ def _refitted(
 def _stepped(
     problem: Regression, solution: Solution, keep: NDArray[np.bool_], seed: int, covariance: Array | None
 ) -> tuple[Resampled, Array]:
-    size = np.where(_logarithmic(problem), solution.theta, 1.0)[keep]
+    size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
     J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
     if problem.smooth is None or covariance is None:
         return residual_bootstrap(J, left, problem.velocity, seed=seed)
