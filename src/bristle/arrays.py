@@ -1,7 +1,7 @@
-"""The array that every floor of the house hands to the next, the values that hold them, and how those hold what JSON has no word for.
+"""The array that every floor of the house hands to the next, the values that hold it, and their form in JSON.
 
-pydantic reads the JSON forms off the result classes where results.json is made or read, and only there. Floats keep every digit. An open bound is
-"inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
+pydantic reads the JSON forms off the result classes where results.json is made or read, and only there. Floats keep
+every digit. An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,10 @@ Bound = float | Literal["inf", "-inf"]
 
 @dataclass(frozen=True, slots=True)
 class JsonForm:
-    """What a value is in JSON, and the ways there and back; it annotates a type, and pydantic asks it for the schema."""
+    """What a value is in JSON, and the ways there and back.
+
+    It annotates a type, and pydantic asks it for the schema.
+    """
 
     form: Any
     """The type of what is written, or a function that gives it."""

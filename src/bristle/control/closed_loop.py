@@ -1,8 +1,9 @@
-"""The compensated joint in closed loop: plant, sampled controller with compensator, drive and encoder, batched over cases; and what a run measured.
+"""The compensated joint in closed loop.
 
-One control period: the encoder reads, PID and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and
-the plant goes on by exact steps of its frozen linear system. Numbers are inputs of one compiled function, so that cases with other parameters, gains
-and encoders share it; the virtual bench runs on it as well.
+Plant, sampled controller with compensator, drive and encoder, batched over cases; and what a run measured. One control
+period: the encoder reads, PID and compensator ask for a torque, the drive gives it (or the voltage that the motor model
+makes of it), and the plant goes on by exact steps of its frozen linear system. Numbers are inputs of one compiled
+function, so that cases with other parameters, gains and encoders share it; the virtual bench runs on it as well.
 """
 
 from collections.abc import Callable, Sequence
@@ -122,12 +123,13 @@ def simulate(
         reference: what every case is to do, or each its own, at every control period.
         period: s.
         disturbance: what acts beside it; None: nothing.
-        stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times slower.
-        alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds otherwise than numbers that are
-            given, and the bytes of the embedded logs rest on it.
+        stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times
+            slower.
+        alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds
+            otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
 
-    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that the
-    loop has, or nothing is to be run.
+    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor
+    lacks the inductance that the loop has, or nothing is to be run.
     """
     n = reference.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:
@@ -161,7 +163,10 @@ def simulate(
 
 
 def _in_threads(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array, threads: int) -> Array:
-    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each; the cases are shared among threads."""
+    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each.
+
+    The cases are shared among threads.
+    """
     cases, n = given[0].shape
     parts = [slice(*ends) for ends in pairwise(round(k * cases / threads) for k in range(threads + 1))]
     for samples, part in product({min(_CHUNK, n - first) for first in range(0, n, _CHUNK)}, parts):

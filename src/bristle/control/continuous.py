@@ -1,6 +1,7 @@
-"""The compensated joint as one continuous equation, integrated by CVODES: what the sampled loop tends to. The paper used such blocks, with ode45.
+"""The compensated joint as one continuous equation, integrated by CVODES: what the sampled loop tends to.
 
-The plant under a torque drive, PID (21) with the exact derivative, the compensator's bristle, the gains by their law; nothing is sampled or limited.
+The paper used such blocks, with ode45. The plant under a torque drive, PID (21) with the exact derivative, the
+compensator's bristle, the gains by their law; nothing is sampled or limited.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,7 +39,8 @@ def simulate_continuous(
         duration: s.
         period: between the instants that are logged, s.
 
-    Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not positive.
+    Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not
+    positive.
     """
     _check(case, compensator, duration, period)
     gains = compensating.adapted_count(compensator)
@@ -81,7 +83,10 @@ def _check(case: Case, compensator: Compensator, duration: float, period: float)
 def _compensated(
     compensator: Compensator, pair: Pair[float], r: Reference, m: Measurement, own: Sequence[Expression]
 ) -> tuple[list[Expression], Expression, Expression]:
-    """Of the compensator: the rates of its bristle, its gains and dz / d theta; the friction that it predicts, N*m; and its torque, N*m."""
+    """Of the compensator: the rates of its bristle, its gains and dz / d theta; the friction that it predicts.
+
+    Then its torque; both in N*m.
+    """
     z, *learnt = own
     state, forward = compensating.initial_state(compensator, pair), compensator.inertia * r.acceleration
     if not compensator.name.startswith("lugre"):

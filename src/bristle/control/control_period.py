@@ -1,7 +1,8 @@
-"""One control period of the closed loop: what it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples.
+"""One control period of the closed loop.
 
-The encoder reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and the plant
-goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
+What it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples. The encoder
+reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of
+it), and the plant goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
 """
 
 from collections.abc import Iterator
@@ -87,7 +88,8 @@ class Case:
     resolution: float = 1.0
     """One count, rad, where there is an encoder."""
     sliding: Sliding[float] = _SOFT
-    """Of the controller where it is sliding mode; in its layer the default is a PD controller with the paper's K_p and K_d."""
+    """Of the controller where it is sliding mode; in its layer the default is a PD controller with the paper's K_p and
+    K_d."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -254,7 +256,10 @@ def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
 
 @lru_cache(maxsize=32)
 def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca.Function:
-    """One control period: (memory, what is given, numbers) -> (memory, log). With constants the numbers given are not looked at."""
+    """One control period: (memory, what is given, numbers) -> (memory, log).
+
+    With constants the numbers given are not looked at.
+    """
     now = controlled(options, constants)
     new = ca.vertcat(*flat(after(options, now, now.sent)))
     return ca.Function("control_period", [*now.inputs], [new, ca.vertcat(*flat(now.log))], {"cse": True})
@@ -262,7 +267,10 @@ def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca
 
 @lru_cache(maxsize=8)
 def stiff_control_period(options: LoopOptions) -> ca.Function:
-    """The same, the plant by CVODES at tight tolerances: variable steps and orders, implicit, nothing of the fast step in it."""
+    """The same, the plant by CVODES at tight tolerances.
+
+    Variable steps and orders, implicit, nothing of the fast step in it.
+    """
     now = controlled(options)
     kept = ca.vertcat(*flat(now.kept))
     state = ca.vertcat(*flat((now.memory.plant, now.memory.current)))

@@ -97,9 +97,9 @@ def _is_number(kind: Any) -> bool:
 
 
 def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the one-dimensional numeric columns that a MAT, NPZ or Parquet file offers, structs as dotted paths; a name may repeat.
+    """Names of the one-dimensional numeric columns that a MAT, NPZ or Parquet file offers, structs as dotted paths.
 
-    Raises InputError where the file cannot be read.
+    A name may repeat. Raises InputError where the file cannot be read.
     """
     suffix = path.suffix.lower()
     if suffix == ".mat":

@@ -1,4 +1,7 @@
-"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions; each counted and said."""
+"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions.
+
+Each is counted and said.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +20,8 @@ from bristle.errors import InputError
 
 _TURN = 2 * np.pi
 _LARGEST = 1e20
-"""No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it is a unit that is wrong."""
+"""No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it
+is a unit that is wrong."""
 _STEPS = (1e-12, 1e12)
 """Seconds that a sampling interval may have."""
 _LATEST = 0.1
@@ -53,9 +57,10 @@ def make_record(
     *,
     labels: Mapping[str, str] | None = None,
 ) -> Record:
-    """The record of a time series. Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque.
+    """The record of a time series.
 
-    Raises InputError where the data cannot be used as declared.
+    Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque. Raises InputError where
+    the data cannot be used as declared.
     """
     rows = _scaled(table, signals, context)
     if signals.time is not None and signals.time.rate is not None:
@@ -86,7 +91,10 @@ def make_points(
     *,
     labels: Mapping[str, str] | None = None,
 ) -> Record:
-    """The record of velocity-torque pairs: time counts them. Raises InputError where the data cannot be used as declared."""
+    """The record of velocity-torque pairs: time counts them.
+
+    Raises InputError where the data cannot be used as declared.
+    """
     rows = _scaled(table, signals, context)
     _drop_non_finite(rows, table, cleaning)
     _enough(rows)

@@ -1,4 +1,7 @@
-"""Velocity and acceleration from what was logged: a zero-phase low pass, then the derivatives of a spline through it."""
+"""Velocity and acceleration from what was logged.
+
+A zero-phase low pass, then the derivatives of a spline through it.
+"""
 
 from dataclasses import replace
 
@@ -11,7 +14,8 @@ from bristle.errors import InputError
 ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
 _PAD = 15
-"""Least samples by which a segment is continued, mirrored about its ends, before it is filtered; else as many as the cut-off's period has."""
+"""Least samples by which a segment is continued, mirrored about its ends, before it is filtered; else as many as the
+cut-off's period has."""
 LOWEST = 1e-6
 """Cut-off of the low pass over the sampling rate."""
 SHORTEST = 16
@@ -21,10 +25,11 @@ SHORTEST = 16
 def estimate_motion(record: Record, cutoff: float) -> Record:
     """The record with velocity and acceleration filled, segment by segment; its notes state the cut-off.
 
-    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward; a quintic spline through it gives both
-    derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the sampling rate). A velocity that was logged stays as
-    it is; the acceleration is then its derivative, after the same filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it.
-    Segments between gaps shorter than 16 samples are left out of the record and counted.
+    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward; a quintic spline
+    through it gives both derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the
+    sampling rate). A velocity that was logged stays as it is; the acceleration is then its derivative, after the same
+    filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it. Segments between gaps shorter than 16
+    samples are left out of the record and counted.
 
     Raises InputError where there is neither position nor velocity, or no segment is long enough.
     """
@@ -57,9 +62,10 @@ def usable(record: Record, cutoff: float) -> float:
 
 
 def smoothed(record: Record, values: Array, cutoff: float) -> Array:
-    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap.
+    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
 
-    Raises InputError where the cut-off is so far below the sampling rate that the filter's own rounding hides the signal.
+    Never across a gap. Raises InputError where the cut-off is so far below the sampling rate that the filter's own
+    rounding hides the signal.
     """
     from scipy.signal import butter, sosfiltfilt
 

@@ -58,9 +58,10 @@ def mat_names(path: Path) -> tuple[str, ...]:
 
 
 def read_mat(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a MATLAB file of version 4 to 7, by variable or dotted path: `q`, `data.q`, `data.run{2}.q`, `runs(3).q`.
+    """Columns of a MATLAB file of version 4 to 7, by variable or dotted path.
 
-    Braces and parentheses count from 1, as MATLAB writes them. Raises InputError.
+    `q`, `data.q`, `data.run{2}.q`, `runs(3).q`. Braces and parentheses count from 1, as MATLAB writes them. Raises
+    InputError.
     """
     variables = _load_mat(path, sorted({_root(key) for key in keys}))
     return {key: numeric(_walk(variables, str(key.column)), key) for key in keys}
@@ -161,7 +162,7 @@ def check_version_4(path: Path) -> None:
 
 
 def check_version_5(path: Path) -> None:
-    """Raises InputError unless each element of a file of version 5 to 7 is of a known type and ends inside the one around it."""
+    """Raises InputError unless each element of a file of version 5 to 7 is known and ends inside the one around it."""
     content = memoryview(path.read_bytes())
     order = ">" if bytes(content[_HEAD - 2 : _HEAD]) == b"MI" else "<"
     at = _HEAD
@@ -179,7 +180,10 @@ def check_version_5(path: Path) -> None:
 
 
 def _check_matrix(data: memoryview, order: str, depth: int) -> None:
-    """Refuse an array that is larger than its parts, or lacks some: SciPy would go on in what comes after. An empty one has none."""
+    """Refuse an array that is larger than its parts, or lacks some: SciPy would go on in what comes after.
+
+    An empty one has none.
+    """
     if depth > _DEEPEST:
         raise InputError(f"nests structs and cells more than {_DEEPEST} deep; expected a log")
     at, parts, kinds = 0, [], []
@@ -225,7 +229,10 @@ def _integers(part: memoryview, order: str) -> "np.ndarray[Any, np.dtype[np.int3
 
 
 def _element(data: memoryview, at: int, order: str) -> tuple[int, int, int, int]:
-    """Type of the element at a byte, where its data start and stop, and where the next begins. Raises InputError where it ends outside."""
+    """Type of the element at a byte, where its data start and stop, and where the next begins.
+
+    Raises InputError where it ends outside.
+    """
     if at + 8 > len(data):
         raise InputError(_DAMAGED)
     kind, size = struct.unpack_from(f"{order}2I", data, at)

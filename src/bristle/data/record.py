@@ -17,9 +17,10 @@ _SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """One run. Every signal is a read-only copy of shape (n,), n >= 1, finite; m, N and kg stand in for rad, N*m and kg*m**2 where prismatic.
+    """One run. Every signal is a read-only copy of shape (n,), n >= 1, finite.
 
-    Raises InputError where a signal has another length, holds a value that is not finite, or time does not increase.
+    m, N and kg stand in for rad, N*m and kg*m**2 where prismatic. Raises InputError where a signal has another length,
+    holds a value that is not finite, or time does not increase.
     """
 
     file: str

@@ -1,7 +1,8 @@
-"""Slow loading below breakaway: a presliding run cut where its torque turns, with the counts that each piece crosses and where it slides.
+"""Slow loading below breakaway.
 
-At rest without torque the bristle is not bent, whatever went before: so each piece begins where its torque passes zero, and all of them load
-the same spring.
+A presliding run cut where its torque turns, with the counts that each piece crosses and where it slides. At rest
+without torque the bristle is not bent, whatever went before: so each piece begins where its torque passes zero, and all
+of them load the same spring.
 """
 
 from collections.abc import Sequence
@@ -29,7 +30,8 @@ _HELD = 0.9
 _SHORTEST = 8
 """Samples in a piece."""
 _SLIDES = (0.05, 0.8)
-"""A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load."""
+"""A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not
+load."""
 _CLOSED = 0.1
 """Of the range of torque: how far apart the ends of a closed cycle may be."""
 
@@ -41,9 +43,10 @@ _COUNTS = 2.0**40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """One piece of a presliding run: torque grows from zero in one direction, up to where it turns or the joint breaks away.
+    """One piece of a presliding run.
 
-    Displacement and torque are counted positive along the direction of loading; arrays are read-only.
+    Torque grows from zero in one direction, up to where it turns or the joint breaks away. Displacement and torque are
+    counted positive along the direction of loading; arrays are read-only.
     """
 
     file: str
@@ -60,7 +63,8 @@ class Loading:
     quantum: float
     """One count, rad; 0 where no counts are seen."""
     edge_displacement: Array
-    """Displacement at the count edges that were crossed, each half a count before the reading that follows it, rad, (m,)."""
+    """Displacement at the count edges that were crossed, each half a count before the reading that follows it, rad,
+    (m,)."""
     edge_torque: Array
     """Torque there, N*m, (m,)."""
     breakaway: float | None
@@ -105,9 +109,11 @@ def find_loadings(
 
     Args:
         record: with position and torque.
-        cutoff: of the zero-phase low pass that torque goes through, Hz; at or above the Nyquist frequency it stays as it is.
+        cutoff: of the zero-phase low pass that torque goes through, Hz; at or above the Nyquist frequency it stays as
+            it is.
         resolution: one count, rad; None: the smallest step seen.
-        breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the noise floor.
+        breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the
+            noise floor.
 
     Raises InputError where the joint slides from the start, in one sentence.
     """
@@ -143,9 +149,10 @@ def find_loadings(
 
 
 def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple[tuple[Loop, ...], tuple[float, ...]]:
-    """The closed cycles of a presliding run, and of those that do not close how far apart their ends are, as a share of their range.
+    """The closed cycles of a presliding run, and of those not closed how far apart their ends are.
 
-    A cycle goes from one largest torque to the next, or else from one smallest to the next. It drifts where the two directions' friction differs.
+    That is a share of their range. A cycle goes from one largest torque to the next, or else from one smallest to the
+    next. It drifts where the two directions' friction differs.
     """
     position, torque = _signals(record)
     quantum = _quantum(record, position, resolution)
@@ -172,7 +179,10 @@ def _signals(record: Record) -> tuple[Array, Array]:
 
 
 def _quantum(record: Record, position: Array, resolution: float | None) -> float:
-    """One count, rad: as declared, or the smallest step seen. Raises InputError where the joint would have moved more counts than any encoder has."""
+    """One count, rad: as declared, or the smallest step seen.
+
+    Raises InputError where the joint would have moved more counts than any encoder has.
+    """
     if resolution and not np.ptp(position) / resolution < _COUNTS:
         raise InputError(
             f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
@@ -242,9 +252,10 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
 
 
 def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
-    """Count edges that the position crosses upward, and when: the middle between the first reading above and the last one below, in samples.
+    """Count edges that the position crosses upward, and when.
 
-    Where there are more edges than readings, every so many of them alone: those between tell nothing more.
+    The middle between the first reading above and the last one below, in samples. Where there are more edges than
+    readings, every so many of them alone: those between tell nothing more.
     """
     if quantum == 0 or position.size == 0:
         return np.zeros(0), np.zeros(0)

@@ -1,7 +1,7 @@
 """Files to columns of numbers: text here, MAT, NPZ and Parquet in `binary_tables`.
 
-How a text file is laid out (delimiter, header, decimal sign, comments) is read off its first lines. Nothing is guessed about what a column means;
-whatever cannot be read as numbers is an error that says where.
+How a text file is laid out (delimiter, header, decimal sign, comments) is read off its first lines. Nothing is guessed
+about what a column means; whatever cannot be read as numbers is an error that says where.
 """
 
 import csv
@@ -74,7 +74,8 @@ class Layout(NamedTuple):
 def text_layout(path: Path) -> Layout:
     """Delimiter, header, decimal sign and comments of a text file, from its first lines.
 
-    The delimiter is the one that cuts most lines into the same number of columns, most of them numbers. Raises InputError where the file is no text.
+    The delimiter is the one that cuts most lines into the same number of columns, most of them numbers. Raises
+    InputError where the file is no text.
     """
     with path.open("rb") as file:
         encoding, lines = _decode(file)
@@ -112,9 +113,10 @@ def text_layout(path: Path) -> Layout:
 
 
 def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> str:
-    """What is said of lines before the first row of numbers that are more than one line of names; refuses a row of data among them.
+    """What is said of lines before the first row of numbers that are more than one line of names.
 
-    Below the names nothing but units is expected, `1` among them: another number there is one that was logged.
+    Refuses a row of data among them. Below the names nothing but units is expected, `1` among them: another number
+    there is one that was logged.
     """
     for line, row in cells[len(cells) if named is None else named + 1 :]:
         if len(row) == width and any(_numeric([cell]) and cell != "1" for cell in row if cell):
@@ -172,7 +174,10 @@ def _usual(widths: Sequence[int]) -> int:
 
 
 def _width(rows: Sequence[Sequence[str]]) -> int:
-    """Columns, counting empty ones that a delimiter at the end of a line makes; refuses a row with more than the others."""
+    """Columns, counting empty ones that a delimiter at the end of a line makes.
+
+    Refuses a row with more than the others.
+    """
     usual = _usual([len(row) for row in rows])
     wide = next((k for k, row in enumerate(rows) if any(row[usual:])), None)
     if wide is not None:
@@ -207,7 +212,8 @@ class RawTable:
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
     """The columns `keys` of a file; its suffix says which format: .mat, .npz, .parquet, and text for any other.
 
-    Raises InputError in one sentence, opening with `shown` (or the path), where the file or a column cannot be read as numbers.
+    Raises InputError in one sentence, opening with `shown` (or the path), where the file or a column cannot be read as
+    numbers.
     """
     name = shown or str(path)
     notes: tuple[str, ...] = ()
@@ -244,7 +250,10 @@ def naming(name: str) -> Iterator[None]:
 
 
 def _digest(path: Path, *, text: bool) -> str:
-    """SHA-256 of a file, which is read once, in pieces; refuses what is too large, empty, or (as text) binary or one long line."""
+    """SHA-256 of a file, which is read once, in pieces.
+
+    Refuses what is too large, empty, or (as text) binary or one long line.
+    """
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")

@@ -59,7 +59,8 @@ _FULL = 1.0 - 1e-6
 """A point with this leverage leaves no residual."""
 
 Refit = Callable[[Array, bool], tuple[Array, Array]]
-"""(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p, sets) each."""
+"""(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p,
+sets) each."""
 
 
 class Resampled(NamedTuple):
@@ -98,7 +99,7 @@ def residual_bootstrap(
     draws: int = REFITS,
     seed: int = 0,
 ) -> tuple[Resampled, Array]:
-    """The steps of an estimate from equations that err independently, and the standard errors of the estimate itself, (p,).
+    """The steps of an estimate from equations that err independently, and its own standard errors, (p,).
 
     Args:
         jacobian: of the model at the estimate, (n, p), of full rank.
@@ -124,7 +125,10 @@ def residual_bootstrap(
 
 
 def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:
-    """Coefficients of columns (n, p) that fit each of some values, (n, sets), and their standard errors, (p, sets) each; HC3 if uneven."""
+    """Coefficients of columns (n, p) that fit values, (n, sets), and their standard errors, (p, sets) each.
+
+    Errors are HC3 if `uneven`.
+    """
     inner = inverse_gram(columns)
     weights = inner @ columns.T
     theta = weights @ values
@@ -137,7 +141,10 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
 
 
 def variances_differ(residuals: Array, place: Array) -> bool:
-    """Whether the residuals' variance depends on the place (Koenker's test against a parabola over its logarithm, 1 %); never with few equations."""
+    """Whether the residuals' variance depends on the place (Koenker's test against a parabola over its logarithm, 1 %).
+
+    Never with few equations.
+    """
     x, square = np.log(np.abs(place)), residuals**2
     if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
         return False
@@ -191,9 +198,11 @@ def block_bootstrap(
         jacobian: of the residuals at the minimum, (n, p), of full rank together with the priors.
         residuals: (n,), in whatever sign the Jacobian is of.
         starts: first equation of each segment between gaps; no block reaches over one.
-        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are none.
+        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are
+            none.
         sigma: see there.
-        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
+        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian
+            itself.
         length: equations in a block; None: `block_length` of the scores.
         draws: B.
         seed: of the generator.
@@ -212,14 +221,20 @@ def block_bootstrap(
 
 
 def block_length(scores: Array) -> int:
-    """Equations in a block: four integrated autocorrelation times of the most correlated column of scores, (n, p), and n**(1/3) at least."""
+    """Equations in a block.
+
+    Four integrated autocorrelation times of the most correlated column of scores, (n, p), and n**(1/3) at least.
+    """
     n = scores.shape[0]
     times = max(inflation(score) for score in scores.T)
     return int(min(max(ceil(_TIMES * times), ceil(n ** (1 / 3))), n))
 
 
 def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
-    """Quarters of blocks: the first equation of each and n, (C + 1,), and the number of the segment that each lies in, (C,)."""
+    """Quarters of blocks.
+
+    The first equation of each and n, (C + 1,), and the number of the segment that each lies in, (C,).
+    """
     step = max(length / _OVERLAP, n / _CELLS)
     firsts = [*starts, n]
     counts = [max(round((stop - first) / step), 1) for first, stop in pairwise(firsts)]
@@ -232,7 +247,10 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
 def _resample(
     grams: Array, scores: Array, of_segment: Array, prior_rows: Array, sigma: float, draws: int, seed: int
 ) -> Resampled:
-    """The steps where blocks of cells, (C, ...), are drawn, centred so that they vanish where each is drawn as often as any other."""
+    """The steps where blocks of cells, (C, ...), are drawn.
+
+    They are centred, so that they vanish where each block is drawn as often as any other.
+    """
     grams, scores, share = _blocks(grams, scores, of_segment)
     number = max(round(float(share.sum())), 1)
     rng = np.random.default_rng(seed)
@@ -264,7 +282,10 @@ def _resample(
 def _errors(
     grams: Array, scores: Array, prior_rows: Array, sigma: float, times: Array, inverse: Array, steps: Array
 ) -> Array:
-    """Standard errors of resampled estimates from the scores that blocks have left there, (b, p); `times` (b, C) counts squares."""
+    """Standard errors of resampled estimates from the scores that blocks have left there, (b, p).
+
+    `times` (b, C) counts squares.
+    """
     count, p = scores.shape
     left = scores.T + (steps @ grams.transpose(1, 2, 0).reshape(p, -1)).reshape(-1, p, count)
     influence = inverse @ left
@@ -275,7 +296,10 @@ def _errors(
 
 
 def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:
-    """Sums over the block that begins at each cell, and its weight: one over the number of blocks that each of its cells lies in."""
+    """Sums over the block that begins at each cell, and its weight.
+
+    One over the number of blocks that each of its cells lies in.
+    """
     sizes = np.bincount(of_segment)
     first, size = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
     place = np.arange(of_segment.size) - first

@@ -42,7 +42,10 @@ Face = Callable[[Array], Conditional]
 
 
 class Looks(NamedTuple):
-    """Over how many values of each eta extremes are looked for: at first, near the best ones, again and again; and a drawn profile is minimised."""
+    """Over how many values of each eta extremes are looked for, and over how many a drawn profile is minimised.
+
+    The first look is over all, the next ones near the best, again and again.
+    """
 
     first: int
     near: int
@@ -52,7 +55,10 @@ class Looks(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class ConditionalProfiles:
-    """The profiles of a problem's conditionally linear unknowns, for S sets of data at once; only a single set is drawn, and kept to its bounds."""
+    """The profiles of a problem's conditionally linear unknowns, for S sets of data at once.
+
+    Only a single set is drawn, and kept to its bounds.
+    """
 
     free: Face
     """The problem with no unknown at its bound."""
@@ -90,7 +96,10 @@ class ConditionalProfiles:
         return np.stack([self._extremes(sign, nodes, at) for sign in (-1.0, 1.0)], axis=-1)
 
     def heights(self, j: int, values: Array, beyond: float) -> Array:
-        """(cost - least) / (threshold - least) of unknown j at values of it, (k,); eta goes beyond its box by that share of it."""
+        """(cost - least) / (threshold - least) of unknown j at values of it, (k,).
+
+        eta goes beyond its box by that share of it.
+        """
         width = np.diff(self.box, axis=-1)
         nodes = self._grid(np.clip(self.box + beyond * width * [-1, 1], *self.searched), self.looks.drawn)
         cost, inside = self._held(self.free, nodes, j, values)
@@ -142,7 +151,10 @@ class ConditionalProfiles:
         return float(reach.max())
 
     def _kept(self, faces: Sequence[Face], nodes: Array, j: int, sign: float) -> Array:
-        """The best of the faces' reaches of unknown j at each of K nodes that break no bound, (1, K); -inf where there is none."""
+        """The best of the faces' reaches of unknown j at each of K nodes that break no bound, (1, K).
+
+        -inf where there is none.
+        """
         best = np.full(nodes.shape[:2], -np.inf)
         for face in faces:
             at = face(nodes)
@@ -150,7 +162,10 @@ class ConditionalProfiles:
         return best
 
     def _inside(self, at: Conditional, j: int, sign: float) -> NDArray[np.bool_]:
-        """Whether no unknown breaks its bound at the extreme of unknown j, raised to its own bound if need be, at each node, (S, K)."""
+        """Whether no unknown breaks its bound at the extreme of unknown j, at each node, (S, K).
+
+        The extreme is raised to its own bound if need be.
+        """
         variance, theta, most = at.spread[..., j, j], at.theta[..., j], self.threshold[:, None]
         far = np.sqrt(variance * np.maximum(most - at.cost, 0.0))
         end = np.maximum(theta + sign * far, 0.0) if self.bounded[j] else theta + sign * far
@@ -168,7 +183,10 @@ class ConditionalProfiles:
         return np.where(left >= -self.tolerance, far, -np.inf)
 
     def _held(self, face: Face, nodes: Array, j: int, values: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The least cost on a face with unknown j held at values (D,), inf where others break a bound; and where the free least one breaks none."""
+        """The least cost on a face with unknown j held at values (D,), inf where others break a bound.
+
+        Then comes where the free least one breaks none.
+        """
         theta, spread, least = (each[0] for each in face(nodes))
         variance = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
         off = np.divide(

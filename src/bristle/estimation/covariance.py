@@ -48,7 +48,10 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """The covariance at a problem's minimum: by the jackknife where its blocks err independently, else robust to autocorrelation."""
+    """The covariance at a problem's minimum.
+
+    It is by the jackknife where its blocks err independently, else robust to autocorrelation.
+    """
     return _jackknife(problem, minimum) if problem.independent else _robust(problem, minimum)
 
 
@@ -65,7 +68,10 @@ def _lengths(jacobian: Array) -> Array:
 
 
 def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """Each unknown's error is a weighted sum of the residuals; its variance allows for their correlation and for a variance that changes."""
+    """Each unknown's error is a weighted sum of the residuals.
+
+    Its variance allows for their correlation and for a variance that changes.
+    """
     rest, known = minimum.residuals, seen(minimum.jacobian)
     jacobian = minimum.jacobian[:, known]
     (n, p), priors = jacobian.shape, problem.priors

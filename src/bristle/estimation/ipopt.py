@@ -1,6 +1,7 @@
-"""The second route: the same least-squares problem through CasADi and IPOPT, from some starts, and how its answer compares.
+"""The second route.
 
-IPOPT is silent, and raises no exception where it ends early: who calls judges where it ended.
+The same least-squares problem through CasADi and IPOPT, from some starts, and how its answer compares. IPOPT is silent,
+and raises no exception where it ends early: who calls judges where it ended.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +37,10 @@ class SecondRoute(NamedTuple, Generic[Name]):
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
-    """The solver of min cost(x, given), x a column; called with x0, lbx, ubx and, for what is given, p. `options` are IPOPT's own."""
+    """The solver of min cost(x, given), x a column; called with x0, lbx, ubx and, for what is given, p.
+
+    `options` are IPOPT's own.
+    """
     problem: dict[str, Any] = {"x": x, "f": cost} | ({"p": ca.vertcat(*given)} if given else {})
     settings: dict[str, Any] = {
         "print_time": False,

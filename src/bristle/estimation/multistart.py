@@ -1,4 +1,7 @@
-"""A least-squares problem solved from several starts: the lowest minimum, how many starts reached it, and what is known there."""
+"""A least-squares problem solved from several starts.
+
+The lowest minimum, how many starts reached it, and what is known there.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress

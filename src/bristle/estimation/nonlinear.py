@@ -1,11 +1,14 @@
-"""Nonlinear least squares: the problem as residuals and their exact Jacobian over scaled unknowns, and its descent between bounds.
+"""Nonlinear least squares.
 
-Steps are Gauss and Newton's in a trust region (Levenberg and Marquardt). A step needs of the Jacobian only J'J and J'r, as many rows as unknowns:
-forming them is cheap beside the Jacobian itself. Squaring its condition makes a step less exact, not the minimum, where J'r vanishes.
+The problem as residuals and their exact Jacobian over scaled unknowns, and its descent between bounds. Steps are Gauss
+and Newton's in a trust region (Levenberg and Marquardt). A step needs of the Jacobian only J'J and J'r, as many rows as
+unknowns: forming them is cheap beside the Jacobian itself. Squaring its condition makes a step less exact, not the
+minimum, where J'r vanishes.
 
-Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the rows of priors. Where blocks
-settle their own unknowns by themselves (variable projection), what is left is a small problem in the shared ones, whose Jacobian is the whole one's
-with each block's own columns projected out. One stubborn block then holds up no other.
+Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the
+rows of priors. Where blocks settle their own unknowns by themselves (variable projection), what is left is a small
+problem in the shared ones, whose Jacobian is the whole one's with each block's own columns projected out. One stubborn
+block then holds up no other.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -20,13 +23,16 @@ from bristle.errors import InputError
 
 Name = TypeVar("Name", bound=Hashable)
 Evaluate = Callable[[Array], tuple[Array, Array]]
-"""Scaled unknowns, (p,) -> residuals, (n,), and their Jacobian, (n, p); not finite where the unknowns are impossible."""
+"""Scaled unknowns, (p,) -> residuals, (n,), and their Jacobian, (n, p); not finite where the unknowns are impossible.
+"""
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
 _SETTLED = 1e-6
-"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-3 standard errors."""
+"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-3 standard
+errors."""
 _FLAT = 1e-6
-"""Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen."""
+"""Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen.
+"""
 _BLOCK_DAMPING, _MOST_BLOCK_DAMPING = 1e-2, 1e6
 _INNER = 8
 """Evaluations in which blocks settle, where the shared unknowns moved a little ..."""
@@ -182,7 +188,10 @@ def minimise(
 
 
 def _step(gram: Array, slope: Array, scale: Array, free: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
-    """The damped Gauss-Newton step (p,), zero where an unknown is not free, and by how much it lowers the linearised cost."""
+    """The damped Gauss-Newton step (p,), and by how much it lowers the linearised cost.
+
+    It is zero where an unknown is not free.
+    """
     size = scale[free]
     inner, right = gram[np.ix_(free, free)] / np.outer(size, size), slope[free] / size
     taken = -np.linalg.lstsq(inner + damping * np.eye(size.size), right, rcond=1e-15)[0]
@@ -200,7 +209,10 @@ def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
     lowest = np.inf
 
     def outer(p: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and their projected Jacobian at shared unknowns, with each block settled; remembers the best."""
+        """Residuals, (n,), and their projected Jacobian at shared unknowns, with each block settled.
+
+        Remembers the best.
+        """
         nonlocal best, lowest
         x = best.copy()
         x[shared] = p

@@ -1,7 +1,7 @@
-"""What is known of an identified joint: of each parameter the estimate to use and the stage it comes from; the sets, the inertia, joints drawn.
+"""What is known of an identified joint: of each parameter the estimate to use and the stage it comes from.
 
-Everything that asks what a joint is - report, plan, sensitivity, compensation - asks here. What the data do not show of the bristle is filled in,
-and is to be said where it is used.
+The sets, the inertia, joints drawn. Everything that asks what a joint is - report, plan, sensitivity, compensation -
+asks here. What the data do not show of the bristle is filled in, and is to be said where it is used.
 """
 
 from collections.abc import Iterator, Mapping
@@ -33,7 +33,8 @@ DRAWS = 60
 """Joints drawn from the covariance of the identified parameters."""
 SEED = 0
 DEFLECTION = 1e-3
-"""Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of how far the joint goes."""
+"""Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of how far the joint goes.
+"""
 INERTIAL = 0.1
 """Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
 _LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
@@ -83,9 +84,11 @@ def moving_estimates(joint: Joint, source: Source) -> Iterator[Known]:
 
 
 def chosen(joint: Joint) -> tuple[Known, ...]:
-    """The estimate to use of each parameter: from the joint fit where that knows it, else the moving runs alone, else its own stage.
+    """The estimate to use of each parameter.
 
-    Direction by direction, in the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has one.
+    From the joint fit where that knows it, else the moving runs alone, else its own stage. Direction by direction, in
+    the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has
+    one.
     """
     best: dict[ParameterName, Known] = {}
 
@@ -114,7 +117,10 @@ def _place(row: Known) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownJoint:
-    """What is known of one joint's friction, as one model: a law is of one stage, since alpha_0 of one and alpha_1 of another are none."""
+    """What is known of one joint's friction, as one model.
+
+    A law is of one stage, since alpha_0 of one and alpha_1 of another are none.
+    """
 
     name: str
     estimates: Mapping[ParameterName, Estimate]
@@ -126,13 +132,19 @@ class KnownJoint:
 
     @property
     def directions(self) -> tuple[Direction, ...]:
-        """`both` where one law is of both directions, else those of + and - of which a law is known; none where none is."""
+        """`both` where one law is of both directions, else those of + and - of which a law is known.
+
+        There is none where no law is known.
+        """
         law = {d for name, d in (*self.estimates, *self.given) if name in Stribeck._fields}
         ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
         return tuple(d for d in ways if self.has_law(d))
 
     def has_law(self, direction: Direction) -> bool:
-        """Whether the friction over velocity is known in a direction; none without Coulomb friction is a law for a bristle."""
+        """Whether the friction over velocity is known in a direction.
+
+        None without Coulomb friction is a law for a bristle.
+        """
         values = self.values(direction)
         return values.keys() >= set(Stribeck._fields) and values["alpha_0"] > 0
 
@@ -146,7 +158,10 @@ class KnownJoint:
         return tuple(name for name in names if (e := self.estimate(name, direction)) is None or e.value is None)
 
     def values(self, direction: Direction) -> dict[str, float]:
-        """What a direction's LuGre parameters are: estimated, given, or as they were held; a law without a peak is `WITHOUT_PEAK`."""
+        """What a direction's LuGre parameters are: estimated, given, or as they were held.
+
+        A law without a peak is `WITHOUT_PEAK`.
+        """
         values = {name: e.value for name in Lugre._fields if (e := self.estimate(name, direction)) is not None}
         for fixed in (self.given, self.held):
             values |= {n: in_direction(fixed, n, direction) for n in Lugre._fields if values.get(n) is None}
@@ -155,9 +170,10 @@ class KnownJoint:
         return {name: x for name, x in values.items() if x is not None}
 
     def filled(self, direction: Direction, way: float, J: float) -> Lugre[float]:
-        """A direction's whole set, with a bristle where none was seen: bent by `DEFLECTION` of `way` (rad) in slow sliding, damped by (15).
+        """A direction's whole set, with a bristle where none was seen.
 
-        `J` is the inertia, kg*m**2. Raises InputError where nothing is known of the friction over velocity.
+        Bent by `DEFLECTION` of `way` (rad) in slow sliding, damped by (15). `J` is the inertia, kg*m**2. Raises
+        InputError where nothing is known of the friction over velocity.
         """
         values, missing = self.values(direction), self.missing(direction)
         if not self.has_law(direction):
@@ -190,7 +206,8 @@ def known_joint(joint: Joint) -> KnownJoint:
 def whole(joint: Joint) -> KnownJoint:
     """What is known of a joint that can be compensated.
 
-    Raises InputError where nothing is known of the friction over velocity in a direction, or of the bristle without a moving run.
+    Raises InputError where nothing is known of the friction over velocity in a direction, or of the bristle without a
+    moving run.
     """
     known = known_joint(joint)
     for d in SIGNED:
@@ -213,7 +230,10 @@ def truth_of(joint: Joint) -> Pair[float] | None:
 
 
 def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
-    """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor; None where nothing tells it."""
+    """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor.
+
+    None where nothing tells it.
+    """
     declared = experiment.inertia.value if experiment.inertia else None
     motor = experiment.motor_constants.inertia if experiment.motor_constants else None
     identified = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
@@ -221,7 +241,7 @@ def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
 
 
 def guessed_inertia(alpha_0: float, acceleration: float) -> float:
-    """J where nothing tells it, kg*m**2: its torque at the largest acceleration (rad/s**2) is a share of alpha_0 (N*m)."""
+    """J where nothing tells it, kg*m**2: at the largest acceleration (rad/s**2) a share of alpha_0 (N*m)."""
     return INERTIAL * alpha_0 / acceleration
 
 

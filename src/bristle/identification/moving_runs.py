@@ -1,4 +1,7 @@
-"""Moving runs as every fit of them takes them: directions, regressors, inertia, the decimation filter, and what is refused before any is fitted."""
+"""Moving runs as every fit of them takes them.
+
+Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
+"""
 
 from collections.abc import Sequence
 
@@ -27,7 +30,10 @@ def needed(record: Record, name: str) -> Array:
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises InputError where the record lacks what one needs."""
+    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,).
+
+    Raises InputError where the record lacks what one needs.
+    """
     columns: dict[str, Array] = {}
     if "inertia" in regressors:
         columns["inertia"] = needed(record, "acceleration")
@@ -44,7 +50,10 @@ def gravity(position: Array) -> dict[str, Array]:
 
 
 def regressors(experiment: Experiment) -> tuple[str, ...]:
-    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
+    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset.
+
+    A fixed inertia is not asked for.
+    """
     asked: tuple[str, ...] | None = experiment.fit.regressors
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
@@ -53,7 +62,10 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
 
 
 def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
-    """Raise InputError where the drive's torque (n,) opposes the velocity (n,): friction opposes motion, so its sign is wrong."""
+    """Raise InputError where the drive's torque (n,) opposes the velocity (n,).
+
+    Friction opposes motion, so its sign is wrong.
+    """
     if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
         raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
@@ -98,7 +110,10 @@ def _of(record: Record, name: str) -> Array:
 
 
 def inertial(record: Record, inertia: float) -> Array:
-    """Torque of a known inertia in a moving run, N*m, (n,). Raises InputError where it leaves nothing of the measured torque."""
+    """Torque of a known inertia in a moving run, N*m, (n,).
+
+    Raises InputError where it leaves nothing of the measured torque.
+    """
     torque = inertia * needed(record, "acceleration")
     own, measured = float(np.abs(torque).max()), float(np.abs(needed(record, "torque")).max())
     if own > _DROWNS * measured > 0:
@@ -109,9 +124,9 @@ def inertial(record: Record, inertia: float) -> Array:
 
 
 def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
-    """The filter as a matrix (equations, samples), for segments between gaps of given lengths; and how many samples its transients cost.
+    """The filter as a matrix (equations, samples), for segments between gaps of given lengths.
 
-    Raises InputError where no segment is longer than the transients.
+    And how many samples its transients cost. Raises InputError where no segment is longer than the transients.
     """
     lengths = np.concatenate(segments).astype(int)
     samples = int(lengths.sum())

@@ -1,4 +1,7 @@
-"""Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly. The document `results.json` is made of them."""
+"""Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly.
+
+The document `results.json` is made of them.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -42,16 +45,21 @@ class Estimate:
 
 @result
 class Uncertainty:
-    """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the warnings."""
+    """One parameter's 95 % interval, three ways, in the parameter's unit.
+
+    What does not exist is None, with the reason among the warnings.
+    """
 
     covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
     profile: Interval | None
-    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical bound."""
+    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical
+    bound."""
     bootstrap: Interval | None
     """From fits of resampled data."""
     curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=UNWRITTEN)
-    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1 at the interval's ends."""
+    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1
+    at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Diagnostic, ...] = ()
@@ -91,7 +99,7 @@ class HoldOut:
 
 @result
 class StaticFit:
-    """The static parameters of one direction (`+`, `-`), of both together (`both`), or what the two share (`shared`)."""
+    """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
 
     direction: str
     parameters: Mapping[str, Estimate]
@@ -178,7 +186,8 @@ class PreslidingFit:
     counts: int
     """Count edges crossed in all loadings."""
     bias_on_edge: Number
-    """Relative bias of (14) with this encoder where rest lies on a count edge; like the next two nan without an encoder count and a sigma_0."""
+    """Relative bias of (14) with this encoder where rest lies on a count edge; like the next two nan without an encoder
+    count and a sigma_0."""
     bias_mean: Number
     """Its mean over rest positions anywhere in the count."""
     bias_spread: Number
@@ -231,7 +240,8 @@ class TrackingFit:
     fixed: Mapping[ParameterName, Number] = field(default_factory=dict)
     """With what the others were fitted, of parameters that were given, or that the motion does not show."""
     count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
-    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
+    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked
+    at."""
     crosscheck: Crosscheck | None = None
     """The same problem by CasADi and IPOPT."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
@@ -255,7 +265,10 @@ class TrackingFit:
         return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
 
     def values(self, direction: str) -> Lugre[float] | None:
-        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
+        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed.
+
+        None where there is none.
+        """
         known = self.known
         values = [x for name in Lugre._fields if (x := in_direction(known, name, direction)) is not None]
         return Lugre(*values) if len(values) == len(Lugre._fields) else None
@@ -362,7 +375,10 @@ class Joint:
 
     @property
     def moving(self) -> TrackingFit | None:
-        """The fit of moving runs to use: the joint fit where there is one, else that of the moving runs alone, else None."""
+        """The fit of moving runs to use.
+
+        The joint fit where there is one, else that of the moving runs alone, else None.
+        """
         return self.joint_fit or self.tracking
 
 

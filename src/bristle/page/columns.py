@@ -32,7 +32,11 @@ def shown(frame: "pd.DataFrame") -> Table:
 
 
 def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
-    """A table as CSV. A text that a spreadsheet could take for a formula gets an apostrophe before it; numbers and the directions + and - stay."""
+    """A table as CSV.
+
+    A text that a spreadsheet could take for a formula gets an apostrophe before it; numbers and the directions + and -
+    stay.
+    """
     safe = frame.rename(columns=plain)
     texts = [k for k, kind in enumerate(frame.dtypes) if not _is_number(kind)]
     for k in texts:

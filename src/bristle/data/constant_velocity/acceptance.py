@@ -10,7 +10,8 @@ from bristle.diagnostics import Diagnostic, Kind
 _TOLERANCE = 0.05
 """Default drift of the velocity, relative to its mean; or what noise alone gives, where that is more."""
 _SWING = 0.25
-"""Scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to speak of."""
+"""Scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to
+speak of."""
 _SHARE = 0.25
 """Of the typical plateau of a run: what is shorter both in time and in travel is a piece of something else."""
 _INDEPENDENT = 5.0
@@ -61,7 +62,10 @@ def warnings(e: Evidence) -> tuple[Diagnostic, ...]:
 
 
 def sticks(e: Evidence) -> bool:
-    """Whether the joint sticks and slips: it rests over 5 % of the time, or its velocity swings by over 30 % of the mean."""
+    """Whether the joint sticks and slips.
+
+    It rests over 5 % of the time, or its velocity swings by over 30 % of the mean.
+    """
     return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
 
 
@@ -122,7 +126,7 @@ def _tolerance(deviation: float, speed: float) -> Diagnostic | str:
 
 
 def _rounded(x: float, way: Callable[[float], int]) -> str:
-    """A number of three digits, rounded down (floor) or up (ceil), so that as a threshold it does what is said of it."""
+    """A number of three digits, rounded down (floor) or up (ceil): as a threshold it does what is said of it."""
     unit = 10.0 ** (floor(log10(x)) - 2) if x > 0 else 1.0
     return f"{way(x / unit * (1 - 1e-9 if way is floor else 1 + 1e-9)) * unit:.3g}"
 

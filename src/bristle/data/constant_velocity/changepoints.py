@@ -1,9 +1,9 @@
 """Where to look for constant velocity: a run cut into candidates of constant acceleration, each a plateau or not.
 
-The cut depends on the data alone, on no threshold, so that loosening a threshold can only let more of the same candidates in.
-Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic programming over the marginal likelihood
-of each line with an unknown noise of its own. The block length is the one whose plateaus last longest in all; what lies between them is cut
-again, finer.
+The cut depends on the data alone, on no threshold, so that loosening a threshold can only let more of the same
+candidates in. Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic
+programming over the marginal likelihood of each line with an unknown noise of its own. The block length is the one
+whose plateaus last longest in all; what lies between them is cut again, finer.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +24,8 @@ _ENOUGH = 512
 _COLUMNS = 64
 """Ends of lines whose costs are found at once."""
 _CONSTANT = 0.05
-"""Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion, not less noise."""
+"""Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion,
+not less noise."""
 _TRIMS = 64
 """Parts of a plateau of which the first may be dropped."""
 _PRIOR = 4.0
@@ -43,7 +44,9 @@ class Candidate:
 
 
 def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Candidate]:
-    """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order; with no plateau, into lines.
+    """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order.
+
+    Where there is no plateau, they are cut into lines.
 
     Args:
         velocity: rad/s, shape (n,).
@@ -99,7 +102,10 @@ def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> 
 
 
 def _lines(u: Array) -> list[tuple[int, int]]:
-    """Divide u among straight lines: the optimal partition under minus twice the log marginal likelihood, with a penalty per line."""
+    """Divide u among straight lines.
+
+    The optimal partition under minus twice the log marginal likelihood, with a penalty per line.
+    """
     n = u.size
     penalty = 6 * np.log(n)
     k = np.arange(n) - n / 2
@@ -120,12 +126,14 @@ def _lines(u: Array) -> list[tuple[int, int]]:
 
 
 def _line_costs(sums: Array, noise: float) -> Array:
-    """Minus twice the log marginal likelihood of lines through blocks, noise integrated out, but for terms in their number alone.
+    """Minus twice the log marginal likelihood of lines through blocks, noise integrated out.
 
-    The prior scale is the noise between neighbouring blocks, and no less than 1 % of the line's mean: what is flatter than that is flat.
+    Terms in their number alone are left out. The prior scale is the noise between neighbouring blocks, and no less than
+    1 % of the line's mean: what is flatter than that is flat.
 
     Args:
-        sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no meaning.
+        sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no
+            meaning.
         noise: standard deviation between neighbours.
     """
     m, sk, skk, su, suu, sku = sums
@@ -138,7 +146,10 @@ def _line_costs(sums: Array, noise: float) -> Array:
 
 
 def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
-    """Blocks i to j - 1 without those at either end whose mean velocity or torque is off the others' median by over four deviations."""
+    """Blocks i to j - 1 without those at either end that are off.
+
+    Their mean velocity or torque is off the others' median by over four deviations.
+    """
     outside = np.zeros(j - i, dtype=bool)
     for x in (u[i:j], t[i:j]):
         off = np.abs(x - np.median(x))
@@ -148,7 +159,10 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
 
 
 def _without_edges(velocity: Array, plateaus: list[Candidate]) -> list[Candidate]:
-    """Without plateaus that are the edge of another: no further from it than they are long, a third as long or less, at its speed within 10 %."""
+    """Without plateaus that are the edge of another.
+
+    An edge is no further from it than it is long, a third as long or less, at its speed within 10 %.
+    """
     kept: list[tuple[Candidate, float]] = []
     for s in sorted(plateaus, key=lambda s: s.start - s.stop):
         length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
@@ -163,7 +177,10 @@ def _without_edges(velocity: Array, plateaus: list[Candidate]) -> list[Candidate
 
 
 def _without_transient(torque: Array, s: Candidate) -> Candidate:
-    """A plateau from where its mean torque has the least standard error, in its first quarter: the marginal standard error rule (White, 1997)."""
+    """A plateau from where its mean torque has the least standard error, in its first quarter.
+
+    The marginal standard error rule (White, 1997).
+    """
     length = max((s.stop - s.start) // _TRIMS, 1)
     count = (s.stop - s.start) // length
     t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)

@@ -73,8 +73,8 @@ def find_segments(
 ) -> tuple[Segment, ...]:
     """Every candidate of a ramp run, in order of time, each accepted or rejected with its reasons; none crosses a gap.
 
-    Where to look depends on the data alone; `thresholds` only decide what counts. The mean velocity is the slope of the position where
-    there is one, else the mean of the velocity.
+    Where to look depends on the data alone; `thresholds` only decide what counts. The mean velocity is the slope of the
+    position where there is one, else the mean of the velocity.
 
     Args:
         record: with velocity, rad/s, and torque, N*m.
@@ -96,7 +96,9 @@ def find_segments(
 
 
 def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
-    """One message for the case that no candidate of any run is accepted: what each threshold rejected, and what unit mistake it looks like.
+    """One message for the case that no candidate of any run is accepted.
+
+    What each threshold rejected, and what unit mistake it looks like.
 
     Args:
         segments: all candidates.
@@ -118,8 +120,8 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
 def _settling(velocity: Array, cut: Sequence[Candidate]) -> list[Candidate | None]:
     """For each candidate, the plateau that it is the beginning or end of.
 
-    That is at least three times as long, at the same speed within 10 %, and reached from the candidate, in a third of its length, without ever
-    leaving that speed.
+    That is at least three times as long, at the same speed within 10 %, and reached from the candidate, in a third of
+    its length, without ever leaving that speed.
     """
     means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
     owner: list[Candidate | None] = [None] * len(cut)

@@ -119,7 +119,10 @@ def evidence(record: Record, candidate: Candidate, usual: Scale, torque_limit: f
 
 
 def _drift(x: Array) -> tuple[float, float, float]:
-    """Range of the parabola through x, and four standard deviations of the range that noise gives a constant, samples per independent one."""
+    """Range of the parabola through x, and four standard deviations of the range that noise gives a constant.
+
+    `samples` are those per independent one.
+    """
     n = x.size
     if n < 4:
         return float(np.ptp(x)), 0.0, 1.0
@@ -132,7 +135,10 @@ def _drift(x: Array) -> tuple[float, float, float]:
 
 
 def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: float) -> tuple[float, float, float]:
-    """Deviation, and shares at rest and backward, of v averaged over a window just long enough for noise to be a tenth of the mean."""
+    """Deviation, and shares at rest and backward, of averaged v.
+
+    The average is over a window just long enough for noise to be a tenth of the mean.
+    """
     n, speed = v.size, abs(mean)
     if n < 32 or speed == 0:
         return 0.0, 0.0, 0.0

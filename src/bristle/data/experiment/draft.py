@@ -1,4 +1,7 @@
-"""A commented experiment file, drafted from a data file: columns are guessed by their usual names, and what was not guessed is said."""
+"""A commented experiment file, drafted from a data file.
+
+Columns are guessed by their usual names, and what was not guessed is said.
+"""
 
 import os
 import re
@@ -59,10 +62,10 @@ class _Guess:
 
 
 def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, tuple[str, ...]]:
-    """The text of an experiment file for a data file, and one sentence for each thing that was not guessed, or only assumed.
+    """The text of an experiment file for a data file, and a sentence on each thing not guessed or only assumed.
 
-    Data files are named relative to `folder`, where the draft will be saved; None: beside the data. What is marked FILL IN must be filled in before
-    the draft can be used. Raises InputError where the data file cannot be read.
+    Data files are named relative to `folder`, where the draft will be saved; None: beside the data. What is marked FILL
+    IN must be filled in before the draft can be used. Raises InputError where the data file cannot be read.
     """
     check_name(data_file.name, f"{data_file}: the file name")
     names, described = _columns(data_file)

@@ -1,6 +1,7 @@
 """The experiment file: joint, motor, signals, runs; and the runs it names, read.
 
-All quantities are in SI once the file is loaded; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is prismatic.
+All quantities are in SI once the file is loaded; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is
+prismatic.
 """
 
 import glob
@@ -170,9 +171,10 @@ class Run:
 
 
 def read_runs(experiment: Experiment) -> tuple[Run, ...]:
-    """Every file that the experiment names, as a record with velocity and torque; tracking runs have acceleration as well.
+    """Every file that the experiment names, as a record with velocity and torque.
 
-    Raises InputError in one sentence that names the file and what is wrong with it.
+    Tracking runs have acceleration as well. Raises InputError in one sentence that names the file and what is wrong
+    with it.
     """
     files = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
     return tuple(
@@ -182,7 +184,10 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
 
 
 def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
-    """Paths that a pattern matches, sorted by name, each with the name that results show: no variable in it is filled in."""
+    """Paths that a pattern matches, sorted by name, each with the name that results show.
+
+    No variable in it is filled in.
+    """
     folder, variables = experiment.parent, {}
     for name in _VARIABLE.findall(files):
         if not os.environ.get(name):

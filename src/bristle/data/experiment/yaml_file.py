@@ -37,7 +37,10 @@ class _Loader(yaml.SafeLoader):
     nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """One node of the document; raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many of them."""
+        """One node of the document.
+
+        Raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many of them.
+        """
         event = self.peek_event()  # type: ignore[no-untyped-call]  # types-PyYAML leaves the parser untyped
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             raise yaml.MarkedYAMLError(

@@ -1,4 +1,7 @@
-"""What the residuals of moving runs would like to have been otherwise: a torque logged earlier or later, another inertia than the one given."""
+"""What the residuals of moving runs would like to have been otherwise.
+
+A torque logged earlier or later, another inertia than the one given.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -23,7 +26,8 @@ _SHARE = 0.05
 def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
     """What is doubted: a shift in time between torque and motion, and about an inertia that was given and not fitted.
 
-    One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first order.
+    One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first
+    order.
     """
     if problem.quantity != "torque":
         return []
@@ -45,7 +49,7 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
 
 
 class _More(NamedTuple):
-    """How much of a column the residuals ask for, its standard error, and the share of the cost that would go with it."""
+    """How much of a column the residuals ask for, its standard error, and the share of the cost that goes with it."""
 
     value: float
     error: float

@@ -1,10 +1,13 @@
-"""All parameters on moving data, the other way round: the motor is simulated, voltage (or torque) in, position out; no velocity is needed.
+"""All parameters on moving data, the other way round: the motor is simulated, voltage (or torque) in, position out.
+
+No velocity is needed.
 
     J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity,   dz/dt by (4),   dy/dt = v
 
-A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each begins at a position, a
-velocity and a deflection of its own, which are unknowns beside the parameters (multiple shooting). The plant's step is that of the closed loop;
-CasADi differentiates it, and the sensitivities are stepped beside the state.
+A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each
+begins at a position, a velocity and a deflection of its own, which are unknowns beside the parameters (multiple
+shooting). The plant's step is that of the closed loop; CasADi differentiates it, and the sensitivities are stepped
+beside the state.
 """
 
 from collections.abc import Sequence
@@ -58,7 +61,10 @@ class Simulated:
     def __call__(
         self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
     ) -> list[tuple[Array, dict[Unknown, Array]]]:
-        """Of each window measured less simulated position, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
+        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter.
+
+        These are by each unknown's name, (N,).
+        """
         windows = [m for m in problem.motions if isinstance(m, Window)]
         every = _every(windows, known)
         p = np.array(self._parameters(problem, known))
@@ -190,10 +196,10 @@ def _step(current: Current) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _chain(steps: int, every: int, current: Current, windows: int) -> ca.Function:
-    """Many steps of the state and, beside it, of its derivatives by its start and by the parameters: of all these, y at every sample but the first.
+    """Many steps of the state and, beside it, of its derivatives by its start and by the parameters.
 
-    (the start: y, v, z and their derivatives, column by column; the steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on
-    for each window.
+    Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
+    steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
     """
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
     by = ca.SX.sym("by", 3, 3 + _FREE)

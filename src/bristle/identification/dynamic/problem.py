@@ -154,7 +154,10 @@ class DynamicProblem:
 
     @property
     def extent(self) -> float:
-        """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
+        """What residuals are relative to.
+
+        The norm of the measured torque, or of the way from each motion's mean position.
+        """
         rows = [m.smoothed(m.measured) for m in self.motions]
         return float(
             np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
@@ -174,9 +177,11 @@ class DynamicProblem:
 Equations = Callable[
     [DynamicProblem, Values, Sequence[dict[Unknown, Array]]], Iterable[tuple[Array, dict[Unknown, Array]]]
 ]
-"""(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's derivatives by name, (N,) each.
+"""(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's
+derivatives by name, (N,) each.
 
-The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is returned.
+The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is
+returned.
 """
 
 
@@ -189,9 +194,10 @@ def dynamic_problem(
     fixed: Mapping[ParameterName, float] | None = None,
     shared: tuple[str, ...] = (),
 ) -> DynamicProblem:
-    """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `DynamicProblem`.
+    """The problem that moving records pose.
 
-    Raises InputError where a record lacks what a regressor needs, is at rest, or has a segment too short for the filter.
+    Arguments as in `regression.from_records`, and what is fixed or shared as in `DynamicProblem`. Raises InputError
+    where a record lacks what a regressor needs, is at rest, or has a segment too short for the filter.
     """
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
@@ -238,9 +244,10 @@ def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[f
 
 
 def residuals(problem: DynamicProblem, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
-    """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
+    """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative, (n, p).
 
-    `values` holds every name of `problem.names`; `chain` (p,) multiplies each derivative.
+    That is by the problem's `names`; priors are left out. `values` holds every name of `problem.names`; `chain` (p,)
+    multiplies each derivative.
     """
     known: Values = {**problem.fixed, **values}
     names = problem.names
@@ -264,7 +271,7 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
 def equation_error(
     problem: DynamicProblem, known: Values, memory: Sequence[dict[Unknown, Array]]
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
-    """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown."""
+    """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
     keys = [problem.key(name, d) for d, name in product(problem.directions, Lugre._fields)]
     for k, m in enumerate(problem.motions):

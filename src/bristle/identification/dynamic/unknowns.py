@@ -62,7 +62,10 @@ def solved(problem: DynamicProblem, start: Values, most: int) -> tuple[LeastSqua
 
 
 def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
-    """Where a quick descent over a few of many samples ends, if samples between those like it better than the start; else the start."""
+    """Where a quick descent over a few of many samples ends, if samples between those like it better than the start.
+
+    Else it is the start.
+    """
     if problem.quantity == "position" or sum(m.time.size for m in problem.motions) < _LARGE:
         return start
     few, between = (
@@ -88,7 +91,10 @@ def _thinned(motion: Motion, first: int) -> Motion:
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves; kept where it is lower."""
+    """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves.
+
+    It is kept where it is lower.
+    """
     if problem.quantity == "torque" or minimum.converged:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
@@ -98,12 +104,12 @@ def polished(
 
 
 def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
-    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`; and bounds.
+    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`.
 
-    What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest
-    speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends by more than ten
-    times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held the
-    joint. z0 lies within twice the typical deflection.
+    And bounds. What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its
+    fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends by more than
+    ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held
+    the joint. z0 lies within twice the typical deflection.
     """
     torque, speed = (max(float(np.abs(getattr(m, x)).max()) for m in problem.motions) for x in ("torque", "velocity"))
     travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
@@ -157,7 +163,10 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
     weight = np.repeat(weights, sizes) if any(one != 1 for one in weights) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,); a single infinite residual where they overflow."""
+        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,).
+
+        A single infinite residual where they overflow.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             natural = unknowns.natural(x)
             if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
@@ -202,9 +211,10 @@ def _factor(name: str, rng: np.random.Generator) -> float:
 
 
 def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
-    """A start with what each motion begins with: the deflection that carries its first torque, within the steady one, and the first position.
+    """A start with what each motion begins with.
 
-    Where a motion goes on from the one before, the deflection is that to which the estimated velocity has brought it.
+    The deflection that carries its first torque, within the steady one, and the first position. Where a motion goes on
+    from the one before, the deflection is that to which the estimated velocity has brought it.
     """
     p = parameters(problem, start)
     out, end = dict(start), 0.0

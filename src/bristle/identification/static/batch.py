@@ -1,9 +1,9 @@
-"""Many static data sets that share their velocities, in a few matrix products: estimates, standard errors, and both kinds of interval.
+"""Many static data sets that share their velocities, in a few matrix products.
 
-What v_s changes - the Stribeck column and its slope, each off the linear columns, and their products with the data - is
-tabulated on a grid of log(v_s) once for all sets, and interpolated by polynomials through six neighbours. Each set then
-has a few small sums of its own. Tables and errors in closed form are for speed: a projection or a Jacobian for each set
-would take many times as long.
+Estimates, standard errors, and both kinds of interval. What v_s changes - the Stribeck column and its slope, each off
+the linear columns, and their products with the data - is tabulated on a grid of log(v_s) once for all sets, and
+interpolated by polynomials through six neighbours. Each set then has a few small sums of its own. Tables and errors in
+closed form are for speed: a projection or a Jacobian for each set would take many times as long.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,8 @@ from bristle.identification.static.problem import Regression, from_points, log_g
 from bristle.identification.static.profiles import profiled
 
 GRID = 96
-"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
+"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
+"""
 COARSE = 48
 """As many are enough for the minimum alone."""
 _NEWTON = 4
@@ -36,8 +37,9 @@ _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=T
 
 
 class Tables(NamedTuple):
-    """What depends on v_s: of the Stribeck column s and its slope d by log(v_s), off the linear columns and relative to the length of s there.
+    """What depends on v_s.
 
+    Of the Stribeck column s and its slope d by log(v_s), off the linear columns and relative to the length of s there.
     So scaled, nothing vanishes where hardly a point is left within v_s, and polynomials hold over the whole range.
     """
 
@@ -95,10 +97,10 @@ class Batch:
         return max(int(self.torques.shape[0]) - len(self.problem.names), 1)
 
     def errors(self, *, robust: bool = False) -> Array:
-        """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets); inf where alpha_1 is zero.
+        """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets).
 
-        Robust ones allow for a variance that differs from point to point (HC3: each residual over one less its
-        leverage).
+        inf where alpha_1 is zero. Robust ones allow for a variance that differs from point to point (HC3: each residual
+        over one less its leverage).
         """
         if robust:
             return self._robust_errors()
@@ -135,7 +137,10 @@ class Batch:
         return self._floored(self.theta - reach), self.theta + reach
 
     def profile_intervals(self) -> tuple[Array, Array]:
-        """Lower and upper ends where the profile crosses its threshold, (p, sets) each; 0 and inf where it does not within the range of v_s."""
+        """Lower and upper ends where the profile crosses its threshold, (p, sets) each.
+
+        0 and inf where it does not within the range of v_s.
+        """
         best = self.cost
         threshold = best * profile_threshold(1.0, self.torques.shape[0], len(self.problem.names))
         ends, broken = zip(*(self._crossing(threshold, last) for last in (0.0, self.grid - 1.0)), strict=True)
@@ -204,10 +209,10 @@ class Batch:
             self._x[k] = np.clip(np.log(one.theta[-1] / self._base) / self._step, 0.0, last)
 
     def _crossing(self, threshold: Array, last: float) -> tuple[Array, Array]:
-        """Where the profile over log(v_s) crosses the threshold between the minimum and that end of the grid, (sets,); and which sets have it twice.
+        """Where the profile over log(v_s) crosses the threshold between the minimum and that end of the grid, (sets,).
 
-        The root of what the profile lies above its minimum is nearly linear: the secant method finds it, or halving
-        where that leaves the bracket.
+        And which sets have it twice. The root of what the profile lies above its minimum is nearly linear: the secant
+        method finds it, or halving where that leaves the bracket.
         """
         room = np.maximum(threshold - self.cost, 1e-300)
         inner, outer, sign = self._x.copy(), np.full_like(self._x, last), np.sign(last - self._x)
@@ -229,7 +234,10 @@ class Batch:
         return np.where(to_end, last, x), twice
 
     def _breaks(self, x: Array) -> NDArray[np.bool_]:
-        """Whether the solution at any of the grid coordinates x, (sets, q), breaks a bound but alpha_1's, so that the profile costs more there."""
+        """Whether the solution at any of the grid coordinates x, (sets, q), breaks a bound but alpha_1's.
+
+        The profile then costs more there.
+        """
         at = self._at(x)
         theta = self._without[..., None] - at.inside[0] * np.maximum(at.along, 0.0)
         broken: NDArray[np.bool_] = (theta < self.problem.lower[:, None, None]).any(axis=(0, 2))
@@ -258,8 +266,9 @@ def solve_batch(
         grid: as in `solve`, >= 8.
 
     Returns:
-        theta, shape (4, sets), in the order alpha_0, alpha_2, alpha_1, v_s; and the cost, shape (sets,). Sets whose minimum lies at the end
-        of the range, or whose free solution breaks a bound, are solved one by one, as `solve` does.
+        theta, shape (4, sets), in the order alpha_0, alpha_2, alpha_1, v_s; and the cost, shape (sets,). Sets whose
+        minimum lies at the end of the range, or whose free solution breaks a bound, are solved one by one, as `solve`
+        does.
     """
     batch = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, v_s_range, grid)
     return batch.theta, batch.cost

@@ -1,7 +1,8 @@
-"""The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once, from several starts.
+"""The full nonlinear fit beside the grid.
 
-Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols,
-derivatives are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
+The same data by CasADi + IPOPT, all static parameters at once, from several starts. Nothing of the grid is used but its
+range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives are exact, variables are scaled
+(v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
 from collections.abc import Sequence
@@ -29,7 +30,9 @@ OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 def full_fit(
     problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS, seed: int = SEED
 ) -> list[Array]:
-    """All parameters of a static problem at once, by IPOPT: theta, in the order of the problem's `names`, where each random start ended.
+    """All parameters of a static problem at once, by IPOPT.
+
+    theta, in the order of the problem's `names`, where each random start ended.
 
     Args:
         problem: the data.
@@ -82,7 +85,10 @@ def crosscheck(
 
 
 def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque as a CasADi expression; for smoothed equations, of fewer ones with the same sum of squares up to a constant."""
+    """Measured minus modelled torque as a CasADi expression.
+
+    For smoothed equations, of fewer ones with the same sum of squares up to a constant.
+    """
     few = reduced(problem, v_s_range)
     value = dict(zip(few.names, theta, strict=True))
     known = 2 * len(few.directions)

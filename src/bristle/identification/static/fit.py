@@ -59,7 +59,8 @@ def fit_static(
         timings: where the seconds of the grid and of the full fit are written, by name.
 
     Returns:
-        Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
+        Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit
+        `shared`.
     """
     v_s_range = options.v_s_range or default_range(problem.velocity)
     too_few = _too_few(problem)
@@ -84,7 +85,10 @@ def fit_static(
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
-    """The parameters of one direction alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
+    """The parameters of one direction alone, with their intervals, and nothing that stands beside them.
+
+    What a study of many data sets repeats.
+    """
     core = solve_static(problem, options, kind, options.v_s_range or default_range(problem.velocity))
     return {name.name: e for name, e in core.parameters.items()}
 

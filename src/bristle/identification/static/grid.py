@@ -1,8 +1,9 @@
 """Static parameters by a grid over v_s with linear least squares inside, (10)-(13): variable projection.
 
-For each v_s the other parameters are solved exactly, so the cost as a function of v_s is its profile. With the linear columns projected out
-(Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by (s'r)**2 / s's. All grid values are solved in a few array
-operations; the minimum is then refined to the continuous one. Every grid over v_s, of one set of torques or of many, and every profile rests on it.
+For each v_s the other parameters are solved exactly, so the cost as a function of v_s is its profile. With the linear
+columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by (s'r)**2 /
+s's. All grid values are solved in a few array operations; the minimum is then refined to the continuous one. Every grid
+over v_s, of one set of torques or of many, and every profile rests on it.
 """
 
 from collections.abc import Sequence
@@ -60,7 +61,8 @@ class Projected:
 
     Args:
         problem: n equations.
-        dropped: names of linear parameters, alpha_1 of a peak among them, that are left out: a face of the problem, on which they are zero.
+        dropped: names of linear parameters, alpha_1 of a peak among them, that are left out: a face of the problem, on
+            which they are zero.
     """
 
     def __init__(self, problem: Regression, dropped: Sequence[ParameterName] = ()) -> None:
@@ -92,7 +94,10 @@ class Projected:
         return inside, columns - self.q @ inside
 
     def off(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
-        """Stribeck columns less their part in the linear ones (n, k), and their squared lengths (k,), inf where they vanish."""
+        """Stribeck columns less their part in the linear ones (n, k), and their squared lengths (k,).
+
+        A length is inf where a column vanishes.
+        """
         shapes = self.problem.shapes(v_s, direction)
         inside, _, length = self._split(shapes)
         return shapes - self.q @ inside, length
@@ -107,7 +112,10 @@ class Projected:
         return costs
 
     def _bounded(self, shapes: Array) -> Array:
-        """J_s with each of some Stribeck columns (n, k), every bound kept: the least of what breaks none, with any friction columns dropped, (k,)."""
+        """J_s with each of some Stribeck columns (n, k), every bound kept.
+
+        The least of what breaks none, with any friction columns dropped, (k,).
+        """
         bounded = [name for name, low in zip(self.problem.linear_names, self.lower, strict=True) if np.isfinite(low)]
         least = np.full(shapes.shape[1], np.inf)
         for dropped in subsets(bounded)[1:]:
@@ -134,7 +142,10 @@ class Projected:
         return solve_at(self.problem, [v_s])
 
     def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
-        """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,), inf where nothing is."""
+        """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,).
+
+        A length is inf where nothing is off Q.
+        """
         products = self.q_and_rest @ shapes
         inside, along = products[:-1], products[-1]
         total = np.einsum("nk,nk->k", shapes, shapes)
@@ -177,7 +188,10 @@ class Projected:
         return np.maximum(self.rest_cost - gain, 0.0), without
 
     def conditional(self, v_s: Array) -> Conditional:
-        """The linear parameters, bounds apart, at values of v_s, (K, peaks of the problem); alpha_1 is zero where a peak touches no point."""
+        """The linear parameters, bounds apart, at values of v_s, (K, peaks of the problem).
+
+        alpha_1 is zero where a peak touches no point.
+        """
         K, P, p = v_s.shape[0], len(self.peaks), self.size
         off, inside = np.empty((K, P, self.rest.size)), np.empty((K, P, self.q.shape[1]))
         for row, k in enumerate(self.peaks):
@@ -244,8 +258,8 @@ class Solution:
 def default_range(velocity: Array) -> tuple[float, float]:
     """Where v_s is searched: from a third of the slowest speed to the fastest, rad/s.
 
-    Below, the Stribeck term touches no point (exp(-9)); above, it is a bend over all of them and not a peak. Moving data pass through every
-    speed down to noise: nothing slower than a thousandth of the fastest counts.
+    Below, the Stribeck term touches no point (exp(-9)); above, it is a bend over all of them and not a peak. Moving
+    data pass through every speed down to noise: nothing slower than a thousandth of the fastest counts.
     """
     speed = np.abs(velocity[velocity != 0])
     high = float(speed.max())
@@ -282,7 +296,10 @@ def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID)
 def descended(
     problem: Regression, solution: Solution, v_s: Sequence[float], v_s_range: tuple[float, float]
 ) -> Solution:
-    """The solution with the minimum nearest to other v_s, one per peak, in place of its own; what was solved on the grid stays."""
+    """The solution with the minimum nearest to other v_s, one per peak, in place of its own.
+
+    What was solved on the grid stays.
+    """
     inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
     return replace(solution, **inner._asdict())
 
@@ -290,9 +307,10 @@ def descended(
 def plain_grid(
     problem: Regression, v_s_range: tuple[float, float], count: int = PLAIN_GRID
 ) -> tuple[Array, Array, Array]:
-    """The paper's method as it stands, (13): the best of `count` evenly spaced values of v_s, for a problem of one direction.
+    """The paper's method as it stands, (13).
 
-    Returns the grid (count,), J_s on it (count,), and theta at its best value.
+    The best of `count` evenly spaced values of v_s, for a problem of one direction. Returns the grid (count,), J_s on
+    it (count,), and theta at its best value.
     """
     values = np.linspace(*v_s_range, count)
     costs = Projected(problem).costs(values)
@@ -300,9 +318,10 @@ def plain_grid(
 
 
 def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, float], count: int = PLAIN_GRID) -> Array:
-    """`plain_grid`'s theta (p, sets) for torques (n, sets) at the problem's velocities: (13) at each value, for all sets in one matrix product.
+    """`plain_grid`'s theta (p, sets) for torques (n, sets) at the problem's velocities.
 
-    A set whose free solution at the best value breaks a bound is solved by itself.
+    (13) at each value, for all sets in one matrix product. A set whose free solution at the best value breaks a bound
+    is solved by itself.
     """
     projected, values = Projected(problem), np.linspace(*v_s_range, count)
     gain, best = np.full(torques.shape[1], -1.0), np.zeros(torques.shape[1], dtype=np.intp)
@@ -327,9 +346,9 @@ def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, flo
 def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
     """The problem at the continuous minimum of the profile between the neighbours of its lowest grid value.
 
-    The start is the minimum of the quartic through five grid values; from there the exact slope is followed by the secant method, to where
-    rounding ends. By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the residuals at the inner minimum and u = log(v_s);
-    with `bend` = J_s'' / 2, a step lowers the cost by slope**2 / bend.
+    The start is the minimum of the quartic through five grid values; from there the exact slope is followed by the
+    secant method, to where rounding ends. By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the
+    residuals at the inner minimum and u = log(v_s); with `bend` = J_s'' / 2, a step lowers the cost by slope**2 / bend.
     """
     best, last = int(costs.argmin()), values.size - 1
     first, step = float(values[0]), log(values[-1] / values[0]) / last

@@ -1,11 +1,12 @@
 """The static problem as arrays: measured torque against linear columns and one Stribeck column per direction.
 
-    T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors      (9)-(12)
+    T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors
+    (9)-(12)
 
-Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak), where a peak is a direction
-that has a Stribeck term.
-Moving data pass both sides through the same linear smoothing; points at constant velocity pass as they are. What solves moving data over and over
-does so in few equations (`reduced`); what has no use for the grid takes all parameters at once (`nonlinear_problem`).
+Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak),
+where a peak is a direction that has a Stribeck term. Moving data pass both sides through the same linear smoothing;
+points at constant velocity pass as they are. What solves moving data over and over does so in few equations
+(`reduced`); what has no use for the grid takes all parameters at once (`nonlinear_problem`).
 """
 
 from collections.abc import Sequence
@@ -55,7 +56,8 @@ class Regression:
     root_weight: Array | None = None
     """Square root of each equation's weight, shape (n,)."""
     memory: dict[tuple[object, str, bytes], Tables] = field(default_factory=dict, repr=False)
-    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same grid."""
+    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same
+    grid."""
     priors: int = 0
     """How many of the last equations are priors, not measurements."""
     known: Array | None = None
@@ -72,7 +74,10 @@ class Regression:
 
     @property
     def least(self) -> Array:
-        """What each parameter may be at least: 0 for friction, -inf for the extra regressors; in the order of `names`."""
+        """What each parameter may be at least: 0 for friction, -inf for the extra regressors.
+
+        In the order of `names`.
+        """
         return np.array([0.0 if name.name in Stribeck._fields else -np.inf for name in self.names])
 
     @property
@@ -193,7 +198,10 @@ def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
 def from_points(
     velocity: Array, torque: Array, directions: tuple[str, ...], extra: dict[str, Array] | None = None
 ) -> Regression:
-    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m. `extra` holds known columns by name."""
+    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m.
+
+    `extra` holds known columns by name.
+    """
     return _build(velocity, torque, directions, extra or {}, None)
 
 
@@ -206,8 +214,9 @@ def from_records(
 ) -> tuple[Regression, tuple[Array, Array], int]:
     """The problem for moving data, as robot identification poses it.
 
-    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order Butterworth, forward and
-    backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end of a segment between gaps are dropped.
+    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order
+    Butterworth, forward and backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end
+    of a segment between gaps are dropped.
 
     Args:
         records: with velocity, torque, and acceleration or position where a regressor needs them.
@@ -217,7 +226,8 @@ def from_records(
         inertia: where it is known, kg*m**2: its torque is taken off.
 
     Returns:
-        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples dropped at ends.
+        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation;
+        samples dropped at ends.
 
     Raises:
         InputError: where a segment is too short for the filter, with the length it needs.
@@ -240,7 +250,10 @@ def from_records(
 def with_prior(
     problem: Regression, name: ParameterName, value: float, standard_error: float, sigma: float
 ) -> Regression:
-    """The problem with one more equation: parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma."""
+    """The problem with one more equation.
+
+    Parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma.
+    """
     weight = sigma / standard_error
     row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
     smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
@@ -290,10 +303,11 @@ def _moves(velocity: Array, direction: str) -> Array:
 
 
 def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem in fewer equations and velocities: the same sums of squares for every theta with v_s in the range, to about 1e-8 of the torque's.
+    """The problem in fewer equations and velocities.
 
-    Nothing is left out that the columns or the torque hold, so the costs are the same, not only the minimum. Points that are not smoothed are
-    returned as they are.
+    The same sums of squares for every theta with v_s in the range, to about 1e-8 of the torque's. Nothing is left out
+    that the columns or the torque hold, so the costs are the same, not only the minimum. Points that are not smoothed
+    are returned as they are.
     """
     if problem.smooth is None:
         return problem
@@ -319,7 +333,7 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
 
 
 def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
-    """Orthonormal directions, (n, r), that span the torque and the model's columns for every v_s in the range, to 1e-8."""
+    """Orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8."""
     values = log_grid(v_s_range, _SPANNING)
     shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
     columns = np.column_stack([problem.linear, *shapes, problem.torque])
@@ -332,8 +346,8 @@ def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
 def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
     """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
 
-    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so each sample's share can be
-    handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
+    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so
+    each sample's share can be handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
 
     Args:
         velocity: of the samples, none zero, (N,).
@@ -355,7 +369,10 @@ def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
 
 
 def nonlinear_problem(problem: Regression, v_s_range: tuple[float, float]) -> LeastSquares[ParameterName]:
-    """The problem without the grid: residuals and their exact Jacobian by the scaled parameters, v_s within its range (rad/s)."""
+    """The problem without the grid.
+
+    Residuals and their exact Jacobian by the scaled parameters, v_s within its range (rad/s).
+    """
     unknowns = unknowns_of(problem, v_s_range)
 
     def linearised(x: Array) -> tuple[Array, Array]:
@@ -367,7 +384,10 @@ def nonlinear_problem(problem: Regression, v_s_range: tuple[float, float]) -> Le
 
 
 def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns[ParameterName]:
-    """The parameters in the order of the problem's `names`; a typical size is the torque over the column's largest entry."""
+    """The parameters in the order of the problem's `names`.
+
+    A typical size is the torque over the column's largest entry.
+    """
     torque, peaks = float(np.abs(problem.torque).max()) or 1.0, len(problem.peaks)
     columns = np.abs(problem.linear).max(axis=0)
     columns[columns == 0] = 1.0

@@ -1,7 +1,7 @@
-"""The exact profile of every parameter of a static fit: where its cost, minimised over all other parameters, stays below a threshold.
+"""The exact profile of every parameter of a static fit.
 
-At given v_s the problem is linear, so that the profiles of the others follow no path: see
-`estimation.conditional_profile`; eta is log(v_s).
+Where its cost, minimised over all other parameters, stays below a threshold. At given v_s the problem is linear, so
+that the profiles of the others follow no path: see `estimation.conditional_profile`; eta is log(v_s).
 """
 
 from collections.abc import Iterator
@@ -51,7 +51,10 @@ class StaticProfiles(NamedTuple):
         return None if self.linear.better is None else np.exp(self.linear.better)
 
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
-        """A linear parameter's profile about its estimate, from half a width below its interval to half a width above, (2, k)."""
+        """A linear parameter's profile about its estimate, (2, k).
+
+        From half a width below its interval to half a width above.
+        """
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
         ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
@@ -60,10 +63,10 @@ class StaticProfiles(NamedTuple):
 
 
 def profiled(problem: Regression, solution: Solution, variance_inflation: float = 1.0) -> StaticProfiles:
-    """The profiles of a problem's solution; `variance_inflation` is by how much correlated residuals inflate the variance.
+    """The profiles of a problem's solution.
 
-    v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range; alpha_1 goes with it,
-    and has no upper end then.
+    `variance_inflation` is by how much correlated residuals inflate the variance. v_s is open, 0 or inf, where its
+    profile stays below the threshold to the end of the range; alpha_1 goes with it, and has no upper end then.
     """
     threshold = profile_threshold(solution.cost, problem.torque.size, len(problem.names), variance_inflation)
     few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem
@@ -104,7 +107,10 @@ def _over_log(projected: Projected) -> Face:
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
-    """Over which values of the other v_s the profile of a peak's own is minimised, where there are two: near its best, and the grid, (k,)."""
+    """Over which values of the other v_s the profile of a peak's own is minimised, where there are two.
+
+    Near its best, and the grid, (k,).
+    """
     other = float(solution.theta[solution.theta.size - 1 - peak])
     return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)
 

@@ -1,4 +1,7 @@
-"""A static fit from an experiment's runs: from points at constant velocity, direction by direction or of both, or from moving runs."""
+"""A static fit from an experiment's runs.
+
+From points at constant velocity, direction by direction or of both, or from moving runs.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -105,9 +108,10 @@ def _point_info(points: Sequence[Segment]) -> PointInfo:
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
-    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid: fits, cross-checks, warnings.
+    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
 
-    Raises InputError where a run lacks a signal, is too short, or its torque opposes its velocity.
+    Fits, cross-checks, warnings. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
+    velocity.
     """
     fixed, prior = inertia(experiment)
     moving, asked = directions(experiment, records), regressors(experiment)

@@ -1,4 +1,7 @@
-"""One static problem solved and judged: which Stribeck terms the data support, and an interval and its warnings on each parameter."""
+"""One static problem solved and judged.
+
+Which Stribeck terms the data support, and an interval and its warnings on each parameter.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +26,8 @@ from bristle.model.parameters import Kind as JointKind
 SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
 UNTOUCHED = 0.34
-"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1 is invented."""
+"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
+is invented."""
 TUNING = 1.345
 """Residuals beyond this many scales count linearly: 95 % efficiency on Gaussian noise (Huber, 1981)."""
 _REFITS = 30
@@ -55,7 +59,10 @@ class StaticSolution:
 def solve_static(
     problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float]
 ) -> StaticSolution:
-    """Solve, drop the Stribeck terms that the data do not support, and put an interval and its warnings on each parameter."""
+    """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
+
+    With each interval go its warnings.
+    """
     solution, again = None, tuple[Diagnostic, ...]()
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
@@ -102,9 +109,10 @@ def solve_static(
 
 
 def huber(problem: Regression, v_s_range: tuple[float, float], grid: int) -> tuple[Solution, Array]:
-    """The static problem under Huber's loss, by iteratively reweighted least squares; its scale from the median absolute residual.
+    """The static problem under Huber's loss, by iteratively reweighted least squares.
 
-    Returns the solution and each equation's weight in (0, 1], shape (n,); a weight well below one marks an outlier.
+    Its scale from the median absolute residual. Returns the solution and each equation's weight in (0, 1], shape (n,);
+    a weight well below one marks an outlier.
     """
     weight = np.ones(problem.torque.size)
     solution = solve(problem, v_s_range, grid)
@@ -202,7 +210,7 @@ def _profiles(
 
 
 def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
-    """Values of v_s, even in log(v_s), from where the profile falls below ten times the threshold's height to where it rises above."""
+    """Values of v_s, even in log(v_s), where the profile is below ten times the threshold's height."""
     low = np.flatnonzero(cost <= best_cost + 10 * (threshold - best_cost))
     near = np.append(low, np.searchsorted(grid, best))
     first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)

@@ -1,7 +1,7 @@
 """The 95 % intervals of a static fit three ways: covariance, profile, bootstrap; and where they part.
 
-The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes by one step. v_s is stepped
-by its logarithm: an interval need be neither symmetric nor normal.
+The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes
+by one step. v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
 """
 
 from typing import NamedTuple
@@ -97,7 +97,8 @@ class StaticDraws(NamedTuple):
     """What draws do to p parameters, in their units."""
 
     low: Array
-    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the parameter; nan: there is none."""
+    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the
+    parameter; nan: there is none."""
     high: Array
     """(p,)."""
     draws: Array
@@ -156,7 +157,10 @@ def _refitted(
     best, logarithmic = solution.theta[:, None], problem.logarithmic[:, None]
 
     def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-        """How far the whole grid's estimates lie off, and their standard errors; inf where nothing is seen of a parameter."""
+        """How far the whole grid's estimates lie off, and their standard errors.
+
+        inf where nothing is seen of a parameter.
+        """
         torques = (problem.torque - solution.residuals)[:, None] + residuals
         if not problem.peaks:
             theta, errors = linear_refit(problem.linear, torques, uneven)
