@@ -41,7 +41,7 @@ def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
 
 
 def test_nothing_crosses_a_gap() -> None:
-    """Each stretch is what it would be alone, whatever stands in the other."""
+    """Each segment is what it would be alone, whatever stands in the other."""
     t = np.arange(100) * 1e-2
     first, second = np.sin(t), 1e6 + np.cos(3 * t)
     both = estimate_motion(_record(np.concatenate([t, t + 50]), np.concatenate([first, second]), (0, 100)), 10.0)
@@ -50,8 +50,8 @@ def test_nothing_crosses_a_gap() -> None:
     assert [s.stop for s in between_gaps(both)] == [100, 200]
 
 
-def test_short_stretches_are_left_out_and_counted() -> None:
-    """A stretch too short to filter is dropped, said, and the starts still point at the stretches left."""
+def test_short_segments_are_left_out_and_counted() -> None:
+    """A segment too short to filter is dropped, said, and the starts still point at the segments left."""
     t = np.concatenate([np.arange(50) * 0.01, 10 + np.arange(3) * 0.01, 20 + np.arange(40) * 0.01])
     record = estimate_motion(_record(t, t**2, (0, 50, 53)), 10.0)
     assert (record.time.size, record.starts, record.dropped) == (90, (0, 50), 3)

@@ -78,7 +78,7 @@ def test_a_prior_pulls_as_its_standard_error_says() -> None:
 
 
 def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
-    """Each equation's kernel sums to one, and takes its samples from one stretch only."""
+    """Each equation's kernel sums to one, and takes its samples from one segment only."""
     record = moving(starts=(0, 3000))
     problem, (time, _), dropped = from_records([record], ("both",), ("inertia",), 10)
     smooth = problem.smooth
@@ -91,7 +91,7 @@ def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
     assert dropped > 0
 
 
-def test_too_short_a_stretch_names_the_length_it_needs() -> None:
+def test_too_short_a_segment_names_the_length_it_needs() -> None:
     """A record shorter than the filter's transient is refused with the number of samples that it takes."""
     whole = moving()
     few = slice(0, 100)

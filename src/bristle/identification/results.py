@@ -1,7 +1,4 @@
-"""Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly.
-
-The document `results.json` is made of them.
-"""
+"""Results as values, of which `results.json` is made: an estimate, a fit, a cross-check; every warning listed singly."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -14,7 +14,8 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.results import Crosscheck
-from bristle.identification.static.problem import Regression, reduced, unknowns_of
+from bristle.identification.static.problem import Regression, unknowns_of
+from bristle.identification.static.profiles import reduced
 from bristle.model import law
 from bristle.model.parameters import WITHOUT_PEAK, Direction, ParameterName, Stribeck
 

@@ -5,8 +5,8 @@
 
 Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak),
 where a peak is a direction that has a Stribeck term. Moving data pass both sides through the same linear smoothing;
-points at constant velocity pass as they are. What solves moving data over and over does so in few equations
-(`reduced`); what has no use for the grid takes all parameters at once (`nonlinear_problem`).
+points at constant velocity pass as they are. What has no use for the grid takes all parameters at once
+(`nonlinear_problem`).
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.interpolate import BSpline
 
 from bristle.arrays import Array
 from bristle.data.record import Record
@@ -28,11 +27,6 @@ from bristle.model.vectorize import evaluate
 
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
-_SPANNING = 32
-"""Values of v_s whose columns span those of all others in the range."""
-_NODES = 1000
-_SLOWEST = 1e-7
-"""Of the fastest speed: where nodes begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -300,72 +294,6 @@ def _build(
 
 def _moves(velocity: Array, direction: str) -> Array:
     return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
-
-
-def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem in fewer equations and velocities.
-
-    The same sums of squares for every theta with v_s in the range, to about 1e-8 of the torque's. Nothing is left out
-    that the columns or the torque hold, so the costs are the same, not only the minimum. Points that are not smoothed
-    are returned as they are.
-    """
-    if problem.smooth is None:
-        return problem
-    basis = _basis(problem, v_s_range)
-    weight = np.ones(problem.torque.size) if problem.root_weight is None else problem.root_weight
-    two = len(problem.directions) == 2
-    velocities, shares = [], []
-    for sign in (1.0, -1.0) if two else (1.0,):
-        moving = problem.velocity * sign > 0 if two else problem.velocity != 0
-        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ (basis * weight[:, None])).T)
-        velocities.append(sign * nodes)
-        shares.append(sign * sums)
-    return replace(
-        problem,
-        velocity=np.concatenate(velocities),
-        torque=basis.T @ problem.torque,
-        linear=basis.T @ problem.linear,
-        smooth=sparse.csr_array(np.concatenate(shares, axis=1)),
-        root_weight=None,
-        known=None,
-        memory={},
-    )
-
-
-def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
-    """Orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8."""
-    values = log_grid(v_s_range, _SPANNING)
-    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
-    columns = np.column_stack([problem.linear, *shapes, problem.torque])
-    sizes = np.linalg.norm(columns, axis=0)
-    left, lengths, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
-    kept: Array = left[:, lengths > 1e-8 * lengths[0]]
-    return kept
-
-
-def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
-    """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
-
-    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so
-    each sample's share can be handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
-
-    Args:
-        velocity: of the samples, none zero, (N,).
-        shares: of each sample in r sums, (r, N).
-
-    Returns:
-        The nodes, positive, (m,), and their shares, (r, m).
-    """
-    speed = np.abs(velocity)
-    high = float(np.log(speed.max()))
-    low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
-    at = np.linspace(low, max(high, low + 1.0), _NODES)
-    knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
-    on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
-    on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
-    of_splines = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T, dtype=np.float64)
-    nodes: Array = np.exp(at)
-    return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)
 
 
 def nonlinear_problem(problem: Regression, v_s_range: tuple[float, float]) -> LeastSquares[ParameterName]:

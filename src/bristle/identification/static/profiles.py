@@ -1,20 +1,24 @@
-"""The exact profile of every parameter of a static fit.
+"""The exact profile of every parameter of a static fit: where its cost, minimised over all others, is below a threshold.
 
-Where its cost, minimised over all other parameters, stays below a threshold. At given v_s the problem is linear, so
-that the profiles of the others follow no path: see `estimation.conditional_profile`; eta is log(v_s).
+At given v_s the problem is linear, so that the profiles of the others follow no path: see
+`estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few equations: the same static problem, a
+hundred times smaller (`reduced`).
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
+from scipy.interpolate import BSpline
 
 from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
-from bristle.identification.static.grid import Projected, Solution, subsets
-from bristle.identification.static.problem import Regression, reduced
+from bristle.identification.static.grid import GRID, Projected, Solution, subsets
+from bristle.identification.static.problem import Regression, log_grid
 from bristle.model.parameters import ParameterName
 
 _LOOKS = (
@@ -31,6 +35,10 @@ _AROUND = (0.5, 2.0, 101)
 """Of two peaks, where the other v_s is searched, over its best: from, to, values."""
 _ROUNDING = 1e-13
 """Of what the linear columns leave of the torque: costs this near are the same."""
+_NODES = 1000
+"""Velocities that stand for all of moving data."""
+_SLOWEST = 1e-7
+"""Of the fastest speed: where they begin."""
 
 
 class StaticProfiles(NamedTuple):
@@ -100,6 +108,72 @@ def profiled(problem: Regression, solution: Solution, variance_inflation: float 
             alpha_1 = name._replace(name="alpha_1")
             intervals[alpha_1] = intervals[alpha_1][0], np.inf
     return StaticProfiles(intervals | v_s, threshold, few, linear)
+
+
+def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
+    """The problem in fewer equations and velocities.
+
+    The same sums of squares for every theta with v_s in the range, to about 1e-8 of the torque's. Nothing is left out
+    that the columns or the torque hold, so the costs are the same, not only the minimum. Points that are not smoothed
+    are returned as they are.
+    """
+    if problem.smooth is None:
+        return problem
+    basis = _basis(problem, v_s_range)
+    weight = np.ones(problem.torque.size) if problem.root_weight is None else problem.root_weight
+    two = len(problem.directions) == 2
+    velocities, shares = [], []
+    for sign in (1.0, -1.0) if two else (1.0,):
+        moving = problem.velocity * sign > 0 if two else problem.velocity != 0
+        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ (basis * weight[:, None])).T)
+        velocities.append(sign * nodes)
+        shares.append(sign * sums)
+    return replace(
+        problem,
+        velocity=np.concatenate(velocities),
+        torque=basis.T @ problem.torque,
+        linear=basis.T @ problem.linear,
+        smooth=sparse.csr_array(np.concatenate(shares, axis=1)),
+        root_weight=None,
+        known=None,
+        memory={},
+    )
+
+
+def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
+    """Orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8."""
+    values = log_grid(v_s_range, GRID)
+    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
+    columns = np.column_stack([problem.linear, *shapes, problem.torque])
+    sizes = np.linalg.norm(columns, axis=0)
+    left, lengths, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
+    kept: Array = left[:, lengths > 1e-8 * lengths[0]]
+    return kept
+
+
+def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
+    """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
+
+    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so
+    each sample's share can be handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
+
+    Args:
+        velocity: of the samples, none zero, (N,).
+        shares: of each sample in r sums, (r, N).
+
+    Returns:
+        The nodes, positive, (m,), and their shares, (r, m).
+    """
+    speed = np.abs(velocity)
+    high = float(np.log(speed.max()))
+    low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
+    at = np.linspace(low, max(high, low + 1.0), _NODES)
+    knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
+    on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
+    on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
+    of_splines = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T, dtype=np.float64)
+    nodes: Array = np.exp(at)
+    return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)
 
 
 def _over_log(projected: Projected) -> Face:
