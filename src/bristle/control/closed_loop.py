@@ -153,11 +153,13 @@ def simulate(
     logs = _in_threads(options, run, given, numbers, 1 if stiff else min(THREADS, len(cases)))
     log = shaped(blank_log(options), iter(logs))
     share, forward = options.compensator.share, options.compensator.inertia * reference.acceleration
-    own = np.asarray(log.compensation)
+    compensation = np.asarray(log.compensation)
     return Trajectory(
         time=np.asarray(period * np.arange(n)), reference=reference.position, position=log.position, velocity=log.velocity,
-        measured=log.measured, torque=log.torque, voltage=log.voltage if options.drive == "voltage" else np.full_like(own, np.nan),
-        friction=log.friction, compensation=own, predicted=(own - forward) / share if share else np.full_like(own, np.nan),
+        measured=log.measured, torque=log.torque,
+        voltage=log.voltage if options.drive == "voltage" else np.full_like(compensation, np.nan),
+        friction=log.friction, compensation=compensation,
+        predicted=(compensation - forward) / share if share else np.full_like(compensation, np.nan),
         theta=np.reshape(log.theta, (-1, len(cases), n)).swapaxes(0, 1),
     )  # fmt: skip  # a list of values
 

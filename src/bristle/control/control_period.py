@@ -21,6 +21,7 @@ from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair, pair_of
 
+T = TypeVar("T")
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""
 _SOFT: Sliding[float] = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.0)
@@ -290,9 +291,6 @@ def stiff_control_period(options: LoopOptions) -> ca.Function:
     n = state.shape[0]
     moved = solver(x0=inputs[0][:n], p=given)["xf"]
     return ca.Function("stiff_control_period", inputs, [ca.vertcat(moved, new[n:]), logged])
-
-
-T = TypeVar("T")
 
 
 def flat(value: Any) -> list[Any]:

@@ -132,10 +132,10 @@ def profiles(
         else:
             high = reach**2 / float(naive[j])
             path = _Path(problem, minimum, j, high, stop_at_better, [first], {float(x[j]): 0.0})
-            found = path.profiled(reach)
+            profiled = path.profiled(reach)
             if path.better is not None:
                 return out, path.better
-            out[name] = found
+            out[name] = profiled
     return out, None
 
 
@@ -244,15 +244,15 @@ class _Path:
         lower, upper = (np.where(held, value, bound) for bound in box)
         settled = _SETTLED * self.high * self.minimum.residuals.size / cost
         try:
-            found = minimise(self._evaluate, start, lower, upper, _TRIES, settled)
+            minimum = minimise(self._evaluate, start, lower, upper, _TRIES, settled)
         except InputError:
             return None
-        excess = (found.cost - cost) / self.high
+        excess = (minimum.cost - cost) / self.high
         if self.stop_at_better and excess < -BETTER:
-            self.better = found.x
+            self.better = minimum.x
             raise _Stop
-        self.rough |= not found.converged
-        self.points.append((found.x, found.jacobian.T @ found.jacobian))
+        self.rough |= not minimum.converged
+        self.points.append((minimum.x, minimum.jacobian.T @ minimum.jacobian))
         return float(np.sqrt(max(excess, 0.0)))
 
     def _evaluate(self, x: Array) -> tuple[Array, Array]:

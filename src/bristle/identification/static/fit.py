@@ -126,32 +126,26 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
 
 
 def _huber_warnings(
-    problem: Regression,
-    parameters: Mapping[ParameterName, Estimate],
+    core: StaticSolution,
     robust: Mapping[ParameterName, float],
     errors: Mapping[ParameterName, float],
     weight: Array,
-    names: Sequence[str],
+    where: PointInfo,
 ) -> list[Diagnostic]:
-    """Where least squares and Huber part by more than two combined standard errors, and the points responsible.
+    """Where least squares and Huber (with its standard errors) differ by over two combined ones, and the points responsible.
 
-    Args:
-        problem: as it was fitted.
-        parameters: of least squares.
-        robust: of the Huber refit.
-        errors: its standard errors.
-        weight: each point's Huber weight, (n,).
-        names: what a user calls each point, (n,), or empty.
+    `weight` is each point's Huber weight, (n,).
     """
     moved = []
-    for name, estimate in parameters.items():
+    for name, estimate in core.parameters.items():
         if estimate.standard_error and estimate.value is not None:
             distance = abs(robust[name] - estimate.value) / np.hypot(estimate.standard_error, errors[name])
             if distance > 2:
-                moved.append((problem.text(name), float(distance)))
+                moved.append((core.problem.text(name), float(distance)))
     if not moved:
         return []
-    responsible = [names[k] for k in np.argsort(weight)[:5] if weight[k] < 0.7] if names else []
+    points = where.segments
+    responsible = [str(points[k]) for k in np.argsort(weight)[:5] if weight[k] < 0.7] if points else []
     by = Kind.RESPONSIBLE(points=tuple(responsible)) if responsible else ""
     return [Kind.HUBER_DIFFERS(moved=tuple(moved), points=by)]
 
@@ -186,7 +180,7 @@ def _comparisons(
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
     warnings = [
-        *_huber_warnings(core.problem, core.parameters, robust, errors, weight, tuple(map(str, where.segments))),
+        *_huber_warnings(core, robust, errors, weight, where),
         *core.warnings,
     ]
     without: Mapping[ParameterName, Estimate] = {}
@@ -231,8 +225,7 @@ def _static_fit(
     order = sorted(parameters, key=lambda name: (*Stribeck._fields, name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names]
     torque = problem.friction(theta) if part != "shared" else problem.torque
-    measured = problem.torque if problem.known is None else problem.torque + problem.known
-    norm = float(np.linalg.norm(measured[rows]))
+    norm = float(np.linalg.norm(problem.measured[rows]))
     return StaticFit(
         direction=part,
         parameters={name: parameters[name] for name in order},

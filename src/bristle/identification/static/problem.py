@@ -85,6 +85,11 @@ class Regression:
         return np.array([name.name == "v_s" for name in self.names])
 
     @property
+    def measured(self) -> Array:
+        """`torque` with what was taken off it, N*m, (n,)."""
+        return self.torque if self.known is None else self.torque + self.known
+
+    @property
     def equation_velocity(self) -> Array:
         """Velocity of each equation, rad/s, (n,)."""
         return self.velocity if self.smooth is None else self.smooth @ self.velocity
@@ -124,8 +129,7 @@ class Regression:
 
     def relative_error(self, theta: Array) -> float:
         """100 * norm(measured - modelled) / norm(measured), percent; nan where nothing was measured but zeros."""
-        measured = self.torque if self.known is None else self.torque + self.known
-        norm = float(np.linalg.norm(measured))
+        norm = float(np.linalg.norm(self.measured))
         return 100 * float(np.linalg.norm(self.residuals(theta))) / norm if norm else float("nan")
 
     def split(self, theta: Array) -> tuple[Array, Array]:
