@@ -39,8 +39,16 @@ from bristle.control import compensator as compensating
 from bristle.control.adaptation import Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Measurement, Reference
-from bristle.control.control_period import Case, Disturbance, Given, LoopOptions, at_rest, control_period, numbers_of
-from bristle.control.packing import flat
+from bristle.control.control_period import (
+    Case,
+    Disturbance,
+    Given,
+    LoopOptions,
+    at_rest,
+    control_period,
+    flat,
+    numbers_of,
+)
 from bristle.control.stability import refuse_long_period
 from bristle.model.parameters import Pair
 from bristle.simulation import edro

@@ -23,7 +23,7 @@ from bristle.identification.results import Estimate, Joint
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.stribeck_test import solve_static
+from bristle.identification.static.solution import solve_static
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.simulation import bench, edro

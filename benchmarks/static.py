@@ -13,9 +13,9 @@ from scipy.optimize import curve_fit
 from bristle.arrays import Array
 from bristle.estimation.covariance import covariance
 from bristle.identification.static.batch import Batch, solve_batch
-from bristle.identification.static.bootstrap import resample
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.problem import from_points
+from bristle.identification.static.uncertainty import resample
 from bristle.simulation.edro import TABLE_1
 from timing import least
 

@@ -34,8 +34,7 @@ from scipy.optimize import least_squares
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.estimation.covariance import covariance
-from bristle.estimation.levenberg_marquardt import minimise
-from bristle.estimation.problem import LeastSquares
+from bristle.estimation.nonlinear import LeastSquares, minimise
 from bristle.identification.dynamic import problem as trajectory
 from bristle.identification.dynamic import unknowns
 from bristle.model import functions, law

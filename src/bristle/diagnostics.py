@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.json_form import JsonForm, to_bound
+from bristle.arrays import JsonForm, to_bound
 
 Value = Any
 """A number, a word, a tuple of words or of named numbers, or a diagnostic that is a part of the sentence."""

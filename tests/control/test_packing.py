@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from bristle.control.adaptation import Adaptation
 from bristle.control.compensator import Compensator
-from bristle.control.control_period import LoopOptions, at_rest, control_period, numbers_of
-from bristle.control.packing import flat, shaped, symbols
+from bristle.control.control_period import LoopOptions, at_rest, control_period, flat, numbers_of, shaped, symbols
 from bristle.control.pid import Gains
 from bristle.model.parameters import Motor
 from bristle.simulation import edro

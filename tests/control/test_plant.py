@@ -13,8 +13,7 @@ from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.control.pid import AT_REST, pid
-from bristle.control.plant import State, exponential, plant_step
-from bristle.control.sensors import quantise
+from bristle.control.plant import State, exponential, plant_step, quantise
 from bristle.model import law, motor
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation.bench import ramp_gains

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.control.sensors import quantise, white_noise
+from bristle.control.plant import quantise, white_noise
 
 
 @settings(deadline=None)

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from bristle.arrays import Array
-from bristle.data.differentiation import derivative, estimate_motion, smoothed, stretches
+from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 
 
@@ -41,23 +41,23 @@ def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
 
 
 def test_nothing_crosses_a_gap() -> None:
-    """Each stretch is what it would be alone, whatever stands in the other."""
+    """Each segment is what it would be alone, whatever stands in the other."""
     t = np.arange(100) * 1e-2
     first, second = np.sin(t), 1e6 + np.cos(3 * t)
     both = estimate_motion(_record(np.concatenate([t, t + 50]), np.concatenate([first, second]), (0, 100)), 10.0)
     alone = estimate_motion(_record(t, first), 10.0)
     np.testing.assert_allclose(_of(both.velocity)[:100], _of(alone.velocity), atol=1e-9)
-    assert [s.stop for s in stretches(both)] == [100, 200]
+    assert [s.stop for s in between_gaps(both)] == [100, 200]
 
 
-def test_short_stretches_are_left_out_and_counted() -> None:
-    """A stretch too short to filter is dropped, said, and the starts still point at the stretches left."""
+def test_short_segments_are_left_out_and_counted() -> None:
+    """A segment too short to filter is dropped, said, and the starts still point at the segments left."""
     t = np.concatenate([np.arange(50) * 0.01, 10 + np.arange(3) * 0.01, 20 + np.arange(40) * 0.01])
     record = estimate_motion(_record(t, t**2, (0, 50, 53)), 10.0)
     assert (record.time.size, record.starts, record.dropped) == (90, (0, 50), 3)
     assert record.time[50] == 20
     assert any(note.startswith("3 rows dropped") for note in record.notes)
-    with pytest.raises(ValueError, match="no stretch without a gap has 16 samples"):
+    with pytest.raises(ValueError, match="no segment between gaps has 16 samples"):
         estimate_motion(_record(t[:10], t[:10]), 10.0)
 
 

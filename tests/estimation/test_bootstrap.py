@@ -102,8 +102,8 @@ def test_a_step_scales_with_its_parameter(power: float, seed: int) -> None:
     np.testing.assert_allclose(other.studentised, one.studentised, rtol=1e-6, atol=1e-9)
 
 
-def test_stretches_as_long_as_a_cell_are_blocks_of_their_own() -> None:
-    """Residuals that are one constant per stretch: with stretches as blocks the mean scatters as the mean of as many independent values."""
+def test_segments_as_long_as_a_cell_are_blocks_of_their_own() -> None:
+    """Residuals that are one constant per segment: with segments as blocks the mean scatters as the mean of as many independent values."""
     rng = np.random.default_rng(5)
     level = rng.standard_normal(50)
     x = np.repeat(level - level.mean(), 20)
@@ -113,15 +113,15 @@ def test_stretches_as_long_as_a_cell_are_blocks_of_their_own() -> None:
 
 
 @given(st.lists(st.integers(1, 300), min_size=1, max_size=8), st.integers(1, 120))
-def test_cells_fill_every_stretch(sizes: list[int], length: int) -> None:
-    """Cells cover all equations once, in order, and none reaches over the start of a stretch."""
+def test_cells_fill_every_segment(sizes: list[int], length: int) -> None:
+    """Cells cover all equations once, in order, and none reaches over the start of a segment."""
     starts = np.cumsum([0, *sizes[:-1]]).tolist()
-    edges, of_stretch = cells(sum(sizes), starts, length)
+    edges, of_segment = cells(sum(sizes), starts, length)
     assert edges[0] == 0
     assert edges[-1] == sum(sizes)
     assert (np.diff(edges) >= 0).all()
     assert set(starts) <= set(edges.tolist())
-    np.testing.assert_array_equal(of_stretch, np.searchsorted(starts, edges[:-1], side="right")[: of_stretch.size] - 1)
+    np.testing.assert_array_equal(of_segment, np.searchsorted(starts, edges[:-1], side="right")[: of_segment.size] - 1)
 
 
 def test_blocks_outlast_the_correlation() -> None:

@@ -12,9 +12,8 @@ from bristle.arrays import Array
 from bristle.estimation.bootstrap import bootstrap_at
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import covariance, student
-from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.multistart import MultistartSolution, solve_from_starts
-from bristle.estimation.problem import Block, LeastSquares, Unknowns
+from bristle.estimation.nonlinear import Block, LeastSquares, Minimum, Unknowns, minimise
 from bristle.estimation.profile_likelihood import profile_threshold, profiles
 
 TIME = np.linspace(0.0, 3.0, 400)

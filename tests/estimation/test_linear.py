@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from bristle.estimation.linear import bounded_least_squares, orthonormal
+from bristle.identification.static.grid import Projected, solve_at
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.projection import Projected, solve_at
 
 
 @settings(max_examples=60, deadline=None)

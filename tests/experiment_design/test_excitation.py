@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.identification.fisher import covariance, motion_information
-from bristle.identification.limits import Limits
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import (
     MotionProblem,
@@ -22,20 +21,11 @@ from bristle.questions.experiment_design.excitation import (
 from bristle.simulation.edro import TABLE_1, inertia
 from bristle.simulation.references import Multisine
 
+from .limits import LIMITS
+
 PAIR = TABLE_1["gripper rotation"]
 P = PAIR.positive
 J = inertia(PAIR)
-LIMITS = Limits(
-    position=(-0.5, 1.5),
-    slowest=0.02,
-    velocity=1.2,
-    acceleration=15.0,
-    torque=0.06,
-    time=None,
-    hold=3.0,
-    frequency=8.0,
-    rate=100.0,
-)
 VALUES = np.array([*PAIR.positive, *PAIR.negative, J])
 PROBLEM = MotionProblem(
     sets=(PAIR,),

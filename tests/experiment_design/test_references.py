@@ -13,18 +13,9 @@ from bristle.questions.experiment_design.loading import CYCLES, design_loading
 from bristle.questions.experiment_design.references import PlannedRun
 from bristle.simulation.edro import TABLE_1
 
+from .limits import LIMITS
+
 P = TABLE_1["gripper rotation"].positive
-LIMITS = Limits(
-    position=(-0.5, 1.5),
-    slowest=0.02,
-    velocity=1.2,
-    acceleration=15.0,
-    torque=0.06,
-    time=None,
-    hold=3.0,
-    frequency=8.0,
-    rate=100.0,
-)
 STEP = 0.01
 
 

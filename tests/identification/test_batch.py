@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from bristle.arrays import Array
 from bristle.estimation import covariance
 from bristle.identification.moving_runs import gravity
-from bristle.identification.static import bootstrap
 from bristle.identification.static.batch import Batch, solve_batch
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled
+from bristle.identification.static.uncertainty import resample
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve
@@ -159,7 +159,7 @@ def test_bootstrap_t_covers_as_often_as_it_says() -> None:
     ends = []
     for k in range(200):
         problem = alone(found, k)
-        drawn = bootstrap.resample(problem, solve(problem, found.v_s_range), found.v_s_range, 399, seed=k)
+        drawn = resample(problem, solve(problem, found.v_s_range), found.v_s_range, 399, seed=k)
         ends.append((drawn.low, drawn.high))
     low, high = np.transpose(ends, (1, 2, 0))
     assert covered(low, high) == pytest.approx([0.95] * 4, abs=3 * np.sqrt(0.95 * 0.05 / 200))

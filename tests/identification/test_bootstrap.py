@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.estimation.bootstrap import residual_bootstrap, variances_differ
-from bristle.identification.static.bootstrap import StaticDraws, resample
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
+from bristle.identification.static.uncertainty import StaticDraws, resample
 from bristle.model.parameters import Direction
 
 from ..names import parse

@@ -8,9 +8,9 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.identification.static.compression import reduced
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
+from bristle.identification.static.profiles import reduced
 from bristle.model.parameters import Direction
 
 from ..names import parse

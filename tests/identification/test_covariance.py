@@ -6,9 +6,8 @@ from bristle.arrays import Array
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.linear import best_column_p_value
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
-from bristle.identification.static.grid import default_range, solve
+from bristle.identification.static.grid import Projected, default_range, solve
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.projection import Projected
 from bristle.model.parameters import Lugre
 
 from .conftest import curve

@@ -12,7 +12,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.diagnostics import NOT_IDENTIFIABLE, Kind
-from bristle.estimation.levenberg_marquardt import minimise
+from bristle.estimation.nonlinear import minimise
 from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
@@ -230,8 +230,8 @@ def test_a_stiff_bristle_converges() -> None:
     assert sum(_holds(found, name, true) for name, true in truth.items()) >= 6
 
 
-def test_each_stretch_has_its_own_deflection_and_no_gap_is_crossed() -> None:
-    """Two stretches, each begun with a deflection of its own, give the truth; the deflections come back too."""
+def test_each_segment_has_its_own_deflection_and_no_gap_is_crossed() -> None:
+    """Two segments, each begun with a deflection of its own, give the truth; the deflections come back too."""
     first, second = record(GRIPPER, z0=2e-3), record(GRIPPER, z0=-1e-3)
     gap = first.time[-1] + 5.0
     velocity, torque, acceleration = (

@@ -13,7 +13,6 @@ from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profiles
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
-from bristle.identification.dynamic.multistart import solve_dynamic
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
     Motion,
@@ -24,7 +23,7 @@ from bristle.identification.dynamic.problem import (
     with_priors,
 )
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import fit
+from bristle.identification.dynamic.unknowns import fit, solve_dynamic
 from bristle.identification.results import Estimate, TrackingFit
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout

@@ -7,9 +7,8 @@ from scipy.optimize import curve_fit, nnls
 from bristle.arrays import Array
 from bristle.identification.moving_runs import gravity
 from bristle.identification.static.batch import solve_batch
-from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.grid import Projected, default_range, plain_grid, solve, solve_at
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.projection import Projected, solve_at
 from bristle.model.parameters import Lugre
 
 from ..names import parse

@@ -12,7 +12,7 @@ from bristle.estimation.interval_comparison import FACTOR, warnings
 from bristle.identification.results import Uncertainty
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.stribeck_test import StaticSolution, solve_static
+from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Lugre, ParameterName, Stribeck
 

@@ -52,12 +52,13 @@ def test_a_law_is_of_one_stage() -> None:
 def test_the_bristle_alone_is_filled_in() -> None:
     """An unseen sigma_0 bends by its share of the way, an unseen sigma_1 damps by (15), in the model and in every draw; the rest stays."""
     own = joint(unseen(tracked(values_of(GRIPPER)), {"sigma_0+": 1.0, "sigma_1+": 9.0}))
-    p, n = known_joint(own).pair(WAY, J)
+    known = known_joint(own)
+    p, n = known.pair(WAY, J)
     assert p.sigma_0 == pytest.approx(p.alpha_0 / (DEFLECTION * WAY))
     assert p.sigma_1 == pytest.approx(2 * DAMPING_RATIO * np.sqrt(J * p.sigma_0))
     assert p.stribeck == pytest.approx(GRIPPER.positive.stribeck)
     assert n == pytest.approx(GRIPPER.negative)
-    for pair, _ in draws_of(own, WAY, J):
+    for pair, _ in draws_of(own, known, WAY, J):
         assert pair.positive.sigma_0 == pytest.approx(pair.positive.alpha_0 / (DEFLECTION * WAY))
 
 

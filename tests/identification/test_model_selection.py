@@ -21,7 +21,7 @@ from bristle.identification.measured import measure
 from bristle.identification.model_criteria import APART, COULOMB, LUGRE, ONE, STRIBECK, SYMMETRIC, VISCOUS, Candidate
 from bristle.identification.model_criteria import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit
-from bristle.identification.static.moving_data import fit_moving
+from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import INERTIA, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 

@@ -78,7 +78,7 @@ def test_a_prior_pulls_as_its_standard_error_says() -> None:
 
 
 def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
-    """Each equation's kernel sums to one, and takes its samples from one stretch only."""
+    """Each equation's kernel sums to one, and takes its samples from one segment only."""
     record = moving(starts=(0, 3000))
     problem, (time, _), dropped = from_records([record], ("both",), ("inertia",), 10)
     smooth = problem.smooth
@@ -91,14 +91,14 @@ def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
     assert dropped > 0
 
 
-def test_too_short_a_stretch_names_the_length_it_needs() -> None:
+def test_too_short_a_segment_names_the_length_it_needs() -> None:
     """A record shorter than the filter's transient is refused with the number of samples that it takes."""
     whole = moving()
     few = slice(0, 100)
     assert whole.velocity is not None
     assert whole.torque is not None
     short = Record(file="short.csv", time=whole.time[few], velocity=whole.velocity[few], torque=whole.torque[few])
-    with pytest.raises(ValueError, match=r"short\.csv: no stretch without gaps is longer than \d+ samples"):
+    with pytest.raises(ValueError, match=r"short\.csv: no segment between gaps is longer than \d+ samples"):
         from_records([short], ("both",), ("offset",), 10)
 
 

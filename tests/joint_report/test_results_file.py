@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
-from bristle.identification.results import Joint
-from bristle.identification.results_document import adapter
+from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.joint_report import results_file
 from bristle.questions.joint_report.text import fit_report

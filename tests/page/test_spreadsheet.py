@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bristle.page.spreadsheet import to_csv
+from bristle.page.columns import to_csv
 
 SOURCE = Path(__file__).parents[2] / "src" / "bristle"
 FORMULAS = [
@@ -58,4 +58,4 @@ def test_csv_is_written_in_one_place() -> None:
     """No other file of the package calls a writer of CSV, so that none forgets the formulas."""
     writers = (".to_csv(", "csv.writer", "savetxt")
     found = [p.name for p in SOURCE.rglob("*.py") if any(x in p.read_text(encoding="utf-8") for x in writers)]
-    assert sorted(found) == ["spreadsheet.py", "tables.py"]
+    assert sorted(found) == ["columns.py", "tables.py"]

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import kstest
 
 from bristle.arrays import Array
-from bristle.control.sensors import Sensors
+from bristle.control.plant import Sensors
 from bristle.model import law, motor
 from bristle.simulation import bench, edro
 from bristle.simulation.bench import Clock, Logs, Rig

@@ -4,14 +4,15 @@
 
 G is the derivative of the predicted friction torque (16)-(18) by the adapted parameters, and differs from law to law:
 
-    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d alpha_0
-    partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is
-    partial-theta    dT_f / d theta = the same times the start
-    total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the forward-sensitivity equation
+    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d
+    alpha_0 partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is partial-theta
+    dT_f / d theta = the same times the start total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the
+    forward-sensitivity equation
 
-With learning rates >= 0 the gains move the right way for this e only; the PID's error has the other sign. gamma is in 1/(rad * s) times what makes
-d theta / dt a rate: theta is a number, so gamma_1 (alpha_0) is in 1/(rad*s) for a G of dT_f / d alpha_0, a number, and gamma_2 (alpha_2) in s/(rad*s)
-for a G in rad/s. Every derivative but the printed one is CasADi's. All functions take floats or CasADi symbols.
+With learning rates >= 0 the gains move the right way for this e only; the PID's error has the other sign. gamma is in
+1/(rad * s) times what makes d theta / dt a rate: theta is a number, so gamma_1 (alpha_0) is in 1/(rad*s) for a G of
+dT_f / d alpha_0, a number, and gamma_2 (alpha_2) in s/(rad*s) for a G in rad/s. Every derivative but the printed one is
+CasADi's. All functions take floats or CasADi symbols.
 """
 
 from collections.abc import Sequence
@@ -47,13 +48,14 @@ _LARGEST = 1e150
 class Adaptation:
     """Which gains move, by which law and how fast.
 
-    Raises InputError where a law, a step or a parameter is unknown, a rate negative or not finite, or the limits do not enclose the start, 1.
+    Raises InputError where a law, a step or a parameter is unknown, a rate negative or not finite, or the limits do not
+    enclose the start, 1.
     """
 
     law: Law = "partial"
     step: Step = "gradient"
-    """`gradient`: theta_i' = -gamma_i G_i e. `normalised`: the same over 1 + sum gamma_i G_i**2. `least-squares`: theta' = -P G e with
-    P' = forgetting P - P G G' P, from P = diag(gamma), its trace never above the first."""
+    """`gradient`: theta_i' = -gamma_i G_i e. `normalised`: the same over 1 + sum gamma_i G_i**2. `least-squares`:
+    theta' = -P G e with P' = forgetting P - P G G' P, from P = diag(gamma), its trace never above the first."""
     parameters: tuple[str, ...] = ("alpha_0", "alpha_2")
     """What is adapted, in the order of `gamma`; the paper's choice."""
     gamma: tuple[float, ...] = (20.0, 20.0)
@@ -171,7 +173,10 @@ def _steady_gradient(adaptation: Adaptation) -> ca.Function:
 
 
 def printed(name: str, z: Expression, v: Expression, p: Lugre[Any]) -> Expression:
-    """The right-hand sides of (19) and (20) as they are typeset, without -gamma and e: the one derivative that is typed, to be compared."""
+    """The right-hand sides of (19) and (20) as they are typeset, without -gamma and e.
+
+    The one derivative that is typed, to be compared.
+    """
     if name == "alpha_2":
         return v
     peak = ca.exp(-((v / p.v_s) ** 2))
@@ -179,7 +184,10 @@ def printed(name: str, z: Expression, v: Expression, p: Lugre[Any]) -> Expressio
 
 
 def rate(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: Expression) -> tuple[Expression, ...]:
-    """The rate d theta / dt, 1/s, for position error e (measured minus reference), rad, before the projection; P of least squares as it is."""
+    """The rate d theta / dt, 1/s, for position error e (measured minus reference), rad, before the projection.
+
+    P of least squares as it is.
+    """
     beyond = ca.sign(e) * ca.fmax(ca.fabs(e) - adaptation.dead_zone, 0.0)
     n, P = len(G), learnt.covariance
     if adaptation.step == "least-squares":
@@ -193,7 +201,10 @@ def rate(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: E
 
 
 def learn(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: Expression, h: Expression) -> Learnt:
-    """One sample of h seconds: the gains moved and projected onto their limits, and P; an error that is no number teaches nothing."""
+    """One sample of h seconds: the gains moved and projected onto their limits, and P.
+
+    An error that is no number teaches nothing.
+    """
     low, high = adaptation.limits
     moved = []
     for theta, slope in zip(learnt.theta, rate(adaptation, learnt, G, e), strict=True):
@@ -205,7 +216,10 @@ def learn(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: 
 def _forgotten(
     adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], h: Expression
 ) -> tuple[Expression, ...]:
-    """P after a sample: P' = forgetting P - P G G' P, the second part by the exact inverse, so that P stays positive for any h."""
+    """P after a sample.
+
+    P' = forgetting P - P G G' P, the second part by the exact inverse, so that P stays positive for any h.
+    """
     if adaptation.step != "least-squares":
         return learnt.covariance
     n, P = len(G), learnt.covariance

@@ -1,8 +1,9 @@
-"""The compensated joint in closed loop: plant, sampled controller with compensator, drive and encoder, batched over cases; and what a run measured.
+"""The compensated joint in closed loop.
 
-One control period: the encoder reads, PID and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and
-the plant goes on by exact steps of its frozen linear system. Numbers are inputs of one compiled function, so that cases with other parameters, gains
-and encoders share it; the virtual bench runs on it as well.
+Plant, sampled controller with compensator, drive and encoder, batched over cases; and what a run measured. One control
+period: the encoder reads, PID and compensator ask for a torque, the drive gives it (or the voltage that the motor model
+makes of it), and the plant goes on by exact steps of its frozen linear system. Numbers are inputs of one compiled
+function, so that cases with other parameters, gains and encoders share it; the virtual bench runs on it as well.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,11 +27,12 @@ from bristle.control.control_period import (
     at_rest,
     blank_log,
     control_period,
+    flat,
     named,
     numbers_of,
+    shaped,
     stiff_control_period,
 )
-from bristle.control.packing import flat, shaped
 from bristle.control.plant import THREADS
 from bristle.control.stability import refuse_long_period
 from bristle.errors import InputError
@@ -121,12 +123,13 @@ def simulate(
         reference: what every case is to do, or each its own, at every control period.
         period: s.
         disturbance: what acts beside it; None: nothing.
-        stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times slower.
-        alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds otherwise than numbers that are
-            given, and the bytes of the embedded logs rest on it.
+        stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times
+            slower.
+        alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds
+            otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
 
-    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that the
-    loop has, or nothing is to be run.
+    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor
+    lacks the inductance that the loop has, or nothing is to be run.
     """
     n = reference.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:
@@ -150,17 +153,22 @@ def simulate(
     logs = _in_threads(options, run, given, numbers, 1 if stiff else min(THREADS, len(cases)))
     log = shaped(blank_log(options), iter(logs))
     share, forward = options.compensator.share, options.compensator.inertia * reference.acceleration
-    own = np.asarray(log.compensation)
+    compensation = np.asarray(log.compensation)
     return Trajectory(
         time=np.asarray(period * np.arange(n)), reference=reference.position, position=log.position, velocity=log.velocity,
-        measured=log.measured, torque=log.torque, voltage=log.voltage if options.drive == "voltage" else np.full_like(own, np.nan),
-        friction=log.friction, compensation=own, predicted=(own - forward) / share if share else np.full_like(own, np.nan),
+        measured=log.measured, torque=log.torque,
+        voltage=log.voltage if options.drive == "voltage" else np.full_like(compensation, np.nan),
+        friction=log.friction, compensation=compensation,
+        predicted=(compensation - forward) / share if share else np.full_like(compensation, np.nan),
         theta=np.reshape(log.theta, (-1, len(cases), n)).swapaxes(0, 1),
     )  # fmt: skip  # a list of values
 
 
 def _in_threads(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array, threads: int) -> Array:
-    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each; the cases are shared among threads."""
+    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each.
+
+    The cases are shared among threads.
+    """
     cases, n = given[0].shape
     parts = [slice(*ends) for ends in pairwise(round(k * cases / threads) for k in range(threads + 1))]
     for samples, part in product({min(_CHUNK, n - first) for first in range(0, n, _CHUNK)}, parts):

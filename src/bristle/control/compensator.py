@@ -1,14 +1,17 @@
-"""Friction compensators with one interface, pure functions of their state: `initial_state(compensator, parameters)`, then `step` at every sample.
+"""Friction compensators with one interface, pure functions of their state.
+
+`initial_state(compensator, parameters)`, then `step` at every sample.
 
     none              nothing
     coulomb           alpha_0 tanh(v / v_0)
     stribeck          the steady curve (9)
     lugre             LuGre driven by the reference velocity: the paper's feed-forward scheme, section 4
     lugre-feedback    LuGre driven by the measured velocity, or by one that is differentiated from the measured position
-    lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e, e = y - y_ref (Canudas de Wit, 1995)
+    lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e, e = y - y_ref
+    (Canudas de Wit, 1995)
 
-Each LuGre one can adapt. Every derivative they use is CasADi's. With symbols they return expressions, with floats CasADi's numbers, slowly;
-`compiled` makes one function of a step, for a loop in real time.
+Each LuGre one can adapt. Every derivative they use is CasADi's. With symbols they return expressions, with floats
+CasADi's numbers, slowly; `compiled` makes one function of a step, for a loop in real time.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +39,10 @@ Velocity = Literal["reference", "measured"]
 
 
 class Reference(NamedTuple):
-    """What the joint is to do: now, as floats or CasADi symbols, or at every control period of a run, as arrays (n,) or (cases, n)."""
+    """What the joint is to do.
+
+    Now, as floats or CasADi symbols, or at every control period of a run, as arrays (n,) or (cases, n).
+    """
 
     position: Expression
     """rad."""
@@ -59,7 +65,10 @@ class Measurement(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compensator:
-    """Which compensator, and its settings. Raises InputError at an unknown name, adaptation of what has no bristle, or a number out of range."""
+    """Which compensator, and its settings.
+
+    Raises InputError at an unknown name, adaptation of what has no bristle, or a number out of range.
+    """
 
     name: Name = "lugre"
     velocity: Velocity = "reference"
@@ -163,15 +172,15 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
     z, slopes = state.deflection, learnt.sensitivity
     for first, last, part in ((v0, middle, share * h), (middle, v, (1 - share) * h)):
         p = law.active(z, first + last, state.parameters)
-        own = effective(p, a, learnt.theta) if a else p
+        acting = effective(p, a, learnt.theta) if a else p
         if a and a.law == "total":
-            by_z, rest, *by_p = functions.step_sensitivity_function()(first, last, part, *own)
+            by_z, rest, *by_p = functions.step_sensitivity_function()(first, last, part, *acting)
             enter = functions.step_parameters()
             more = {n: by_p[i] * z + by_p[len(enter) + i] for i, n in enumerate(enter)}
             pairs = zip(a.parameters, slopes, strict=True)
             slopes = tuple(by_z * s + getattr(p, n) * more.get(n, 0.0) for n, s in pairs)
         else:
-            by_z, rest = law.bristle_step(first, last, part, own)
+            by_z, rest = law.bristle_step(first, last, part, acting)
         z = by_z * z + rest
         stiffness = law.active(
             z, first + last, state.parameters

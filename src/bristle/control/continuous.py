@@ -1,6 +1,7 @@
-"""The compensated joint as one continuous equation, integrated by CVODES: what the sampled loop tends to. The paper used such blocks, with ode45.
+"""The compensated joint as one continuous equation, integrated by CVODES: what the sampled loop tends to.
 
-The plant under a torque drive, PID (21) with the exact derivative, the compensator's bristle, the gains by their law; nothing is sampled or limited.
+The paper used such blocks, with ode45. The plant under a torque drive, PID (21) with the exact derivative, the
+compensator's bristle, the gains by their law; nothing is sampled or limited.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,22 +39,25 @@ def simulate_continuous(
         duration: s.
         period: between the instants that are logged, s.
 
-    Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not positive.
+    Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not
+    positive.
     """
     _check(case, compensator, duration, period)
     gains = compensating.adapted_count(compensator)
     t, x = ca.SX.sym("t"), ca.SX.sym("x", 5 + 2 * gains)
-    y, v, z, integral, *own = ca.vertsplit(x)
+    y, v, z, integral, *memory = ca.vertsplit(x)
     y_ref = reference(t)
     v_ref = ca.jacobian(y_ref, t)
     r = Reference(y_ref, v_ref, ca.jacobian(v_ref, t))
-    own_rates, predicted, T_c = _compensated(compensator, case.model, r, Measurement(y, v), own)
+    memory_rates, predicted, T_c = _compensated(compensator, case.model, r, Measurement(y, v), memory)
     K_p, K_i, K_d, _ = case.gains
     T = K_p * (r.position - y) + integral + K_d * (r.velocity - v) + T_c
     plant = plant_rates(v, z, T, 0.0, case.plant, case.motor, motor.current_for)
-    rates = ca.vertcat(v, plant, K_i * (r.position - y), *own_rates)
+    rates = ca.vertcat(v, plant, K_i * (r.position - y), *memory_rates)
     friction = law.torque(z, v, law.active(z, v, case.plant))
-    log = ca.Function("log", [t, x], [ca.vertcat(r.position, y, v, T, friction, T_c, predicted, *own[1 : 1 + gains])])
+    log = ca.Function(
+        "log", [t, x], [ca.vertcat(r.position, y, v, T, friction, T_c, predicted, *memory[1 : 1 + gains])]
+    )
     time = np.asarray(period * np.arange(round(duration / period) + 1))
     solver = ca.integrator("continuous", "cvodes", {"t": t, "x": x, "ode": rates}, 0.0, time, _OPTIONS)
     start = [0.0] * 5 + [1.0] * gains + [0.0] * gains
@@ -79,10 +83,13 @@ def _check(case: Case, compensator: Compensator, duration: float, period: float)
 
 
 def _compensated(
-    compensator: Compensator, pair: Pair[float], r: Reference, m: Measurement, own: Sequence[Expression]
+    compensator: Compensator, pair: Pair[float], r: Reference, m: Measurement, memory: Sequence[Expression]
 ) -> tuple[list[Expression], Expression, Expression]:
-    """Of the compensator: the rates of its bristle, its gains and dz / d theta; the friction that it predicts, N*m; and its torque, N*m."""
-    z, *learnt = own
+    """Of the compensator: the rates of its bristle, its gains and dz / d theta; the friction that it predicts.
+
+    Then its torque; both in N*m.
+    """
+    z, *learnt = memory
     state, forward = compensating.initial_state(compensator, pair), compensator.inertia * r.acceleration
     if not compensator.name.startswith("lugre"):
         whole = replace(compensator, share=1.0, inertia=0.0)

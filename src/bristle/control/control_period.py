@@ -1,26 +1,27 @@
-"""One control period of the closed loop: what it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples.
+"""One control period of the closed loop.
 
-The encoder reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and the plant
-goes on. Whatever goes in or out is a tuple with names; `packing` makes the vectors.
+What it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples. The encoder
+reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of
+it), and the plant goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import casadi as ca
 
 from bristle.arrays import Array
 from bristle.control import compensator as compensating
 from bristle.control.compensator import Compensator, Measurement, Reference
-from bristle.control.packing import flat, symbols
 from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
-from bristle.control.plant import STILL, Current, State, inductive_step, plant_rates, plant_step
-from bristle.control.sensors import quantise
+from bristle.control.plant import STILL, Current, State, inductive_step, plant_rates, plant_step, quantise
 from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair, pair_of
 
+T = TypeVar("T")
 Expression = Any
 """A float or a CasADi symbol: CasADi carries no types."""
 _SOFT: Sliding[float] = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.0)
@@ -88,7 +89,8 @@ class Case:
     resolution: float = 1.0
     """One count, rad, where there is an encoder."""
     sliding: Sliding[float] = _SOFT
-    """Of the controller where it is sliding mode; in its layer the default is a PD controller with the paper's K_p and K_d."""
+    """Of the controller where it is sliding mode; in its layer the default is a PD controller with the paper's K_p and
+    K_d."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -192,9 +194,11 @@ def named(case: Case, period: float) -> Numbers:
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """What the loop remembers at rest at its reference, rad."""
     control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
-    own = compensating.packed(compensating.initial_state(options.compensator, _NO_FRICTION, position))
+    compensator = compensating.packed(compensating.initial_state(options.compensator, _NO_FRICTION, position))
     current = (0.0,) if options.inductance else ()
-    return LoopMemory(STILL._replace(position=position), current, control, tuple(own), ((0.0, 0.0),) * options.delay)
+    return LoopMemory(
+        STILL._replace(position=position), current, control, tuple(compensator), ((0.0, 0.0),) * options.delay
+    )
 
 
 def blank_log(options: LoopOptions) -> Logged:
@@ -215,8 +219,8 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
     seen = state.position + outside.noise
     seen = quantise(seen, case.resolution) if options.encoder else seen
     measured = Measurement(seen, state.velocity if options.speedometer else None)
-    own = compensating.unpacked(before.compensator, model, compensating.adapted_count(options.compensator))
-    new_own, T_c = compensating.step(options.compensator, own, r, measured, h)
+    compensator = compensating.unpacked(before.compensator, model, compensating.adapted_count(options.compensator))
+    new_compensator, T_c = compensating.step(options.compensator, compensator, r, measured, h)
     if options.controller == "sliding":
         T_own, control = sliding(before.controller, r.position - seen, h, case.sliding)
     else:
@@ -233,8 +237,8 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
         friction=friction,
         load=outside.load,
         sent=now[options.drive == "voltage"],
-        kept=LoopMemory(state, before.current, control, tuple(compensating.packed(new_own)), tuple(later)),
-        log=Logged(state.position, state.velocity, seen, T, V, true, T_c, new_own.learnt.theta),
+        kept=LoopMemory(state, before.current, control, tuple(compensating.packed(new_compensator)), tuple(later)),
+        log=Logged(state.position, state.velocity, seen, T, V, true, T_c, new_compensator.learnt.theta),
     )
 
 
@@ -253,7 +257,10 @@ def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
 
 @lru_cache(maxsize=32)
 def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca.Function:
-    """One control period: (memory, what is given, numbers) -> (memory, log). With constants the numbers given are not looked at."""
+    """One control period: (memory, what is given, numbers) -> (memory, log).
+
+    With constants the numbers given are not looked at.
+    """
     now = controlled(options, constants)
     new = ca.vertcat(*flat(after(options, now, now.sent)))
     return ca.Function("control_period", [*now.inputs], [new, ca.vertcat(*flat(now.log))], {"cse": True})
@@ -261,7 +268,10 @@ def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca
 
 @lru_cache(maxsize=8)
 def stiff_control_period(options: LoopOptions) -> ca.Function:
-    """The same, the plant by CVODES at tight tolerances: variable steps and orders, implicit, nothing of the fast step in it."""
+    """The same, the plant by CVODES at tight tolerances.
+
+    Variable steps and orders, implicit, nothing of the fast step in it.
+    """
     now = controlled(options)
     kept = ca.vertcat(*flat(now.kept))
     state = ca.vertcat(*flat((now.memory.plant, now.memory.current)))
@@ -281,3 +291,23 @@ def stiff_control_period(options: LoopOptions) -> ca.Function:
     n = state.shape[0]
     moved = solver(x0=inputs[0][:n], p=given)["xf"]
     return ca.Function("stiff_control_period", inputs, [ca.vertcat(moved, new[n:]), logged])
+
+
+def flat(value: Any) -> list[Any]:
+    """Every number of nested tuples, in order."""
+    return [x for part in value for x in flat(part)] if isinstance(value, tuple) else [value]
+
+
+def shaped(like: T, values: Iterator[Any]) -> T:
+    """The inverse of `flat`: the next values in the shape of these nested tuples."""
+    if not isinstance(like, tuple):
+        value: T = next(values)
+        return value
+    parts = [shaped(part, values) for part in like]
+    return type(like)(*parts) if hasattr(like, "_fields") else type(like)(parts)
+
+
+def symbols(name: str, like: T) -> tuple[ca.SX, T]:
+    """A CasADi vector, (n, 1), and its elements in the shape of these nested tuples of n numbers."""
+    vector = ca.SX.sym(name, len(flat(like)))
+    return vector, shaped(like, iter(ca.vertsplit(vector)))

@@ -1,4 +1,7 @@
-"""The PID controller (21) and, to compare with, sliding mode, sampled: pure expressions, state in and state out, for floats and CasADi symbols."""
+"""The PID controller (21) and, to compare with, sliding mode, sampled.
+
+Pure expressions, state in and state out, for floats and CasADi symbols.
+"""
 
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -19,11 +22,15 @@ class Gains(NamedTuple, Generic[T]):
     K_d: T
     """N*m*s/rad."""
     filter_time: T
-    """Time constant of the first-order filter on the derivative, s, >= 0; at 0 the plain backward difference is left."""
+    """Time constant of the first-order filter on the derivative, s, >= 0; at 0 the plain backward difference is left.
+    """
 
 
 class Sliding(NamedTuple, Generic[T]):
-    """Sliding mode with a boundary layer, for an error in rad and an output in N*m: T = K sat(s / layer), s = de/dt + slope e."""
+    """Sliding mode with a boundary layer, for an error in rad and an output in N*m.
+
+    T = K sat(s / layer), s = de/dt + slope e.
+    """
 
     K: T
     """Largest torque, N*m."""
@@ -52,7 +59,10 @@ AT_REST: Memory[float] = Memory(0.0, 0.0, 0.0)
 def differentiated(
     derivative: Expression, last: Expression, new: Expression, h: Expression, filter_time: Expression
 ) -> Expression:
-    """The backward difference of a signal through a first-order filter, per second, from the derivative and the value h seconds ago."""
+    """The backward difference of a signal through a first-order filter, per second.
+
+    It goes on from the derivative and the value h seconds ago.
+    """
     plain = (new - last) / h
     return derivative + h / (h + filter_time) * (plain - derivative)
 
@@ -67,9 +77,10 @@ def pid(
 ) -> tuple[Expression, Memory[Any]]:
     """One sample of (21): the output, N*m, within +-limit, and the new memory.
 
-    `error` is reference minus measurement, rad; `h` the sampling interval, s; `limit` the largest output, N*m; `of` what is differentiated, rad: the
-    error, unless minus the measurement is given, and a step of the reference kicks no more. Rectangle rule for the integral, backward difference for
-    the derivative. Anti-windup: the integral never moves further than where the output meets its limit.
+    `error` is reference minus measurement, rad; `h` the sampling interval, s; `limit` the largest output, N*m; `of`
+    what is differentiated, rad: the error, unless minus the measurement is given, and a step of the reference kicks no
+    more. Rectangle rule for the integral, backward difference for the derivative. Anti-windup: the integral never moves
+    further than where the output meets its limit.
     """
     of = error if of is None else of
     derivative = differentiated(memory.derivative, memory.error, of, h, gains.filter_time)

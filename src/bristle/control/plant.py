@@ -1,18 +1,23 @@
-"""The plant: motor and LuGre friction, stepped together in CasADi.
+"""The plant: motor and LuGre friction, stepped together in CasADi; and its sensors.
 
-Velocity and bristle are one stiff pair: a joint in stick rings at sqrt(sigma_0 / J). With lambda(v) frozen, (4) and (7) are linear in (v, z),
+These do the same to a signal on the bench as in the closed loop. Velocity and bristle are one stiff pair: a
+joint in stick rings at sqrt(sigma_0 / J). With lambda(v) frozen, (4) and (7) are linear in (v, z),
 
     d(v, z)/dt = A (v, z) + b,   tr A < 0 < det A,
 
-and are stepped by the exponential of the 2x2 matrix A in closed form: stable for any stiffness and any step. lambda is frozen at the velocity that an
-implicit half step predicts, which makes the step second order where the motion is smooth. A and b come from the law and the motor by differentiation.
+and are stepped by the exponential of the 2x2 matrix A in closed form: stable for any stiffness and any step. lambda is
+frozen at the velocity that an implicit half step predicts, which makes the step second order where the motion is
+smooth. A and b come from the law and the motor by differentiation.
 """
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
+from bristle.arrays import Array
+from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair
 
@@ -46,8 +51,9 @@ STILL = State(0.0, 0.0, 0.0)
 def exponential(A: Expression, h: Expression) -> Expression:
     """exp(A h) of a 2x2 matrix whose eigenvalues have no positive real part, in closed form.
 
-    With m = tr A / 2 and d = m**2 - det A:  exp(A h) = c I + s (A - m I), where c = exp(m h) cosh(sqrt(d) h), s = exp(m h) sinh(sqrt(d) h) / sqrt(d),
-    or their cosine and sine where d < 0. Every exponent is <= 0, so nothing overflows; equal eigenvalues need no case of their own.
+    With m = tr A / 2 and d = m**2 - det A:  exp(A h) = c I + s (A - m I), where c = exp(m h) cosh(sqrt(d) h), s = exp(m
+    h) sinh(sqrt(d) h) / sqrt(d), or their cosine and sine where d < 0. Every exponent is <= 0, so nothing overflows;
+    equal eigenvalues need no case of their own.
     """
     m = (A[0, 0] + A[1, 1]) / 2
     d = ((A[0, 0] - A[1, 1]) / 2) ** 2 + A[0, 1] * A[1, 0]
@@ -94,9 +100,10 @@ def plant_step(
     m: Motor[Any],
     current: Current = motor.current,
 ) -> State:
-    """The plant after h seconds at a constant drive and disturbing torque `load` (N*m, positive along positive velocity).
+    """The plant after h seconds at a constant drive and disturbing torque `load` (N*m, along positive velocity).
 
-    The drive is a voltage (V) under `motor.current`, a torque (N*m) under `motor.current_for`; pair and motor hold floats or CasADi symbols.
+    The drive is a voltage (V) under `motor.current`, a torque (N*m) under `motor.current_for`; pair and motor hold
+    floats or CasADi symbols.
     """
     x = ca.vertcat(state.velocity, state.deflection)
     A, b = _frozen(x, drive, load, pair, m, current)
@@ -112,12 +119,43 @@ def plant_step(
 def inductive_step(
     state: State, i: Expression, V: Expression, load: Expression, h: Expression, pair: Pair[Any], m: Motor[Any]
 ) -> tuple[State, Expression]:
-    """The plant and its armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m; needs L > 0.
+    """The plant and its armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m.
 
-    The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, its back-EMF part of the frozen system; then the current lags at the pair's mean
-    velocity. Second order, stable for any L / R against h; with L -> 0 it is `plant_step`.
+    Needs L > 0. The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, its back-EMF part of the frozen
+    system; then the current lags at the pair's mean velocity. Second order, stable for any L / R against h; with L -> 0
+    it is `plant_step`.
     """
     a, phi = motor.lag(h, m)
     new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
     mean = (new.position - state.position) / h
     return new, a * i + (1 - a) * motor.current(V, mean, m)
+
+
+class Sensors(NamedTuple):
+    """How well the bench measures."""
+
+    resolution: float
+    """Angle of one encoder count, rad (m where prismatic), > 0."""
+    voltage_noise: float
+    """Standard deviation of each logged voltage, V, >= 0: white."""
+    torque_noise: float
+    """Standard deviation of the torque that disturbs the plant, N*m, >= 0: held over a control period, white from one
+    to the next."""
+
+
+def quantise(x: Expression, resolution: Expression) -> Expression:
+    """The encoder's reading of x: the nearest count, in the unit of x.
+
+    Each count's interval is half open, [k - 1/2, k + 1/2).
+    """
+    return ca.floor(x / resolution + 0.5) * resolution
+
+
+def white_noise(rng: np.random.Generator, standard_deviation: float, shape: tuple[int, ...]) -> Array:
+    """Normal, independent, zero-mean noise, in the unit of `standard_deviation`.
+
+    Raises InputError if the standard deviation is negative.
+    """
+    if not standard_deviation >= 0:
+        raise InputError(f"the standard deviation of noise is {standard_deviation}; expected zero or more")
+    return standard_deviation * rng.standard_normal(shape)

@@ -1,8 +1,9 @@
-"""The longest control period that a loop bears, from the derivative of what it remembers after a period by what it remembered before.
+"""The longest control period that a loop bears.
 
-The joint slides so fast that its bristle has no part; nothing is compensated, counted or limited. Where that derivative has an eigenvalue beyond the
-unit circle, a swing that is large enough grows without end. A loop that is unstable in stick alone is not refused, for its swings end where the joint
-breaks away; nor is one that no shorter period would mend.
+It is found from the derivative of what the loop remembers after a period by what it remembered before. The joint slides
+so fast that its bristle has no part; nothing is compensated, counted or limited. Where that derivative has an
+eigenvalue beyond the unit circle, a swing that is large enough grows without end. A loop that is unstable in stick
+alone is not refused, for its swings end where the joint breaks away; nor is one that no shorter period would mend.
 """
 
 from collections.abc import Sequence
@@ -25,9 +26,9 @@ from bristle.control.control_period import (
     after,
     at_rest,
     controlled,
+    flat,
     numbers_of,
 )
-from bristle.control.packing import flat
 from bristle.control.plant import State
 from bristle.errors import InputError
 from bristle.model import law, motor
@@ -42,16 +43,19 @@ _HALVINGS, _BISECTIONS = 10, 10
 
 
 def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: float) -> None:
-    """Raises InputError where a case diverges at this control period, s, and would not at a shorter one. Sliding mode is bounded: never refused."""
+    """Raises InputError where a case diverges at this control period, s, and would not at a shorter one.
+
+    Sliding mode is bounded: never refused.
+    """
     if options.controller == "sliding":
         return
     linear = [replace(case, plant=Pair(p, p), torque_limit=inf) for case in cases for p in case.plant]
     rows = np.array([numbers_of(case, period) for case in linear])
-    found = _growth(options, rows, np.full(len(rows), period))
-    if not (found > _LEAST).any():
+    growth = _growth(options, rows, np.full(len(rows), period))
+    if not (growth > _LEAST).any():
         return
     bearable = _bearable(options, rows, period)
-    blamed = np.where(bearable > 0, found, 0.0)
+    blamed = np.where(bearable > 0, growth, 0.0)
     worst = int(blamed.argmax())
     if blamed[worst] > _LEAST:
         which = f"case {worst // 2}: " if len(cases) > 1 else ""
@@ -62,7 +66,10 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
 
 
 def growth(options: LoopOptions, cases: Sequence[Case], period: Array) -> Array:
-    """By how much the fastest mode of each case grows in its period, s, as a logarithm, in sliding along positive velocity; (cases,)."""
+    """By how much the fastest mode of each case grows in its period, s, as a logarithm, (cases,).
+
+    In sliding along positive velocity.
+    """
     return _growth(options, np.array([numbers_of(case, nan) for case in cases]), period)
 
 
@@ -95,7 +102,10 @@ def _borne(options: LoopOptions, rows: Array, shorter: Array, period: float) -> 
 
 @lru_cache(maxsize=32)
 def _derivative(options: LoopOptions) -> ca.Function:
-    """(numbers, period) -> the derivative of what is remembered after a period by what was before, in fast sliding along positive velocity."""
+    """(numbers, period) -> the derivative of what is remembered after a period by what was before.
+
+    In fast sliding along positive velocity.
+    """
     now = controlled(options)
     memory, given, numbers = now.inputs
     sent, h = ca.SX.sym("sent"), ca.SX.sym("h")

@@ -97,9 +97,9 @@ def _is_number(kind: Any) -> bool:
 
 
 def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the one-dimensional numeric columns that a MAT, NPZ or Parquet file offers, structs as dotted paths; a name may repeat.
+    """Names of the one-dimensional numeric columns that a MAT, NPZ or Parquet file offers, structs as dotted paths.
 
-    Raises InputError where the file cannot be read.
+    A name may repeat. Raises InputError where the file cannot be read.
     """
     suffix = path.suffix.lower()
     if suffix == ".mat":
@@ -108,8 +108,8 @@ def names_of(path: Path) -> tuple[str, ...]:
         with reading("NPZ file", _SAVEZ):
             archive = zipfile.ZipFile(path)
         with archive:
-            found = [m for m in archive.infolist() if m.filename.endswith(".npy")]
-            return tuple(m.filename.removesuffix(".npy") for m in found if is_vector(*_header(archive, m)))
+            members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
+            return tuple(m.filename.removesuffix(".npy") for m in members if is_vector(*_header(archive, m)))
     with _parquet(path) as file:
         return tuple(field.name for field in file.schema_arrow if _is_number(field.type))
 

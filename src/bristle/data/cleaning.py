@@ -1,4 +1,7 @@
-"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions; each counted and said."""
+"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions.
+
+Each is counted and said.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +20,8 @@ from bristle.errors import InputError
 
 _TURN = 2 * np.pi
 _LARGEST = 1e20
-"""No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it is a unit that is wrong."""
+"""No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it
+is a unit that is wrong."""
 _STEPS = (1e-12, 1e12)
 """Seconds that a sampling interval may have."""
 _LATEST = 0.1
@@ -53,9 +57,10 @@ def make_record(
     *,
     labels: Mapping[str, str] | None = None,
 ) -> Record:
-    """The record of a time series. Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque.
+    """The record of a time series.
 
-    Raises InputError where the data cannot be used as declared.
+    Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque. Raises InputError where
+    the data cannot be used as declared.
     """
     rows = _scaled(table, signals, context)
     if signals.time is not None and signals.time.rate is not None:
@@ -86,7 +91,10 @@ def make_points(
     *,
     labels: Mapping[str, str] | None = None,
 ) -> Record:
-    """The record of velocity-torque pairs: time counts them. Raises InputError where the data cannot be used as declared."""
+    """The record of velocity-torque pairs: time counts them.
+
+    Raises InputError where the data cannot be used as declared.
+    """
     rows = _scaled(table, signals, context)
     _drop_non_finite(rows, table, cleaning)
     _enough(rows)
@@ -183,7 +191,7 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
 
 
 def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
-    """First samples of the stretches between gaps; the regularity of time is noted."""
+    """First samples of the segments between gaps; the regularity of time is noted."""
     intervals = np.diff(rows.data["time"])
     step = float(np.median(intervals))
     if not _STEPS[0] < step < _STEPS[1]:
@@ -199,7 +207,7 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     if wide.any():
         rows.notes.append(
             f"{int(wide.sum())} gap{'s' if wide.sum() > 1 else ''} longer than {gap:g} intervals ({gap * step:.4g} s), "
-            f"the longest {intervals.max():.4g} s; each stretch between gaps is treated on its own."
+            f"the longest {intervals.max():.4g} s; each segment between gaps is treated on its own."
         )
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide)))
 
@@ -223,7 +231,7 @@ def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool
 
 
 def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
-    """Each signal taken when it happened: linear between samples, held beyond the ends of a stretch."""
+    """Each signal taken when it happened: linear between samples, held beyond the ends of a segment."""
     time = rows.data["time"]
     for name, signal in signals:
         if not isinstance(signal, Signal) or not signal.delay:

@@ -1,6 +1,7 @@
-"""What the readers of MAT, NPZ and Parquet files share: which column is meant, what a column is, and what a damaged file is.
+"""What the readers of MAT, NPZ and Parquet files share.
 
-Their libraries raise nearly anything at a damaged file: each call of one stands alone in `reading`, so that no defect of our own passes for damage.
+Which column is meant, what a column is, and what a damaged file is. Their libraries raise nearly anything at a damaged
+file: each call of one stands alone in `reading`, so that no defect of our own passes for damage.
 """
 
 import warnings
@@ -31,9 +32,11 @@ class Key:
 
 @contextmanager
 def reading(what: str, advice: str = "write it again") -> Iterator[None]:
-    """Around one call of a library's reader: whatever it raises means a damaged file, but for a file that cannot be read or does not fit into memory.
+    """Around one call of a library's reader.
 
-    Raises InputError, and what the system raises. Warnings of the reader are left unsaid: they precede a refusal, or numbers that are checked later.
+    Whatever it raises means a damaged file, but for a file that cannot be read or does not fit into memory. Raises
+    InputError, and what the system raises. Warnings of the reader are left unsaid: they precede a refusal, or numbers
+    that are checked later.
     """
     try:
         with warnings.catch_warnings():

@@ -1,4 +1,7 @@
-"""Velocity and acceleration from what was logged: a zero-phase low pass, then the derivatives of a spline through it."""
+"""Velocity and acceleration from what was logged.
+
+A zero-phase low pass, then the derivatives of a spline through it.
+"""
 
 from dataclasses import replace
 
@@ -11,24 +14,26 @@ from bristle.errors import InputError
 ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
 _PAD = 15
-"""Least samples by which a stretch is continued, mirrored about its ends, before it is filtered; else as many as the cut-off's period has."""
+"""Least samples by which a segment is continued, mirrored about its ends, before it is filtered; else as many as the
+cut-off's period has."""
 LOWEST = 1e-6
 """Cut-off of the low pass over the sampling rate."""
 SHORTEST = 16
-"""Samples that a stretch without a gap must have to be filtered."""
+"""Samples that a segment between gaps must have to be filtered."""
 
 
 def estimate_motion(record: Record, cutoff: float) -> Record:
-    """The record with velocity and acceleration filled, stretch by stretch; its notes state the cut-off.
+    """The record with velocity and acceleration filled, segment by segment; its notes state the cut-off.
 
-    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward; a quintic spline through it gives both
-    derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the sampling rate). A velocity that was logged stays as
-    it is; the acceleration is then its derivative, after the same filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it.
-    Stretches shorter than 16 samples are left out of the record and counted.
+    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward; a quintic spline
+    through it gives both derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the
+    sampling rate). A velocity that was logged stays as it is; the acceleration is then its derivative, after the same
+    filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it. Segments between gaps shorter than 16
+    samples are left out of the record and counted.
 
-    Raises InputError where there is neither position nor velocity, or no stretch is long enough.
+    Raises InputError where there is neither position nor velocity, or no segment is long enough.
     """
-    record = _without_short_stretches(record)
+    record = _without_short_segments(record)
     source = "position" if record.velocity is None else "velocity"
     values = record.position if record.velocity is None else record.velocity
     if values is None:
@@ -57,9 +62,10 @@ def usable(record: Record, cutoff: float) -> float:
 
 
 def smoothed(record: Record, values: Array, cutoff: float) -> Array:
-    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist; never across a gap.
+    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
 
-    Raises InputError where the cut-off is so far below the sampling rate that the filter's own rounding hides the signal.
+    Never across a gap. Raises InputError where the cut-off is so far below the sampling rate that the filter's own
+    rounding hides the signal.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -74,7 +80,7 @@ def smoothed(record: Record, values: Array, cutoff: float) -> Array:
     return np.concatenate(
         [
             np.asarray(sosfiltfilt(sections, values[s], padlen=min(reach, s.stop - s.start - 1)), dtype=float)
-            for s in stretches(record)
+            for s in between_gaps(record)
         ]
     )
 
@@ -82,12 +88,12 @@ def smoothed(record: Record, values: Array, cutoff: float) -> Array:
 def derivative(record: Record, values: Array, order: int = 1) -> Array:
     """Time derivative of a signal of the record, shape (n,): that of the quintic spline through it.
 
-    The spline is of lower degree where a stretch is shorter; the derivative is zero where it is too short for any.
+    The spline is of lower degree where a segment is shorter; the derivative is zero where it is too short for any.
     """
     from scipy.interpolate import make_interp_spline
 
     parts = []
-    for s in stretches(record):
+    for s in between_gaps(record):
         degree = max((k for k in (1, 3, 5) if k < s.stop - s.start), default=0)
         if degree < order:
             parts.append(np.zeros(s.stop - s.start))
@@ -97,20 +103,20 @@ def derivative(record: Record, values: Array, order: int = 1) -> Array:
     return np.concatenate(parts)
 
 
-def stretches(record: Record) -> list[slice]:
-    """The stretches of the record that have no gap inside."""
+def between_gaps(record: Record) -> list[slice]:
+    """The segments of the record between its gaps."""
     stops = (*record.starts[1:], record.time.size)
     return [slice(start, stop) for start, stop in zip(record.starts, stops, strict=True)]
 
 
-def _without_short_stretches(record: Record) -> Record:
-    pieces = stretches(record)
-    long = [s for s in pieces if s.stop - s.start >= SHORTEST]
+def _without_short_segments(record: Record) -> Record:
+    segments = between_gaps(record)
+    long = [s for s in segments if s.stop - s.start >= SHORTEST]
     if not long:
         raise InputError(
-            f"{record.file}: no stretch without a gap has {SHORTEST} samples, too few to differentiate; log velocity, or raise cleaning.gap"
+            f"{record.file}: no segment between gaps has {SHORTEST} samples, too few to differentiate; log velocity, or raise cleaning.gap"
         )
-    if len(long) == len(pieces):
+    if len(long) == len(segments):
         return record
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     signals = {
@@ -119,7 +125,7 @@ def _without_short_stretches(record: Record) -> Record:
         if (values := getattr(record, name)) is not None
     }
     lost = record.time.size - kept.size
-    note = f"{lost} row{'' if lost == 1 else 's'} dropped: stretches between gaps shorter than {SHORTEST} samples, which cannot be differentiated."
+    note = f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {SHORTEST} samples, which cannot be differentiated."
     lengths = [s.stop - s.start for s in long]
     starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))
     return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, note))

@@ -9,7 +9,8 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 
 _NEAR, _ENOUGH = 50.0, 8
-"""Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid by chance."""
+"""Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid
+by chance."""
 
 
 def resolution(experiment: Experiment, records: Sequence[Record]) -> float:
@@ -19,7 +20,10 @@ def resolution(experiment: Experiment, records: Sequence[Record]) -> float:
 
 
 def smallest_step(position: Array) -> float:
-    """The encoder's count, from the steps between the readings that occur, in the unit of position; 0 where they keep to no grid."""
+    """The encoder's count, from the steps between the readings that occur, in the unit of position.
+
+    0 where they keep to no grid.
+    """
     levels = np.unique(position)
     if levels.size < 2:
         return 0.0

@@ -17,9 +17,10 @@ _SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """One run. Every signal is a read-only copy of shape (n,), n >= 1, finite; m, N and kg stand in for rad, N*m and kg*m**2 where prismatic.
+    """One run. Every signal is a read-only copy of shape (n,), n >= 1, finite.
 
-    Raises InputError where a signal has another length, holds a value that is not finite, or time does not increase.
+    m, N and kg stand in for rad, N*m and kg*m**2 where prismatic. Raises InputError where a signal has another length,
+    holds a value that is not finite, or time does not increase.
     """
 
     file: str
@@ -39,7 +40,7 @@ class Record:
     acceleration: Array | None = None
     """rad/s**2, estimated."""
     starts: tuple[int, ...] = (0,)
-    """First sample of each stretch that has no gap inside; nothing is ever differentiated, filtered or simulated across one."""
+    """First sample of each segment between gaps; nothing is ever differentiated, filtered or simulated across a gap."""
     rows: int = 0
     """Rows in the file."""
     dropped: int = 0

@@ -1,7 +1,8 @@
-"""Slow loading below breakaway: a presliding run cut where its torque turns, with the counts that each piece crosses and where it slides.
+"""Slow loading below breakaway.
 
-At rest without torque the bristle is not bent, whatever went before: so each piece begins where its torque passes zero, and all of them load
-the same spring.
+A presliding run cut where its torque turns, with the counts that each piece crosses and where it slides. At rest
+without torque the bristle is not bent, whatever went before: so each piece begins where its torque passes zero, and all
+of them load the same spring.
 """
 
 from collections.abc import Sequence
@@ -12,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from bristle.arrays import Array, freeze
-from bristle.data.differentiation import derivative, smoothed, stretches
+from bristle.arrays import UNWRITTEN, Array, Number, freeze
+from bristle.data.differentiation import between_gaps, derivative, smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.json_form import UNWRITTEN, Number
 
 _PROMINENT = 0.1
 """Of the range of torque: a turn smaller than this is none."""
@@ -30,7 +30,8 @@ _HELD = 0.9
 _SHORTEST = 8
 """Samples in a piece."""
 _SLIDES = (0.05, 0.8)
-"""A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load."""
+"""A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not
+load."""
 _CLOSED = 0.1
 """Of the range of torque: how far apart the ends of a closed cycle may be."""
 
@@ -42,9 +43,10 @@ _COUNTS = 2.0**40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """One piece of a presliding run: torque grows from zero in one direction, up to where it turns or the joint breaks away.
+    """One piece of a presliding run.
 
-    Displacement and torque are counted positive along the direction of loading; arrays are read-only.
+    Torque grows from zero in one direction, up to where it turns or the joint breaks away. Displacement and torque are
+    counted positive along the direction of loading; arrays are read-only.
     """
 
     file: str
@@ -61,7 +63,8 @@ class Loading:
     quantum: float
     """One count, rad; 0 where no counts are seen."""
     edge_displacement: Array
-    """Displacement at the count edges that were crossed, each half a count before the reading that follows it, rad, (m,)."""
+    """Displacement at the count edges that were crossed, each half a count before the reading that follows it, rad,
+    (m,)."""
     edge_torque: Array
     """Torque there, N*m, (m,)."""
     breakaway: float | None
@@ -106,9 +109,11 @@ def find_loadings(
 
     Args:
         record: with position and torque.
-        cutoff: of the zero-phase low pass that torque goes through, Hz; at or above the Nyquist frequency it stays as it is.
+        cutoff: of the zero-phase low pass that torque goes through, Hz; at or above the Nyquist frequency it stays as
+            it is.
         resolution: one count, rad; None: the smallest step seen.
-        breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the noise floor.
+        breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the
+            noise floor.
 
     Raises InputError where the joint slides from the start, in one sentence.
     """
@@ -116,7 +121,7 @@ def find_loadings(
     quantum = _quantum(record, position, resolution)
     slow = _low_passed(record, torque, cutoff)
     speed = derivative(record, _low_passed(record, position, cutoff))
-    found = []
+    loadings = []
     for piece, sign in _pieces(record, slow):
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
@@ -126,7 +131,7 @@ def find_loadings(
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
         inside = slice(0, slide)
         edges, at = _edges(position_along[inside], quantum)
-        found.append(
+        loadings.append(
             Loading(
                 file=record.file,
                 direction="+" if sign > 0 else "-",
@@ -140,21 +145,22 @@ def find_loadings(
                 breakaway=None if slide is None else float(torque_along[slide]),
             )
         )
-    return tuple(found)
+    return tuple(loadings)
 
 
 def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple[tuple[Loop, ...], tuple[float, ...]]:
-    """The closed cycles of a presliding run, and of those that do not close how far apart their ends are, as a share of their range.
+    """The closed cycles of a presliding run, and of those not closed how far apart their ends are.
 
-    A cycle goes from one largest torque to the next, or else from one smallest to the next. It drifts where the two directions' friction differs.
+    That is a share of their range. A cycle goes from one largest torque to the next, or else from one smallest to the
+    next. It drifts where the two directions' friction differs.
     """
     position, torque = _signals(record)
     quantum = _quantum(record, position, resolution)
     slow = _low_passed(record, torque, cutoff)
-    found, drifts = [], []
-    for stretch in stretches(record):
-        tops, bottoms = _turns(slow[stretch])
-        ends = (tops if tops.size > 1 else bottoms) + stretch.start
+    loops, drifts = [], []
+    for segment in between_gaps(record):
+        tops, bottoms = _turns(slow[segment])
+        ends = (tops if tops.size > 1 else bottoms) + segment.start
         for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             y, T = position[start : stop + 1], torque[start : stop + 1]
             if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > _CLOSED * np.ptp(slow):
@@ -162,8 +168,8 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
             if abs(y[-1] - y[0]) > max(1.5 * quantum, _CLOSED * np.ptp(y)):
                 drifts.append(float((y[-1] - y[0]) / np.ptp(y)))
             else:
-                found.append(_loop(record.file, start, stop, y, T, quantum))
-    return tuple(found), tuple(drifts)
+                loops.append(_loop(record.file, start, stop, y, T, quantum))
+    return tuple(loops), tuple(drifts)
 
 
 def _signals(record: Record) -> tuple[Array, Array]:
@@ -173,7 +179,10 @@ def _signals(record: Record) -> tuple[Array, Array]:
 
 
 def _quantum(record: Record, position: Array, resolution: float | None) -> float:
-    """One count, rad: as declared, or the smallest step seen. Raises InputError where the joint would have moved more counts than any encoder has."""
+    """One count, rad: as declared, or the smallest step seen.
+
+    Raises InputError where the joint would have moved more counts than any encoder has.
+    """
     if resolution and not np.ptp(position) / resolution < _COUNTS:
         raise InputError(
             f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
@@ -197,10 +206,10 @@ def _turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
     """Samples and sign of each piece between turns, from where its torque has passed zero for the last time."""
-    found = []
-    for stretch in stretches(record):
-        turns = np.sort(np.concatenate(_turns(torque[stretch]))) + stretch.start
-        bounds = [stretch.start, *turns.tolist(), stretch.stop - 1]
+    pieces = []
+    for segment in between_gaps(record):
+        turns = np.sort(np.concatenate(_turns(torque[segment]))) + segment.start
+        bounds = [segment.start, *turns.tolist(), segment.stop - 1]
         for first, turn in pairwise(bounds):
             part = torque[first : turn + 1]
             sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
@@ -211,8 +220,8 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
             start = first + (int(before[-1]) + 1 if before.size else 0)
             unloaded = before.size > 0 or abs(part[0]) <= _CLOSED * np.ptp(torque)
             if unloaded and last + 1 - start >= _SHORTEST and sign * torque[last] > _PROMINENT * np.ptp(torque):
-                found.append((slice(start, last + 1), sign))
-    return found
+                pieces.append((slice(start, last + 1), sign))
+    return pieces
 
 
 def _slides_at(torque: Array, displacement: Array, speed: Array, floor: float, breakaway: float | None) -> int | None:
@@ -243,9 +252,10 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
 
 
 def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
-    """Count edges that the position crosses upward, and when: the middle between the first reading above and the last one below, in samples.
+    """Count edges that the position crosses upward, and when.
 
-    Where there are more edges than readings, every so many of them alone: those between tell nothing more.
+    The middle between the first reading above and the last one below, in samples. Where there are more edges than
+    readings, every so many of them alone: those between tell nothing more.
     """
     if quantum == 0 or position.size == 0:
         return np.zeros(0), np.zeros(0)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     import pint
 
 LARGEST = 1e30
-"""No quantity is larger in SI, or smaller but for zero: squares of such numbers, and their inverses, still are numbers."""
+"""No quantity is larger in SI, or smaller but for zero: squares of such numbers, and their inverses, still are numbers.
+"""
 _LONGEST = 200
 """Characters of a quantity, and of a unit: what is matched is short."""
 _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -59,23 +60,25 @@ _REFUSALS = (
 
 
 def to_si(value: object, target: str) -> float:
-    """A quantity such as `1.5e-3 rad`, in `target`, an SI unit; for an encoder also `4096 counts/rev`, the size of one count.
+    """A quantity such as `1.5e-3 rad`, in `target`, an SI unit.
 
-    Raises InputError where there is no number, no unit, a unit of another dimension, or a number that is too large or too small.
+    For an encoder also `4096 counts/rev`, the size of one count. Raises InputError where there is no number, no unit, a
+    unit of another dimension, or a number that is too large or too small.
     """
     text = _plain(value)
     if target in ("rad", "m") and (per := _PER_TURN.fullmatch(text)) and 0 < float(per[1]) < LARGEST:
         return _sane(factor(per[2], target) / float(per[1]), value, target)
-    found = _QUANTITY.fullmatch(text)
-    if found and found[2]:
-        return _sane(float(found[1]) * factor(found[2], target), value, target)
+    match = _QUANTITY.fullmatch(text)
+    if match and match[2]:
+        return _sane(float(match[1]) * factor(match[2], target), value, target)
     raise InputError(f"got {short(value)}; expected a number with its unit, such as {_example(target)}")
 
 
 def plus_minus(value: object, target: str) -> tuple[float, float | None]:
-    """`x unit` as (x, None), and `x ± s unit` (also `x +/- s unit`, or with a unit after x as well) as (x, s), both in `target`.
+    """`x unit` as (x, None), and `x ± s unit` as (x, s), both in `target`.
 
-    Raises InputError as `to_si`, and where s is not positive.
+    `x +/- s unit` is taken too, as is a unit after x as well. Raises InputError as `to_si`, and where s is not
+    positive.
     """
     parts = _PLUS_MINUS.split(_plain(value))
     mean = _QUANTITY.fullmatch(parts[0].strip().removeprefix("(").strip())
@@ -106,9 +109,10 @@ def _sane(number: float, value: object, target: str) -> float:
 
 
 def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: float | None = None) -> float:
-    """What a value in `unit` is multiplied by to be in `target`: `unit` times `scale`, which may have a unit of its own.
+    """What a value in `unit` is multiplied by to be in `target`.
 
-    `counts` (alone or first, as in `counts/s`) are worth `resolution`, rad or m. Raises InputError where the dimension differs.
+    `unit` times `scale`, which may have a unit of its own. `counts` (alone or first, as in `counts/s`) are worth
+    `resolution`, rad or m. Raises InputError where the dimension differs.
     """
     number, times = _scale(scale)
     if counts := _COUNTS.match(unit.strip()):
@@ -137,12 +141,12 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
 
 
 def _scale(scale: str | float) -> tuple[float, str]:
-    found = _QUANTITY.fullmatch(_plain(str(scale)))
-    if not found or float(found[1]) == 0:
+    match = _QUANTITY.fullmatch(_plain(str(scale)))
+    if not match or float(match[1]) == 0:
         raise InputError(
             f"scale {short(scale)} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
         )
-    return float(found[1]), found[2] or "1"
+    return float(match[1]), match[2] or "1"
 
 
 def _root(unit: "pint.Unit") -> tuple[float, object]:

@@ -1,4 +1,7 @@
-"""Correlated noise: autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it."""
+"""Correlated noise.
+
+Autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it.
+"""
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -37,10 +40,11 @@ def lag_one(x: Array) -> float:
 
 
 def inflation(x: Array) -> float:
-    """The factor tau in var(mean) = tau var(x) / n: the integrated autocorrelation time 1 + 2 sum of the autocorrelation, in samples.
+    """The factor tau in var(mean) = tau var(x) / n.
 
-    The sum ends at the first lag of five tau (Sokal, 1997) and is corrected for the mean being taken from the same data (Wolff, 2004,
-    eq. 49). At least 1, at most n; 1 for fewer than four samples or a constant. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
+    The integrated autocorrelation time 1 + 2 sum of the autocorrelation, in samples. The sum ends at the first lag of
+    five tau (Sokal, 1997) and is corrected for the mean being taken from the same data (Wolff, 2004, eq. 49). At least
+    1, at most n; 1 for fewer than four samples or a constant. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
     """
     n, rho = x.size, autocorrelation(x)
     if n < 4 or not rho[1:].any():
@@ -52,16 +56,21 @@ def inflation(x: Array) -> float:
 
 
 def standard_error(x: Array) -> float | None:
-    """Standard error of the mean of x, corrected for autocorrelation; None where x holds fewer than two independent samples."""
+    """Standard error of the mean of x, corrected for autocorrelation.
+
+    None where x holds fewer than two independent samples.
+    """
     tau = inflation(x)
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
 
 
 def residual_warnings(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Diagnostic, ...]:
-    """A diagnostic for each trend of the residuals over time or velocity, a ripple over position, a difference between directions: beyond noise.
+    """A diagnostic for what the residuals show beyond noise.
 
-    F tests against a constant, of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni
-    corrected for their number; residuals that are correlated in the order given count for fewer. Significant is p < 0.01 after correction.
+    A trend over time or velocity, a ripple over position, a difference between directions. F tests against a constant,
+    of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni
+    corrected for their number; residuals that are correlated in the order given count for fewer. Significant is p <
+    0.01 after correction.
 
     Args:
         residuals: N*m, shape (n,).
@@ -81,20 +90,23 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
         period, basis = _strongest_harmonic(residuals, known["position"], count)
         tests.append((Kind.RESIDUAL_RIPPLE, {"period": period}, basis))
     both = "velocity" in known and velocity.min() < 0 < velocity.max()
-    looks, found = len(known) + count + both, []
+    looks, warnings = len(known) + count + both, []
     if both:  # a symmetric curve that is not: what it leaves is even in velocity
         p, share = _f_test(residuals, np.stack([np.ones(n), np.abs(velocity)]), about_mean=False)
         if p * looks < _SIGNIFICANT:
-            found.append(Kind.DIRECTIONS_DIFFER(p=p * looks, looks=looks, share=share))
+            warnings.append(Kind.DIRECTIONS_DIFFER(p=p * looks, looks=looks, share=share))
     for kind, what, basis in tests:
         p, share = _f_test(residuals, basis)
         if p * looks < _SIGNIFICANT:
-            found.append(kind(**what, p=p * looks, looks=looks, share=share))
-    return tuple(found)
+            warnings.append(kind(**what, p=p * looks, looks=looks, share=share))
+    return tuple(warnings)
 
 
 def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, Array]:
-    """Of the first `count` harmonics of the range of positions, the one that explains most of y: its period and cosine and sine."""
+    """Of the first `count` harmonics of the range of positions, the one that explains most of y.
+
+    Returned are its period and cosine and sine.
+    """
     reach = float(np.ptp(position))
     phase = 2 * np.pi * np.arange(1, count + 1)[:, None] * (position - position.min()) / reach
     bases = np.stack([np.cos(phase), np.sin(phase)], axis=1)
@@ -104,7 +116,10 @@ def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, A
 
 
 def _f_test(y: Array, basis: Array, *, about_mean: bool = True) -> tuple[float, float]:
-    """Probability of the F test of basis, shape (k, n), against a constant (or zero), counting independent samples; and its share of the variance."""
+    """Probability of the F test of basis, shape (k, n), against a constant (or zero), counting independent samples.
+
+    Then comes its share of the variance.
+    """
     centred = y - y.mean() if about_mean else y
     total = float(centred @ centred)
     directions = np.linalg.qr((basis - basis.mean(axis=1, keepdims=True) if about_mean else basis).T)[0].T

@@ -5,7 +5,7 @@ Time series. A resample counts block b m_b times. Its minimum is, to first order
     d = -(sum m_b G_b + P'P)**-1 (sum m_b s_b + P'e),    G_b = J_b'J_b,    s_b = J_b'r_b
 
 from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step has the bootstrap's accuracy); P are the rows
-of priors, whose means are drawn anew as well, e. Blocks overlap and wrap around within their stretch (Politis and
+of priors, whose means are drawn anew as well, e. Blocks overlap and wrap around within their segment (Politis and
 Romano, 1992): each equation is drawn as often as any other.
 
 Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample,
@@ -32,7 +32,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.problem import Name, projected
+from bristle.estimation.nonlinear import Name, projected
 
 DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
@@ -59,7 +59,8 @@ _FULL = 1.0 - 1e-6
 """A point with this leverage leaves no residual."""
 
 Refit = Callable[[Array, bool], tuple[Array, Array]]
-"""(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p, sets) each."""
+"""(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p,
+sets) each."""
 
 
 class Resampled(NamedTuple):
@@ -98,7 +99,7 @@ def residual_bootstrap(
     draws: int = REFITS,
     seed: int = 0,
 ) -> tuple[Resampled, Array]:
-    """The steps of an estimate from equations that err independently, and the standard errors of the estimate itself, (p,).
+    """The steps of an estimate from equations that err independently, and its own standard errors, (p,).
 
     Args:
         jacobian: of the model at the estimate, (n, p), of full rank.
@@ -124,7 +125,10 @@ def residual_bootstrap(
 
 
 def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:
-    """Coefficients of columns (n, p) that fit each of some values, (n, sets), and their standard errors, (p, sets) each; HC3 if uneven."""
+    """Coefficients of columns (n, p) that fit values, (n, sets), and their standard errors, (p, sets) each.
+
+    Errors are HC3 if `uneven`.
+    """
     inner = inverse_gram(columns)
     weights = inner @ columns.T
     theta = weights @ values
@@ -137,7 +141,10 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
 
 
 def variances_differ(residuals: Array, place: Array) -> bool:
-    """Whether the residuals' variance depends on the place (Koenker's test against a parabola over its logarithm, 1 %); never with few equations."""
+    """Whether the residuals' variance depends on the place (Koenker's test against a parabola over its logarithm, 1 %).
+
+    Never with few equations.
+    """
     x, square = np.log(np.abs(place)), residuals**2
     if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
         return False
@@ -159,7 +166,7 @@ def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dic
     inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
     which = problem.shared[inside[problem.shared]]
     J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
-    starts = [block.rows.start for block in problem.blocks] if whole else problem.stretches
+    starts = [block.rows.start for block in problem.blocks] if whole else problem.starts
     prior_rows, length = J[n:], n if whole else None
     drawn = block_bootstrap(
         J[:n], minimum.residuals[:n], starts, priors=prior_rows, sigma=problem.sigma, length=length, seed=seed
@@ -190,10 +197,12 @@ def block_bootstrap(
     Args:
         jacobian: of the residuals at the minimum, (n, p), of full rank together with the priors.
         residuals: (n,), in whatever sign the Jacobian is of.
-        starts: first equation of each stretch; no block reaches over one.
-        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are none.
+        starts: first equation of each segment between gaps; no block reaches over one.
+        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are
+            none.
         sigma: see there.
-        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
+        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian
+            itself.
         length: equations in a block; None: `block_length` of the scores.
         draws: B.
         seed: of the generator.
@@ -204,22 +213,28 @@ def block_bootstrap(
     J = jacobian / size
     Z = J if instrument is None else instrument / np.linalg.norm(instrument)
     length = length or block_length(Z * residuals[:, None])
-    edges, of_stretch = cells(residuals.size, starts, length)
+    edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    found = _resample(grams, scores, of_stretch, prior_rows / size, sigma, draws, seed)
-    return found._replace(steps=found.steps / size)
+    resampled = _resample(grams, scores, of_segment, prior_rows / size, sigma, draws, seed)
+    return resampled._replace(steps=resampled.steps / size)
 
 
 def block_length(scores: Array) -> int:
-    """Equations in a block: four integrated autocorrelation times of the most correlated column of scores, (n, p), and n**(1/3) at least."""
+    """Equations in a block.
+
+    Four integrated autocorrelation times of the most correlated column of scores, (n, p), and n**(1/3) at least.
+    """
     n = scores.shape[0]
     times = max(inflation(score) for score in scores.T)
     return int(min(max(ceil(_TIMES * times), ceil(n ** (1 / 3))), n))
 
 
 def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
-    """Quarters of blocks: the first equation of each and n, (C + 1,), and the number of the stretch that each lies in, (C,)."""
+    """Quarters of blocks.
+
+    The first equation of each and n, (C + 1,), and the number of the segment that each lies in, (C,).
+    """
     step = max(length / _OVERLAP, n / _CELLS)
     firsts = [*starts, n]
     counts = [max(round((stop - first) / step), 1) for first, stop in pairwise(firsts)]
@@ -230,10 +245,13 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
 
 
 def _resample(
-    grams: Array, scores: Array, of_stretch: Array, prior_rows: Array, sigma: float, draws: int, seed: int
+    grams: Array, scores: Array, of_segment: Array, prior_rows: Array, sigma: float, draws: int, seed: int
 ) -> Resampled:
-    """The steps where blocks of cells, (C, ...), are drawn, centred so that they vanish where each is drawn as often as any other."""
-    grams, scores, share = _blocks(grams, scores, of_stretch)
+    """The steps where blocks of cells, (C, ...), are drawn.
+
+    They are centred, so that they vanish where each block is drawn as often as any other.
+    """
+    grams, scores, share = _blocks(grams, scores, of_segment)
     number = max(round(float(share.sum())), 1)
     rng = np.random.default_rng(seed)
     count, p = share.size, scores.shape[1]
@@ -264,7 +282,10 @@ def _resample(
 def _errors(
     grams: Array, scores: Array, prior_rows: Array, sigma: float, times: Array, inverse: Array, steps: Array
 ) -> Array:
-    """Standard errors of resampled estimates from the scores that blocks have left there, (b, p); `times` (b, C) counts squares."""
+    """Standard errors of resampled estimates from the scores that blocks have left there, (b, p).
+
+    `times` (b, C) counts squares.
+    """
     count, p = scores.shape
     left = scores.T + (steps @ grams.transpose(1, 2, 0).reshape(p, -1)).reshape(-1, p, count)
     influence = inverse @ left
@@ -274,11 +295,14 @@ def _errors(
     return errors
 
 
-def _blocks(grams: Array, scores: Array, of_stretch: Array) -> tuple[Array, Array, Array]:
-    """Sums over the block that begins at each cell, and its weight: one over the number of blocks that each of its cells lies in."""
-    sizes = np.bincount(of_stretch)
-    first, size = (np.cumsum(sizes) - sizes)[of_stretch], sizes[of_stretch]
-    place = np.arange(of_stretch.size) - first
+def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:
+    """Sums over the block that begins at each cell, and its weight.
+
+    One over the number of blocks that each of its cells lies in.
+    """
+    sizes = np.bincount(of_segment)
+    first, size = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
+    place = np.arange(of_segment.size) - first
     others = [first + (place + k) % size for k in range(_OVERLAP)]
     inside = [(k < size).astype(float) for k in range(_OVERLAP)]
     whole = sum(grams[o] * w[:, None, None] for o, w in zip(others, inside, strict=True))

@@ -42,7 +42,10 @@ Face = Callable[[Array], Conditional]
 
 
 class Looks(NamedTuple):
-    """Over how many values of each eta extremes are looked for: at first, near the best ones, again and again; and a drawn profile is minimised."""
+    """Over how many values of each eta extremes are looked for, and over how many a drawn profile is minimised.
+
+    The first look is over all, the next ones near the best, again and again.
+    """
 
     first: int
     near: int
@@ -52,7 +55,10 @@ class Looks(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class ConditionalProfiles:
-    """The profiles of a problem's conditionally linear unknowns, for S sets of data at once; only a single set is drawn, and kept to its bounds."""
+    """The profiles of a problem's conditionally linear unknowns, for S sets of data at once.
+
+    Only a single set is drawn, and kept to its bounds.
+    """
 
     free: Face
     """The problem with no unknown at its bound."""
@@ -90,7 +96,10 @@ class ConditionalProfiles:
         return np.stack([self._extremes(sign, nodes, at) for sign in (-1.0, 1.0)], axis=-1)
 
     def heights(self, j: int, values: Array, beyond: float) -> Array:
-        """(cost - least) / (threshold - least) of unknown j at values of it, (k,); eta goes beyond its box by that share of it."""
+        """(cost - least) / (threshold - least) of unknown j at values of it, (k,).
+
+        eta goes beyond its box by that share of it.
+        """
         width = np.diff(self.box, axis=-1)
         nodes = self._grid(np.clip(self.box + beyond * width * [-1, 1], *self.searched), self.looks.drawn)
         cost, inside = self._held(self.free, nodes, j, values)
@@ -114,17 +123,17 @@ class ConditionalProfiles:
             around = np.take_along_axis(nodes, k[..., None], axis=1)[:, :, None] + step[:, None, None] * offsets
             nodes = np.clip(around, *np.moveaxis(self.box, -1, 0)[:, :, None, None]).reshape(S, -1, P)
             at = self.free(nodes)
-            own = np.einsum("smnm->smn", self._reach(at, sign).reshape(S, M, -1, M))
-            k = own.argmax(axis=2) + own.shape[2] * np.arange(M)
+            reach = np.einsum("smnm->smn", self._reach(at, sign).reshape(S, M, -1, M))
+            k = reach.argmax(axis=2) + reach.shape[2] * np.arange(M)
             step = step * 2 / (near - 1)
-        found = np.take_along_axis(self._reach(at, sign), k[:, None], axis=1)[:, 0]
+        extreme = np.take_along_axis(self._reach(at, sign), k[:, None], axis=1)[:, 0]
         for j in range(M):
             inside = np.take_along_axis(self._inside(at, j, sign), k[:, [j]], axis=1)[:, 0]
             if self.faces and not inside.all():
-                found[0, j] = self._bounded(list(self.faces(j)), j, sign)
+                extreme[0, j] = self._bounded(list(self.faces(j)), j, sign)
             else:
                 self.broken |= ~inside
-        return np.where(self.bounded, np.maximum(sign * found, 0.0), sign * found)
+        return np.where(self.bounded, np.maximum(sign * extreme, 0.0), sign * extreme)
 
     def _steps(self) -> tuple[Array, Array]:
         """The nodes of the second look about the best, in steps, (K, P), and a step, (S, P)."""
@@ -142,7 +151,10 @@ class ConditionalProfiles:
         return float(reach.max())
 
     def _kept(self, faces: Sequence[Face], nodes: Array, j: int, sign: float) -> Array:
-        """The best of the faces' reaches of unknown j at each of K nodes that break no bound, (1, K); -inf where there is none."""
+        """The best of the faces' reaches of unknown j at each of K nodes that break no bound, (1, K).
+
+        -inf where there is none.
+        """
         best = np.full(nodes.shape[:2], -np.inf)
         for face in faces:
             at = face(nodes)
@@ -150,11 +162,14 @@ class ConditionalProfiles:
         return best
 
     def _inside(self, at: Conditional, j: int, sign: float) -> NDArray[np.bool_]:
-        """Whether no unknown breaks its bound at the extreme of unknown j, raised to its own bound if need be, at each node, (S, K)."""
-        own, theta, most = at.spread[..., j, j], at.theta[..., j], self.threshold[:, None]
-        far = np.sqrt(own * np.maximum(most - at.cost, 0.0))
+        """Whether no unknown breaks its bound at the extreme of unknown j, at each node, (S, K).
+
+        The extreme is raised to its own bound if need be.
+        """
+        variance, theta, most = at.spread[..., j, j], at.theta[..., j], self.threshold[:, None]
+        far = np.sqrt(variance * np.maximum(most - at.cost, 0.0))
         end = np.maximum(theta + sign * far, 0.0) if self.bounded[j] else theta + sign * far
-        moved = (end - theta) / np.where(own > 0, own, np.inf)
+        moved = (end - theta) / np.where(variance > 0, variance, np.inf)
         slack = _SLACK * np.sqrt(np.einsum("skmm->skm", at.spread) * most[..., None])
         inside = (at.theta + moved[..., None] * at.spread[..., j] >= -slack) | ~self.bounded
         inside[..., j] = end <= theta + far + slack[..., j]
@@ -168,11 +183,16 @@ class ConditionalProfiles:
         return np.where(left >= -self.tolerance, far, -np.inf)
 
     def _held(self, face: Face, nodes: Array, j: int, values: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The least cost on a face with unknown j held at values (D,), inf where others break a bound; and where the free least one breaks none."""
+        """The least cost on a face with unknown j held at values (D,), inf where others break a bound.
+
+        Then comes where the free least one breaks none.
+        """
         theta, spread, least = (each[0] for each in face(nodes))
-        own = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
-        off = np.divide(values[:, None] - theta[:, j], own, out=np.zeros((values.size, own.size)), where=own > 0)
-        cost = least + off**2 * own
+        variance = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
+        off = np.divide(
+            values[:, None] - theta[:, j], variance, out=np.zeros((values.size, variance.size)), where=variance > 0
+        )
+        cost = least + off**2 * variance
         point = theta + off[:, :, None] * spread[:, j]
         fine = (point >= -_SLACK * np.abs(point).max()) | ~self.bounded
         inside = fine[..., np.arange(theta.shape[1]) != j].all(axis=-1)

@@ -8,9 +8,8 @@ from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levenberg_marquardt import Minimum
 from bristle.estimation.linear import inverse_gram
-from bristle.estimation.problem import LeastSquares, projected
+from bristle.estimation.nonlinear import LeastSquares, Minimum, projected
 
 LEVEL = 0.95
 """Every interval's level."""
@@ -49,7 +48,10 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """The covariance at a problem's minimum: by the jackknife where its blocks err independently, else robust to autocorrelation."""
+    """The covariance at a problem's minimum.
+
+    It is by the jackknife where its blocks err independently, else robust to autocorrelation.
+    """
     return _jackknife(problem, minimum) if problem.independent else _robust(problem, minimum)
 
 
@@ -66,7 +68,10 @@ def _lengths(jacobian: Array) -> Array:
 
 
 def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """Each unknown's error is a weighted sum of the residuals; its variance allows for their correlation and for a variance that changes."""
+    """Each unknown's error is a weighted sum of the residuals.
+
+    Its variance allows for their correlation and for a variance that changes.
+    """
     rest, known = minimum.residuals, seen(minimum.jacobian)
     jacobian = minimum.jacobian[:, known]
     (n, p), priors = jacobian.shape, problem.priors
@@ -92,21 +97,21 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     estimate by G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w.
     """
     blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
-    own = shared[seen(minimum.jacobian[:, shared])]
-    size = _lengths(minimum.jacobian[:, own])
-    left = projected(minimum.jacobian, own, blocks) / size
+    influential = shared[seen(minimum.jacobian[:, shared])]
+    size = _lengths(minimum.jacobian[:, influential])
+    left = projected(minimum.jacobian, influential, blocks) / size
     grams = [left[rows].T @ left[rows] for rows, _ in blocks]
     slopes = [left[rows].T @ rest[rows] for rows, _ in blocks]
     priors = left[blocks[-1].rows.stop :]
     inner = np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True)
-    one, count = np.eye(own.size), len(blocks)
+    one, count = np.eye(influential.size), len(blocks)
     moves = np.array(
         [inner @ np.linalg.lstsq(one - A @ inner, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
     )
     spread = (count - 1) / count * moves.T @ moves + problem.sigma**2 * inner @ priors.T @ priors @ inner
     spread /= np.outer(size, size)
     plain = np.diag(inner) / size**2 * minimum.cost / max(rest.size - minimum.x.size, 1)
-    known = np.isin(np.arange(minimum.x.size), own)
+    known = np.isin(np.arange(minimum.x.size), influential)
     widening = float(np.median(np.sqrt(spread.diagonal() / plain)))
     return _in_units(problem, minimum.x, known, spread.diagonal(), spread, max(count - 1.0, 1.0), widening)
 

@@ -19,7 +19,9 @@ def warnings(
     at_bound: bool = False,
     few: Diagnostic | None = None,
 ) -> tuple[Diagnostic, ...]:
-    """A diagnostic where the reaches of the three intervals to one side of the estimate differ by more than `FACTOR`, with the reason; else none.
+    """A diagnostic, with the reason, where the three intervals differ by more than `FACTOR`; else none.
+
+    What is compared is how far each reaches to one side of the estimate.
 
     Args:
         value: the estimate.

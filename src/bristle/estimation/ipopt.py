@@ -1,6 +1,7 @@
-"""The second route: the same least-squares problem through CasADi and IPOPT, from some starts, and how its answer compares.
+"""The second route.
 
-IPOPT is silent, and raises no exception where it ends early: who calls judges where it ended.
+The same least-squares problem through CasADi and IPOPT, from some starts, and how its answer compares. IPOPT is silent,
+and raises no exception where it ends early: who calls judges where it ended.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.problem import Name, Unknowns
+from bristle.estimation.nonlinear import Name, Unknowns
 
 
 class SecondRoute(NamedTuple, Generic[Name]):
@@ -36,7 +37,10 @@ class SecondRoute(NamedTuple, Generic[Name]):
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
-    """The solver of min cost(x, given), x a column; called with x0, lbx, ubx and, for what is given, p. `options` are IPOPT's own."""
+    """The solver of min cost(x, given), x a column; called with x0, lbx, ubx and, for what is given, p.
+
+    `options` are IPOPT's own.
+    """
     problem: dict[str, Any] = {"x": x, "f": cost} | ({"p": ca.vertcat(*given)} if given else {})
     settings: dict[str, Any] = {
         "print_time": False,
@@ -62,7 +66,7 @@ def compared(
     values: Mapping[Name, float],
     cost: float,
     errors: Mapping[Name, float | None],
-    found: Sequence[Mapping[Name, float]],
+    minima: Sequence[Mapping[Name, float]],
     costs: Sequence[float],
     same: float,
 ) -> SecondRoute[Name]:
@@ -72,12 +76,12 @@ def compared(
         values: of the first, by name.
         cost: there.
         errors: its standard errors.
-        found: values at each end of the second.
+        minima: values at each end of the second.
         costs: there, by the first's own reckoning.
         same: difference in cost below which two ends are the same.
     """
     lowest = min(costs)
-    parameters = found[costs.index(lowest)]
+    parameters = minima[costs.index(lowest)]
     known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
     return SecondRoute(
         cost_grid=cost,

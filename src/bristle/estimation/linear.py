@@ -15,14 +15,20 @@ _INDEPENDENT = 1e-10
 
 
 def least_squares(design: Array, torque: Array) -> Array:
-    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR: the shortest one where columns depend on one another."""
+    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR.
+
+    The shortest one where columns depend on one another.
+    """
     m = design.shape[1]
     solution: Array = lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m]
     return solution
 
 
 def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
-    """The solution (m,) with each element at or above its lower bound (m,), 0 or -inf: non-negative least squares off the columns without a bound."""
+    """The solution (m,) with each element at or above its lower bound (m,), 0 or -inf.
+
+    It is by non-negative least squares off the columns without a bound.
+    """
     free = np.isinf(lower)
     if free.all():  # nnls crashes without columns
         return least_squares(design, torque)
@@ -45,7 +51,10 @@ def orthonormal(columns: Array) -> tuple[Array, Array]:
 
 
 def _inverse(factored: Array) -> Array:
-    """The inverse of R, (m, m), from what dgeqrf leaves; solving with R instead would wake BLAS's threads, even for two unknowns."""
+    """The inverse of R, (m, m), from what dgeqrf leaves.
+
+    Solving with R instead would wake BLAS's threads, even for two unknowns.
+    """
     m = factored.shape[1]
     inverse: Array = lapack.dtrtri(factored[:m] * _upper(m))[0]
     return inverse
@@ -76,10 +85,11 @@ def inverse_gram(jacobian: Array) -> Array:
 def best_column_p_value(
     off: Array, length: Array, q: Array, ratio: float, *, draws: int = 2000, seed: int = 0
 ) -> float:
-    """How often pure noise would look as much like one of the columns, times a factor that is not negative, as the data do.
+    """How often pure noise would look as much like one of the columns as the data do.
 
-    Where columns differ by a parameter that means nothing without them, no F table applies to the best of all. But the ratio
-    (cost without - cost with) / cost with does not depend on the other parameters nor on the noise level: it is drawn here, with Gaussian noise.
+    The column counts times a factor that is not negative. Where columns differ by a parameter that means nothing
+    without them, no F table applies to the best of all. But the ratio (cost without - cost with) / cost with does not
+    depend on the other parameters nor on the noise level: it is drawn here, with Gaussian noise.
 
     Args:
         off: the columns off those that are there anyhow, (n, k).

@@ -1,4 +1,7 @@
-"""A least-squares problem solved from several starts: the lowest minimum, how many starts reached it, and what is known there."""
+"""A least-squares problem solved from several starts.
+
+The lowest minimum, how many starts reached it, and what is known there.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -7,8 +10,7 @@ from typing import Generic, NamedTuple, TypeVar
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.covariance import covariance_at
-from bristle.estimation.levenberg_marquardt import Minimum
-from bristle.estimation.problem import LeastSquares, Name
+from bristle.estimation.nonlinear import LeastSquares, Minimum, Name
 
 Start = TypeVar("Start")
 _STEPS, _TRIES = 60, 30

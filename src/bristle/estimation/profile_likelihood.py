@@ -1,6 +1,7 @@
-"""The profile of an unknown: the cost at a value of it, with all others fitted anew; its interval is where that stays below a threshold.
+"""The profile of an unknown: the cost at a value of it, with all others fitted anew.
 
-Of n equations with p unknowns the threshold lies above the least cost by
+Its interval is where that stays below a threshold. Of n equations with p unknowns the threshold lies above the least
+cost by
 
     d = S F J_min / (n - p),    F = F(0.95; 1, freedom),
 
@@ -25,14 +26,14 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import LEVEL, seen, student
-from bristle.estimation.levenberg_marquardt import Minimum, minimise
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.problem import LeastSquares, Name
+from bristle.estimation.nonlinear import LeastSquares, Minimum, Name, minimise
 from bristle.progress import Progress
 
 _TRIES, _BUDGET = 12, 40
-"""Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth)."""
+"""Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth).
+"""
 _SETTLED = 1e-3
 """Of d: a descent ends when a step would lower the cost by less."""
 _EXACT = 1e-3
@@ -58,7 +59,10 @@ class Profiled(NamedTuple):
 
 
 def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
-    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d; S is the `inflation` of the variance."""
+    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d.
+
+    S is the `inflation` of the variance.
+    """
     freedom = max(n / inflation - p, 1.0)
     return cost * (1 + inflation * float(fdtri(1, freedom, LEVEL)) / max(n - p, 1))
 
@@ -66,7 +70,9 @@ def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> fl
 def interval_on_grid(
     costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, most: float
 ) -> tuple[float, float]:
-    """The interval of a positive unknown whose profile is known at once; 0 or inf where it stays below the threshold to the end of the grid.
+    """The interval of a positive unknown whose profile is known at once.
+
+    0 or inf where it stays below the threshold to the end of the grid.
 
     Args:
         costs: the profile as a function of the unknown, (k,) -> (k,).
@@ -104,7 +110,8 @@ def profiles(
         stop_at_better: whether a better optimum found on the way ends the search.
 
     Returns:
-        The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit must be done again.
+        The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit
+        must be done again.
     """
     problem, minimum = solution.posed, solution.minimum
     unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)
@@ -125,10 +132,10 @@ def profiles(
         else:
             high = reach**2 / float(naive[j])
             path = _Path(problem, minimum, j, high, stop_at_better, [first], {float(x[j]): 0.0})
-            found = path.profiled(reach)
+            profiled = path.profiled(reach)
             if path.better is not None:
                 return out, path.better
-            out[name] = found
+            out[name] = profiled
     return out, None
 
 
@@ -177,7 +184,10 @@ class _Path:
         return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(warnings))
 
     def _end(self, reach: float, limit: float) -> float | None:
-        """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate; None where it does not."""
+        """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate.
+
+        None where it does not.
+        """
         best, self.spent = float(self.minimum.x[self.which]), 0
         side = float(np.sign(limit - best))
         try:
@@ -225,21 +235,24 @@ class _Path:
         return out
 
     def _solved(self, start: Array, value: float) -> float | None:
-        """The statistic's root of the fit with the unknown held at a value; None where nothing can be computed at the start."""
+        """The statistic's root of the fit with the unknown held at a value.
+
+        None where nothing can be computed at the start.
+        """
         held, cost = np.arange(start.size) == self.which, self.minimum.cost
         box = (self.problem.unknowns.lower, self.problem.unknowns.upper)
         lower, upper = (np.where(held, value, bound) for bound in box)
         settled = _SETTLED * self.high * self.minimum.residuals.size / cost
         try:
-            found = minimise(self._evaluate, start, lower, upper, _TRIES, settled)
+            minimum = minimise(self._evaluate, start, lower, upper, _TRIES, settled)
         except InputError:
             return None
-        excess = (found.cost - cost) / self.high
+        excess = (minimum.cost - cost) / self.high
         if self.stop_at_better and excess < -BETTER:
-            self.better = found.x
+            self.better = minimum.x
             raise _Stop
-        self.rough |= not found.converged
-        self.points.append((found.x, found.jacobian.T @ found.jacobian))
+        self.rough |= not minimum.converged
+        self.points.append((minimum.x, minimum.jacobian.T @ minimum.jacobian))
         return float(np.sqrt(max(excess, 0.0)))
 
     def _evaluate(self, x: Array) -> tuple[Array, Array]:

@@ -19,7 +19,8 @@ from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 
 _SINGULAR = 1e-13
-"""An eigenvalue of the information of parameters in units of their own errors, below this share of the largest, is none."""
+"""An eigenvalue of the information of parameters in units of their own errors, below this share of the largest, is
+none."""
 _MEMBER = 1e-5
 """A parameter with this share of a direction that is not seen is not seen."""
 _HARDLY = 1e-3
@@ -56,13 +57,19 @@ class Information:
 
 
 def names_of(p: Lugre[float] | Pair[float], names: Sequence[str] = Lugre._fields) -> tuple[ParameterName, ...]:
-    """The parameters of one set, which are of both directions, or of a pair: those of the positive set, then those of the negative one."""
+    """The parameters of one set, which are of both directions, or of a pair.
+
+    Those of the positive set, then those of the negative one.
+    """
     directions = (Direction.BOTH,) if isinstance(p, Lugre) else SIGNED
     return tuple(ParameterName(name, d) for d in directions for name in names)
 
 
 def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float]) -> Array:
-    """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,): (n, 4), ordered as `Stribeck`, or (n, 8) for a pair, the positive set first."""
+    """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,).
+
+    Its shape is (n, 4), ordered as `Stribeck`, or (n, 8) for a pair, the positive set first.
+    """
     if not isinstance(p, Pair):
         law = p.stribeck if isinstance(p, Lugre) else p
         return np.column_stack(evaluate(functions.steady_jacobian_function(), velocity, *law))
@@ -88,13 +95,16 @@ def static_information(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair
 def motion_jacobian(
     velocity: Array, step: float | Array, p: Lugre[float] | Pair[float], extra: Mapping[Any, Array] | None = None
 ) -> Array:
-    """The derivative dT_f / dp along a motion, through the bristle: (n, 6 + k) or (n, 12 + k), the k columns of `extra` last.
+    """The derivative dT_f / dp along a motion, through the bristle.
+
+    Its shape is (n, 6 + k) or (n, 12 + k), the k columns of `extra` last.
 
     Args:
         velocity: rad/s at the samples, (n,).
         step: time between samples, s: one number or (n - 1,).
         p: one set, or a pair; the bristle begins in its steady deflection.
-        extra: what the torque holds beside friction, by name: the derivative by each, (n,), such as the acceleration for `inertia`.
+        extra: what the torque holds beside friction, by name: the derivative by each, (n,), such as the acceleration
+            for `inertia`.
     """
     friction = cleared(rollout_jacobian(velocity, step, p).by_parameters)
     return np.column_stack([friction, *(extra or {}).values()])
@@ -107,15 +117,19 @@ def motion_information(
     noise: float | Array,
     extra: Mapping[Any, Array] | None = None,
 ) -> Array:
-    """Information of the torque along a motion: F, (6 + k, 6 + k) in the order of `Lugre`, or (12 + k, 12 + k) for a pair.
+    """Information of the torque along a motion.
 
-    `noise` is the standard deviation of a sample's torque, N*m, > 0, one or (n,); all else as in `motion_jacobian`.
+    F, (6 + k, 6 + k) in the order of `Lugre`, or (12 + k, 12 + k) for a pair. `noise` is the standard deviation of a
+    sample's torque, N*m, > 0, one or (n,); all else as in `motion_jacobian`.
     """
     return gram(motion_jacobian(velocity, step, p, extra), noise)
 
 
 def cleared(derivatives: Array) -> Array:
-    """Derivatives without what `rollout_jacobian` adds to a source so that it does not become a denormal number: what is nothing is zero."""
+    """Derivatives without what `rollout_jacobian` adds to a source so that it does not become a denormal number.
+
+    What is nothing is zero.
+    """
     return np.where(np.abs(derivatives) < _NOTHING, 0.0, derivatives)
 
 
@@ -126,7 +140,10 @@ def gram(jacobian: Array, noise: float | Array) -> Array:
 
 
 def covariance(matrix: Array) -> tuple[Array, Array]:
-    """Standard errors (p,), infinite where nothing is seen, and the correlation (p, p) of estimates with information F, (p, p)."""
+    """Standard errors (p,) and the correlation (p, p) of estimates with information F, (p, p).
+
+    An error is infinite where nothing is seen.
+    """
     if not np.isfinite(matrix).all():  # beyond what numbers hold: nothing is said
         return np.full(len(matrix), np.inf), np.eye(len(matrix))
     size = np.sqrt(np.diag(matrix))
@@ -143,7 +160,10 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
 
 
 def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]:
-    """Directions that are hardly seen, in words, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
+    """Directions that are hardly seen, in words, the worst first.
+
+    They are those of information F (p, p), each parameter in units of what it is seen by itself.
+    """
     size = np.sqrt(np.diag(matrix))
     sentences = [f"Nothing is seen of {name}." for name, s in zip(names, size, strict=True) if s == 0]
     kept = np.flatnonzero(size > 0)
@@ -157,6 +177,9 @@ def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]
 
 
 def _scaled(matrix: Array, size: Array) -> Array:
-    """F with each parameter in units of the error that it had were all others known: 1 on the diagonal, 0 where nothing is seen."""
+    """F with each parameter in units of the error that it had were all others known.
+
+    1 on the diagonal, 0 where nothing is seen.
+    """
     unit = np.where(size > 0, size, 1.0)
     return matrix / unit[:, None] / unit

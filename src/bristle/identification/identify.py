@@ -1,4 +1,7 @@
-"""From what an experiment measured to everything found out about its joint: static, presliding and moving fits, models."""
+"""From what an experiment measured to everything found out about its joint.
+
+Static, presliding and moving fits, models.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -34,9 +37,8 @@ from bristle.identification.results import (
     StaticFit,
     TrackingFit,
 )
-from bristle.identification.static.moving_data import fit_moving
-from bristle.identification.static.points import fit_points, points_problem
 from bristle.identification.static.problem import Regression
+from bristle.identification.static.runs import fit_moving, fit_points, points_problem
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress
 
@@ -51,10 +53,12 @@ def identify_joint(
 ) -> Joint:
     """Everything that an experiment tells of its joint, with intervals and warnings, cross-checked.
 
-    Points at constant velocity give the static parameters where there are any, else the moving runs do, with their regressors; slow runs give the
-    presliding ones; moving runs give all, alone and with the other stages as priors. Seconds spent are written into `timings` by name; they are no
-    part of the result. With `crosscheck` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its
-    parameters get their intervals by profile and bootstrap too, as static and presliding ones always do, and `progress` is told how far that is.
+    Points at constant velocity give the static parameters where there are any, else the moving runs do, with their
+    regressors; slow runs give the presliding ones; moving runs give all, alone and with the other stages as priors.
+    Seconds spent are written into `timings` by name; they are no part of the result. With `crosscheck` the fit of the
+    moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its parameters get their
+    intervals by profile and bootstrap too, as static and presliding ones always do, and `progress` is told how far that
+    is.
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
@@ -112,7 +116,10 @@ def _moving(
     uncertainty: bool,
     progress: Progress | None,
 ) -> DynamicStages:
-    """All parameters from the moving runs, beside the other stages; sigma_1 by (15) with their inertia, where no other is known."""
+    """All parameters from the moving runs, beside the other stages.
+
+    sigma_1 by (15) with their inertia, where no other is known.
+    """
     experiment, started = measured.experiment, perf_counter()
     stages = fit_with_priors(
         experiment,
@@ -138,7 +145,10 @@ def _moving(
 def _static(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
-    """Static fits and their cross-checks from the points, or else from the moving runs; and warnings about what was left out."""
+    """Static fits and their cross-checks from the points, or else from the moving runs.
+
+    Then come warnings about what was left out.
+    """
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
         return *fit_points(measured, points, timings), ()
@@ -192,7 +202,10 @@ def _presliding(
 
 
 def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: str) -> KnownValue | None:
-    """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives; alpha_0 alone where no Stribeck term was seen."""
+    """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives.
+
+    alpha_0 alone where no Stribeck term was seen.
+    """
     moving = isinstance(fits, TrackingFit)
     fit = fits if isinstance(fits, TrackingFit) else fits.get(direction) or fits.get("both")
     if fit is None:

@@ -1,7 +1,7 @@
-"""What is known of an identified joint: of each parameter the estimate to use and the stage it comes from; the sets, the inertia, joints drawn.
+"""What is known of an identified joint: of each parameter the estimate to use and the stage it comes from.
 
-Everything that asks what a joint is - report, plan, sensitivity, compensation - asks here. What the data do not show of the bristle is filled in,
-and is to be said where it is used.
+The sets, the inertia, joints drawn. Everything that asks what a joint is - report, plan, sensitivity, compensation -
+asks here. What the data do not show of the bristle is filled in, and is to be said where it is used.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,14 +16,25 @@ from bristle.errors import InputError
 from bristle.identification.results import Estimate, Joint, TrackingFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, in_direction
+from bristle.model.parameters import (
+    INERTIA,
+    SIGNED,
+    WITHOUT_PEAK,
+    Direction,
+    Lugre,
+    Pair,
+    ParameterName,
+    Stribeck,
+    in_direction,
+)
 from bristle.model.vectorize import evaluate
 
 DRAWS = 60
 """Joints drawn from the covariance of the identified parameters."""
 SEED = 0
 DEFLECTION = 1e-3
-"""Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of how far the joint goes."""
+"""Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of how far the joint goes.
+"""
 INERTIAL = 0.1
 """Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
 _MOST_MOVED = 5.0
@@ -75,27 +86,29 @@ def moving_estimates(joint: Joint, source: Source) -> Iterator[Known]:
 
 
 def chosen(joint: Joint) -> tuple[Known, ...]:
-    """The estimate to use of each parameter: from the joint fit where that knows it, else the moving runs alone, else its own stage.
+    """The estimate to use of each parameter.
 
-    Direction by direction, in the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has one.
+    From the joint fit where that knows it, else the moving runs alone, else its own stage. Direction by direction, in
+    the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has
+    one.
     """
-    found: dict[ParameterName, Known] = {}
+    best: dict[ParameterName, Known] = {}
 
     def keep(row: Known) -> None:
         """Take a row where none with a value is known yet."""
-        before = found.get(row.parameter)
+        before = best.get(row.parameter)
         if before is None or (before.estimate.value is None and row.estimate.value is not None):
-            found[row.parameter] = row
+            best[row.parameter] = row
 
     for source in reversed(moving_fits(joint)):
         for row in moving_estimates(joint, source):
             keep(row)
-    moving = {name for name, row in found.items() if row.estimate.value is not None}
+    moving = {name for name, row in best.items() if row.estimate.value is not None}
     for row in stage_estimates(joint):
         known = {d for name, d in moving if name == row.parameter.name}
         if not (known & {row.parameter.direction, Direction.BOTH, Direction.SHARED} or known >= set(SIGNED)):
             keep(row)
-    return tuple(sorted(found.values(), key=_place))
+    return tuple(sorted(best.values(), key=_place))
 
 
 def _place(row: Known) -> tuple[int, int]:
@@ -106,7 +119,10 @@ def _place(row: Known) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownJoint:
-    """What is known of one joint's friction, as one model: a law is of one stage, since alpha_0 of one and alpha_1 of another are none."""
+    """What is known of one joint's friction, as one model.
+
+    A law is of one stage, since alpha_0 of one and alpha_1 of another are none.
+    """
 
     name: str
     estimates: Mapping[ParameterName, Estimate]
@@ -118,13 +134,19 @@ class KnownJoint:
 
     @property
     def directions(self) -> tuple[Direction, ...]:
-        """`both` where one law is of both directions, else those of + and - of which a law is known; none where none is."""
+        """`both` where one law is of both directions, else those of + and - of which a law is known.
+
+        There is none where no law is known.
+        """
         law = {d for name, d in (*self.estimates, *self.given) if name in Stribeck._fields}
         ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
         return tuple(d for d in ways if self.has_law(d))
 
     def has_law(self, direction: Direction) -> bool:
-        """Whether the friction over velocity is known in a direction; none without Coulomb friction is a law for a bristle."""
+        """Whether the friction over velocity is known in a direction.
+
+        None without Coulomb friction is a law for a bristle.
+        """
         values = self.values(direction)
         return values.keys() >= set(Stribeck._fields) and values["alpha_0"] > 0
 
@@ -138,18 +160,22 @@ class KnownJoint:
         return tuple(name for name in names if (e := self.estimate(name, direction)) is None or e.value is None)
 
     def values(self, direction: Direction) -> dict[str, float]:
-        """What a direction's LuGre parameters are: estimated, given, or as they were held; a law without a peak has alpha_1 = 0, at any v_s."""
+        """What a direction's LuGre parameters are: estimated, given, or as they were held.
+
+        A law without a peak is `WITHOUT_PEAK`.
+        """
         values = {name: e.value for name in Lugre._fields if (e := self.estimate(name, direction)) is not None}
         for fixed in (self.given, self.held):
             values |= {n: in_direction(fixed, n, direction) for n in Lugre._fields if values.get(n) is None}
         if values["alpha_0"] is not None and values["alpha_1"] is None:
-            values |= {"alpha_1": 0.0, "v_s": 1.0}
+            values |= WITHOUT_PEAK
         return {name: x for name, x in values.items() if x is not None}
 
     def filled(self, direction: Direction, way: float, J: float) -> Lugre[float]:
-        """A direction's whole set, with a bristle where none was seen: bent by `DEFLECTION` of `way` (rad) in slow sliding, damped by (15).
+        """A direction's whole set, with a bristle where none was seen.
 
-        `J` is the inertia, kg*m**2. Raises InputError where nothing is known of the friction over velocity.
+        Bent by `DEFLECTION` of `way` (rad) in slow sliding, damped by (15). `J` is the inertia, kg*m**2. Raises
+        InputError where nothing is known of the friction over velocity.
         """
         values, missing = self.values(direction), self.missing(direction)
         if not self.has_law(direction):
@@ -182,7 +208,8 @@ def known_joint(joint: Joint) -> KnownJoint:
 def whole(joint: Joint) -> KnownJoint:
     """What is known of a joint that can be compensated.
 
-    Raises InputError where nothing is known of the friction over velocity in a direction, or of the bristle without a moving run.
+    Raises InputError where nothing is known of the friction over velocity in a direction, or of the bristle without a
+    moving run.
     """
     known = known_joint(joint)
     for d in SIGNED:
@@ -205,15 +232,18 @@ def truth_of(joint: Joint) -> Pair[float] | None:
 
 
 def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
-    """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor; None where nothing tells it."""
+    """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor.
+
+    None where nothing tells it.
+    """
     declared = experiment.inertia.value if experiment.inertia else None
     motor = experiment.motor_constants.inertia if experiment.motor_constants else None
-    found = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
-    return next((J for J in (*found, declared, motor) if J is not None and J > 0), None)
+    identified = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
+    return next((J for J in (*identified, declared, motor) if J is not None and J > 0), None)
 
 
 def guessed_inertia(alpha_0: float, acceleration: float) -> float:
-    """J where nothing tells it, kg*m**2: its torque at the largest acceleration (rad/s**2) is a share of alpha_0 (N*m)."""
+    """J where nothing tells it, kg*m**2: at the largest acceleration (rad/s**2) a share of alpha_0 (N*m)."""
     return INERTIAL * alpha_0 / acceleration
 
 
@@ -227,24 +257,25 @@ def assumed_damping(sigma_0: float, J: float) -> float:
     return float(evaluate(functions.presliding_damping_function(), sigma_0, J, DAMPING_RATIO)[0])
 
 
-def draws_of(joint: Joint, way: float, J: float) -> tuple[tuple[Pair[float], float], ...]:
+def draws_of(joint: Joint, known: KnownJoint, way: float, J: float) -> tuple[tuple[Pair[float], float], ...]:
     """Joints from the covariance of the fit of moving runs, each with its inertia; none without such a fit.
 
     Args:
         joint: identified.
+        known: what is known of it.
         way: as in `KnownJoint.filled`.
         J: inertia where that was not fitted, kg*m**2.
     """
-    fit, known = joint.moving, known_joint(joint)
+    fit = joint.moving
     if fit is None or not fit.names:
         return ()
     values = {name: e.value for name, e in fit.parameters.items() if e.value is not None}
     names = [name for name in fit.names if name in values]
-    own = [fit.names.index(name) for name in names]
+    rows = [fit.names.index(name) for name in names]
     centre = np.array([values[name] for name in names])
     positive = np.array([name.name in _LOGARITHMIC for name in names]) & (centre > 0)
     chain = np.where(positive, 1 / np.where(positive, centre, 1.0), 1.0)
-    covariance = fit.covariance[np.ix_(own, own)] * np.outer(chain, chain)
+    covariance = fit.covariance[np.ix_(rows, rows)] * np.outer(chain, chain)
     if not np.isfinite(covariance).all():
         return ()
     rng = np.random.default_rng(SEED)
@@ -254,9 +285,9 @@ def draws_of(joint: Joint, way: float, J: float) -> tuple[tuple[Pair[float], flo
             positive, centre * np.exp(np.clip(moved, -_MOST_MOVED, _MOST_MOVED)), np.maximum(centre + moved, 0.0)
         )
     joints = []
-    for row in drawn.tolist():
-        estimates = {n: replace(fit.parameters[n], value=x) for n, x in zip(names, row, strict=True)}
-        one = replace(known, estimates={**known.estimates, **estimates})
-        inertia = dict(zip(names, row, strict=True)).get(INERTIA) or J
-        joints.append((one.pair(way, inertia), inertia))
+    for draw in drawn.tolist():
+        sample = dict(zip(names, draw, strict=True))
+        estimates = {name: replace(fit.parameters[name], value=x) for name, x in sample.items()}
+        inertia = sample.get(INERTIA) or J
+        joints.append((replace(known, estimates={**known.estimates, **estimates}).pair(way, inertia), inertia))
     return tuple(joints)

@@ -1,6 +1,7 @@
 """Which friction model to use, of those fitted to the same equations.
 
-With k parameters, the noise variance among them, and the sum of squared residuals RSS of n equations, of which n' = n / inflation are independent:
+With k parameters, the noise variance among them, and the sum of squared residuals RSS of n equations, of which n' = n /
+inflation are independent:
 
     AICc = n' log(RSS / n) + 2 k + 2 k (k + 1) / (n' - k - 1),    BIC = n' log(RSS / n) + k log(n')
 """
@@ -17,7 +18,8 @@ from bristle.diagnostics import Kind
 from bristle.identification.results import ModelComparison, ModelRow, StaticFit, TrackingFit
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
-"""Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s; sigma_0 and sigma_1."""
+"""Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;
+sigma_0 and sigma_1."""
 SYMMETRIC, APART, ONE = "symmetric", "per direction", "one direction"
 _EXACT = 1e-24
 """Of the measured power: residuals below are rounding."""
@@ -103,7 +105,10 @@ def rank_models(
 
 
 def _scores(c: Candidate, effective: float, power: float) -> tuple[float | None, float]:
-    """AICc, None where there are too few independent equations, and BIC; both up to a constant that all models share."""
+    """AICc, None where there are too few independent equations, and BIC.
+
+    Both up to a constant that all models share.
+    """
     k = c.parameters + 1
     fit_term = effective * log(max(power_of(c.residuals), _EXACT * power, 1e-300) / c.residuals.size)
     spare = effective - k - 1
@@ -111,7 +116,10 @@ def _scores(c: Candidate, effective: float, power: float) -> tuple[float | None,
 
 
 def _keeps_stribeck(static: Mapping[str, StaticFit], alone: TrackingFit | None) -> bool:
-    """Whether the fit of these data keeps a Stribeck term in any direction: the static one, or else that of moving runs."""
+    """Whether the fit of these data keeps a Stribeck term in any direction.
+
+    The static one, or else that of moving runs.
+    """
     estimates = [f.parameters.get("alpha_1") for f in static.values()]
     if not static and alone is not None:
         estimates = [e for name, e in alone.parameters.items() if name.name == "alpha_1"]
@@ -148,7 +156,7 @@ def _called(row: ModelRow) -> str:
 
 
 def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> str:
-    """What the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip."""
+    """What the fit does not support, and whether its Stribeck term rests on points that stick and slip."""
     reasons = []
     shown = [r for r in rows if r.model == STRIBECK]
     if not kept and shown:

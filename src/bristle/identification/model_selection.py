@@ -13,9 +13,8 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.identification.dynamic.fit import relative_error
-from bristle.identification.dynamic.multistart import with_deflections
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
-from bristle.identification.dynamic.unknowns import fit
+from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.model_criteria import (
     APART,
     COULOMB,

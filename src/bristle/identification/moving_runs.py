@@ -1,14 +1,24 @@
-"""Moving runs as every fit of them takes them: directions, regressors, inertia, and what is refused before any is fitted."""
+"""Moving runs as every fit of them takes them.
+
+Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import signal, sparse
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import Inertia
 from bristle.data.record import Record
 from bristle.errors import InputError
+
+_DROWNS = 1e9
+"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
+DIRECTIONS = {"+": 1.0, "-": -1.0}
+_KERNEL_TAIL = 1e-8
+"""Where the smoothing kernel is cut, relative to its peak."""
 
 
 def needed(record: Record, name: str) -> Array:
@@ -20,7 +30,10 @@ def needed(record: Record, name: str) -> Array:
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,). Raises InputError where the record lacks what one needs."""
+    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,).
+
+    Raises InputError where the record lacks what one needs.
+    """
     columns: dict[str, Array] = {}
     if "inertia" in regressors:
         columns["inertia"] = needed(record, "acceleration")
@@ -36,13 +49,11 @@ def gravity(position: Array) -> dict[str, Array]:
     return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
 
 
-_DROWNS = 1e9
-"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
-DIRECTIONS = {"+": 1.0, "-": -1.0}
-
-
 def regressors(experiment: Experiment) -> tuple[str, ...]:
-    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset; a fixed inertia is not asked for."""
+    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset.
+
+    A fixed inertia is not asked for.
+    """
     asked: tuple[str, ...] | None = experiment.fit.regressors
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
@@ -51,7 +62,10 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
 
 
 def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
-    """Raise InputError where the drive's torque (n,) opposes the velocity (n,): friction opposes motion, so its sign is wrong."""
+    """Raise InputError where the drive's torque (n,) opposes the velocity (n,).
+
+    Friction opposes motion, so its sign is wrong.
+    """
     if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
         raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
@@ -96,7 +110,10 @@ def _of(record: Record, name: str) -> Array:
 
 
 def inertial(record: Record, inertia: float) -> Array:
-    """Torque of a known inertia in a moving run, N*m, (n,). Raises InputError where it leaves nothing of the measured torque."""
+    """Torque of a known inertia in a moving run, N*m, (n,).
+
+    Raises InputError where it leaves nothing of the measured torque.
+    """
     torque = inertia * needed(record, "acceleration")
     own, measured = float(np.abs(torque).max()), float(np.abs(needed(record, "torque")).max())
     if own > _DROWNS * measured > 0:
@@ -104,3 +121,42 @@ def inertial(record: Record, inertia: float) -> Array:
             f"{record.file}: an inertia of {inertia:.3g} takes {own:.3g} off a torque of {measured:.3g} at most (SI); check its unit"
         )
     return torque
+
+
+def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+    """The filter as a matrix (equations, samples), for segments between gaps of given lengths.
+
+    And how many samples its transients cost. Raises InputError where no segment is longer than the transients.
+    """
+    lengths = np.concatenate(segments).astype(int)
+    samples = int(lengths.sum())
+    if decimation == 1:
+        return sparse.eye_array(samples, format="csr"), 0
+    kernel = _kernel(decimation)
+    half = kernel.size // 2
+    ends = np.cumsum(lengths)
+    pairs = zip(ends - lengths, ends, strict=True)
+    centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
+    if centres.size == 0:
+        raise InputError(
+            f"{file}: no segment between gaps is longer than {2 * half} samples, the transient of the decimation filter; "
+            f"log longer, or set fit.decimation below {decimation}"
+        )
+    columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()
+    pointers = np.arange(0, columns.size + 1, kernel.size)
+    smooth = sparse.csr_array((np.tile(kernel, centres.size), columns, pointers), shape=(centres.size, samples))
+    return smooth, int(np.minimum(lengths, 2 * half).sum())
+
+
+def _kernel(decimation: int) -> Array:
+    """Impulse response of the zero-phase decimation filter, cut where it has died out; odd length, sum 1."""
+    sections = signal.butter(4, 0.8 / decimation, output="sos")
+    reach = 80 * decimation
+    impulse = np.zeros(2 * reach + 1)
+    impulse[reach] = 1.0
+    response = signal.sosfiltfilt(sections, impulse, padtype=None)
+    alive = np.flatnonzero(np.abs(response) > _KERNEL_TAIL * np.abs(response).max())
+    half = int(max(reach - alive[0], alive[-1] - reach))
+    kernel: Array = response[reach - half : reach + half + 1]
+    kernel /= kernel.sum()
+    return kernel

@@ -1,17 +1,20 @@
-"""Results as values: an estimate, a fit, a cross-check; frozen, with every warning listed singly."""
+"""Results as values, of which `results.json` is made: an estimate, a fit, a cross-check; every warning listed singly."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
-from bristle.arrays import Array, result
+from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic, Severity, with_subjects
-from bristle.json_form import UNWRITTEN, Interval, JsonForm, Matrix, Number
-from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
+from bristle.model.parameters import WITHOUT_PEAK, Kind, Lugre, ParameterName, Stribeck, in_direction
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 
 def _lugre(values: Mapping[str, float]) -> Lugre[float]:
@@ -45,16 +48,21 @@ def _and_of(warnings: tuple[Diagnostic, ...], estimates: Iterable[Estimate]) -> 
 
 @result
 class Uncertainty:
-    """One parameter's 95 % interval, three ways, in the parameter's unit; what does not exist is None, with the reason among the warnings."""
+    """One parameter's 95 % interval, three ways, in the parameter's unit.
+
+    What does not exist is None, with the reason among the warnings.
+    """
 
     covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
     profile: Interval | None
-    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical bound."""
+    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical
+    bound."""
     bootstrap: Interval | None
     """From fits of resampled data."""
     curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=UNWRITTEN)
-    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1 at the interval's ends."""
+    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1
+    at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Diagnostic, ...] = ()
@@ -94,7 +102,7 @@ class HoldOut:
 
 @result
 class StaticFit:
-    """The static parameters of one direction (`+`, `-`), of both together (`both`), or what the two share (`shared`)."""
+    """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
 
     direction: str
     parameters: Mapping[str, Estimate]
@@ -137,11 +145,9 @@ class StaticFit:
         return _and_of(self.warnings, self.parameters.values())
 
     def values(self) -> Stribeck[float] | None:
-        """The fitted law, or None where nothing was fitted. A Stribeck term that is not identifiable is zero, at any v_s."""
-        p = {name: estimate.value for name, estimate in self.parameters.items()}
-        if p.get("alpha_0") is None:
-            return None
-        return Stribeck(p["alpha_0"] or 0.0, p["alpha_1"] or 0.0, p["alpha_2"] or 0.0, p["v_s"] or 1.0)
+        """The fitted law, or None where nothing was fitted; a law without a peak is `WITHOUT_PEAK`."""
+        fitted = {n: e.value for n, e in self.parameters.items() if n in Stribeck._fields and e.value is not None}
+        return Stribeck(**{"alpha_2": 0.0, **WITHOUT_PEAK, **fitted}) if "alpha_0" in fitted else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +193,8 @@ class PreslidingFit:
     counts: int
     """Count edges crossed in all loadings."""
     bias_on_edge: Number
-    """Relative bias of (14) with this encoder where rest lies on a count edge; like the next two nan without an encoder count and a sigma_0."""
+    """Relative bias of (14) with this encoder where rest lies on a count edge; like the next two nan without an encoder
+    count and a sigma_0."""
     bias_mean: Number
     """Its mean over rest positions anywhere in the count."""
     bias_spread: Number
@@ -246,7 +253,8 @@ class TrackingFit:
     fixed: Mapping[ParameterName, Number] = field(default_factory=dict)
     """With what the others were fitted, of parameters that were given, or that the motion does not show."""
     count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
-    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
+    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked
+    at."""
     crosscheck: Crosscheck | None = None
     """The same problem by CasADi and IPOPT."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
@@ -258,7 +266,7 @@ class TrackingFit:
     """Torque, N*m, or position, rad, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
-    """First equation of each stretch."""
+    """First equation of each segment between gaps."""
     windows: int = 0
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
@@ -274,7 +282,10 @@ class TrackingFit:
         return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
 
     def values(self, direction: str) -> Lugre[float] | None:
-        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
+        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed.
+
+        None where there is none.
+        """
         known = self.known
         values = [x for name in Lugre._fields if (x := in_direction(known, name, direction)) is not None]
         return Lugre(*values) if len(values) == len(Lugre._fields) else None
@@ -391,7 +402,10 @@ class Joint:
 
     @property
     def moving(self) -> TrackingFit | None:
-        """The fit of moving runs to use: the joint fit where there is one, else that of the moving runs alone, else None."""
+        """The fit of moving runs to use.
+
+        The joint fit where there is one, else that of the moving runs alone, else None.
+        """
         return self.joint_fit or self.tracking
 
     def _moving_fits(self) -> Iterator[TrackingFit]:
@@ -442,3 +456,21 @@ _SUBJECTS = {
     "models": ("models",),
 }
 """The steps of a diagnostic's subject, by the fields that hold it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Document:
+    """What bristle identified. A bound that is open is "inf" or "-inf"; what these data do not give is null."""
+
+    schema: Literal["bristle-results/2"] = "bristle-results/2"
+    bristle: str
+    """Version that wrote it."""
+    joints: Mapping[str, Joint]
+
+
+@cache
+def adapter() -> "TypeAdapter[Document]":
+    """What writes and reads the document; without the fields that are marked as unwritten, which come back empty."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Document)

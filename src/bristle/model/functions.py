@@ -1,7 +1,8 @@
-"""The one place that builds `ca.Function`: every curve, step and derivative the package evaluates, made from `law` and `motor`.
+"""The one place that builds `ca.Function`.
 
-Each function is scalar (1x1 inputs and outputs, all named), is built once, and carries derivatives that CasADi wrote. `arrays.evaluate` maps
-it over NumPy arrays. Parameters enter in the order of `Lugre`; a `Pair` enters as the positive set, then the negative one.
+Every curve, step and derivative the package evaluates, made from `law` and `motor`. Each function is scalar (1x1 inputs
+and outputs, all named), is built once, and carries derivatives that CasADi wrote. `arrays.evaluate` maps it over NumPy
+arrays. Parameters enter in the order of `Lugre`; a `Pair` enters as the positive set, then the negative one.
 """
 
 from collections.abc import Mapping
@@ -30,7 +31,10 @@ def steady_jacobian_function() -> ca.Function:
 
 @cache
 def linear_shapes_function() -> ca.Function:
-    """(v) -> (T_alpha_0, T_alpha_2): what multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12)."""
+    """(v) -> (T_alpha_0, T_alpha_2).
+
+    What multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12).
+    """
     v, p, T = _steady()
     return _function(
         "linear_shapes", {"v": v}, _derivatives("T", T, {name: p[name] for name in ("alpha_0", "alpha_2")})
@@ -63,7 +67,10 @@ def loading_displacement_function() -> ca.Function:
 
 @cache
 def loading_slope_function() -> ca.Function:
-    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `loading_displacement` with the derivative by the torque as well."""
+    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0).
+
+    `loading_displacement` with the derivative by the torque as well.
+    """
     s = _symbols("T", "g0", "sigma_0")
     y = law.loading_displacement(**s)
     return _function("loading_slope", s, {"y": y, **_derivatives("y", y, s)})
@@ -71,7 +78,10 @@ def loading_slope_function() -> ca.Function:
 
 @cache
 def presliding_damping_function() -> ca.Function:
-    """(sigma_0, J, damping_ratio) -> (sigma_1, sigma_1_sigma_0, sigma_1_J): (15) for any damping ratio, with its derivatives."""
+    """(sigma_0, J, damping_ratio) -> (sigma_1, sigma_1_sigma_0, sigma_1_J).
+
+    (15) for any damping ratio, with its derivatives.
+    """
     s = _symbols("sigma_0", "J", "damping_ratio")
     sigma_1 = law.presliding_damping(s["sigma_0"], s["J"], s["damping_ratio"])
     free = {name: s[name] for name in ("sigma_0", "J")}
@@ -94,7 +104,10 @@ def voltage_function() -> ca.Function:
 
 @cache
 def faded_sine_function() -> ca.Function:
-    """(t, amplitude, frequency, phase, duration, rest) -> (x, x_t, x_tt): a sine that is faded in and out over `rest`, and its derivatives by t."""
+    """(t, amplitude, frequency, phase, duration, rest) -> (x, x_t, x_tt).
+
+    A sine that is faded in and out over `rest`, and its derivatives by t.
+    """
     s = _symbols("t", "amplitude", "frequency", "phase", "duration", "rest")
     r = ca.fmin(ca.fmax(ca.fmin(s["t"], s["duration"] - s["t"]) / s["rest"], 0), 1)
     x = s["amplitude"] * r**3 * (10 - 15 * r + 6 * r**2) * ca.sin(2 * ca.pi * s["frequency"] * s["t"] + s["phase"])
@@ -111,7 +124,10 @@ def torque_function() -> ca.Function:
 
 @cache
 def torque_sensitivity_function() -> ca.Function:
-    """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1): T_f with its partial derivatives, each at fixed other arguments."""
+    """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1).
+
+    T_f with its partial derivatives, each at fixed other arguments.
+    """
     s, p = _symbols("z", "v"), _lugre()
     T = law.torque(s["z"], s["v"], p)
     return _function(
@@ -136,7 +152,10 @@ def step_function() -> ca.Function:
 
 @cache
 def step_parameters() -> tuple[str, ...]:
-    """Names of the parameters on which the bristle step depends, in the order of `Lugre`: sigma_1 and alpha_2 do not enter z."""
+    """Names of the parameters on which the bristle step depends, in the order of `Lugre`.
+
+    sigma_1 and alpha_2 do not enter z.
+    """
     _, p, outputs = _step()
     depends = ca.which_depends(ca.vertcat(*outputs.values()), ca.vertcat(*p), 1, False)
     return tuple(name for name, enters in zip(Lugre._fields, depends, strict=True) if enters)
@@ -144,7 +163,10 @@ def step_parameters() -> tuple[str, ...]:
 
 @cache
 def step_sensitivity_function() -> ca.Function:
-    """(v0, v1, h, *Lugre) -> (a, b, a_p..., b_p...): the step with its derivatives, p running over `step_parameters`."""
+    """(v0, v1, h, *Lugre) -> (a, b, a_p..., b_p...).
+
+    The step with its derivatives, p running over `step_parameters`.
+    """
     inputs, p, outputs = _step()
     free = {name: getattr(p, name) for name in step_parameters()}
     slopes = {key: slope for name, value in outputs.items() for key, slope in _derivatives(name, value, free).items()}

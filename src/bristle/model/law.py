@@ -1,7 +1,8 @@
 """The LuGre friction law: every equation of the package that is not the motor's stands here, once.
 
-Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s) and the parameters p (`Lugre`, or `Stribeck` where no bristle
-enters). Everything else - curves, simulators, residuals, Jacobians, adaptation - is derived from them; derivatives come from CasADi.
+Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s) and the parameters p (`Lugre`, or
+`Stribeck` where no bristle enters). Everything else - curves, simulators, residuals, Jacobians, adaptation - is derived
+from them; derivatives come from CasADi.
 """
 
 from collections.abc import Mapping
@@ -31,7 +32,8 @@ def relaxation(v: Expression, p: Lugre[Any]) -> Expression:
 def bristle_rate(z: Expression, v: Expression, p: Lugre[Any], at: Expression | None = None) -> Expression:
     """dz/dt = v - lambda(v) z, rad/s (4).
 
-    With `at`, lambda is evaluated at that velocity instead: the law is then linear in (z, v), which is what a coupled step freezes.
+    With `at`, lambda is evaluated at that velocity instead: the law is then linear in (z, v), which is what a coupled
+    step freezes.
     """
     return v - relaxation(v if at is None else at, p) * z
 
@@ -52,10 +54,11 @@ def steady_torque(v: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
 
 
 def loading_displacement(T: Expression, g0: Expression, sigma_0: Expression) -> Expression:
-    """y(T) = -(g0 / sigma_0) log(1 - T / g0), rad: how far slow loading from z = 0 moves the joint, 0 <= T < g0 = alpha_0 + alpha_1.
+    """y(T) = -(g0 / sigma_0) log(1 - T / g0), rad.
 
-    The solution of (4) with T = sigma_0 z where v goes to zero from above: dz/dy = 1 - sigma_0 z / g(0). Its inverse is
-    T = g0 (1 - exp(-sigma_0 y / g0)), which (14) takes for sigma_0 y.
+    How far slow loading from z = 0 moves the joint, 0 <= T < g0 = alpha_0 + alpha_1. The solution of (4) with T =
+    sigma_0 z where v goes to zero from above: dz/dy = 1 - sigma_0 z / g(0). Its inverse is T = g0 (1 - exp(-sigma_0 y /
+    g0)), which (14) takes for sigma_0 y.
     """
     return -(g0 / sigma_0) * ca.log1p(-T / g0)
 
@@ -65,7 +68,10 @@ DAMPING_RATIO = 0.1
 
 
 def presliding_damping(sigma_0: Expression, J: Expression, damping_ratio: Expression) -> Expression:
-    """sigma_1 = 2 damping_ratio sqrt(J sigma_0), N*m*s/rad: the damping of J on the bristle spring; (15) assumes a ratio of 0.1."""
+    """sigma_1 = 2 damping_ratio sqrt(J sigma_0), N*m*s/rad: the damping of J on the bristle spring.
+
+    (15) assumes a ratio of 0.1.
+    """
     return 2 * damping_ratio * ca.sqrt(J * sigma_0)
 
 
@@ -75,15 +81,19 @@ def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
 
 
 def adapted(p: Lugre[Any], theta: Mapping[str, Expression]) -> Lugre[Any]:
-    """The parameters of the adaptive form (16)-(18): each named one times its gain; the paper's theta_1 scales alpha_0, theta_2 alpha_2."""
+    """The parameters of the adaptive form (16)-(18): each named one times its gain.
+
+    The paper's theta_1 scales alpha_0, theta_2 alpha_2.
+    """
     return p._replace(**{name: gain * getattr(p, name) for name, gain in theta.items()})
 
 
 def active(z: Expression, v: Expression, pair: Pair[Any]) -> Lugre[Any]:
-    """The set that acts at (z, v) when the two directions differ: sigma_0 by the sign of z, all others by the sign of v.
+    """The set that acts at (z, v) when the two directions differ.
 
-    Every switched term is then multiplied by something that is zero at its switch, so T_f is continuous through each reversal, and the
-    bristle remains a spring that gives back no more than it took.
+    sigma_0 by the sign of z, all others by the sign of v. Every switched term is then multiplied by something that is
+    zero at its switch, so T_f is continuous through each reversal, and the bristle remains a spring that gives back no
+    more than it took.
     """
     positive, negative = pair
     by_v = (ca.if_else(v < 0, n, q) for q, n in zip(positive, negative, strict=True))
@@ -91,16 +101,17 @@ def active(z: Expression, v: Expression, pair: Pair[Any]) -> Lugre[Any]:
 
 
 def rescaled_deflection(z: Expression, z_ss: Expression, harder: Expression) -> tuple[Expression, Expression]:
-    """Where a bristle is that rose from zero to z towards z_ss, had it been `harder` times as stiff on the way; rad, and its derivative by z.
+    """Where a bristle is that rose from zero to z towards z_ss, had it been `harder` times as stiff on the way.
 
-    While g is constant dz/dt = abs(v) (1 - z / z_ss) has z = z_ss (1 - exp(-way / z_ss)), and z_ss is as much smaller as the bristle is harder.
+    rad, and its derivative by z. While g is constant dz/dt = abs(v) (1 - z / z_ss) has z = z_ss (1 - exp(-way / z_ss)),
+    and z_ss is as much smaller as the bristle is harder.
     """
     left = ca.fmin(ca.fmax(1 - z / (z_ss + 1e-300), 1e-300), 1.0)
     return -z_ss / harder * ca.expm1(harder * ca.log(left)), ca.fmin(left ** (harder - 1), 1.0)
 
 
 def bristle_step(v0: Expression, v1: Expression, h: Expression, p: Lugre[Any]) -> tuple[Expression, Expression]:
-    """The exact-exponential step z(t + h) = a z(t) + b of (4) while v goes linearly from v0 to v1, which share one sign.
+    """The exact-exponential step z(t + h) = a z(t) + b of (4), v going linearly from v0 to v1 of the same sign.
 
     dz/dt = lambda (z_ss - z) is linear in z. With z_ss linear over the step and lambda by Simpson's rule, x = h lambda,
     phi = (1 - exp(-x)) / x:  a = exp(-x),  b = (1 - phi) z_ss(v1) + (phi - a) z_ss(v0).

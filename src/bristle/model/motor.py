@@ -1,6 +1,7 @@
 """The DC motor at a joint, as pure expressions: equations (1)-(2) and (6)-(8) of the paper.
 
-All functions work on floats, NumPy arrays and CasADi symbols. `w` is the joint velocity dy/dt, rad/s; `T_f` the friction torque, N*m.
+All functions work on floats, NumPy arrays and CasADi symbols. `w` is the joint velocity dy/dt, rad/s; `T_f` the
+friction torque, N*m.
 """
 
 from typing import Any
@@ -29,9 +30,10 @@ def current(V: Expression, w: Expression, m: Motor[Any]) -> Expression:
 
 
 def lag(h: Expression, m: Motor[Any]) -> tuple[Expression, Expression]:
-    """The exact step of (1) over h seconds at constant V and w: (a, phi), a = exp(-x), phi = (1 - a) / x, x = h R / L. Needs L > 0.
+    """The exact step of (1) over h seconds at constant V and w: (a, phi), a = exp(-x), phi = (1 - a) / x, x = h R / L.
 
-    The current goes from i to a i + (1 - a) i_s, and its mean meanwhile is phi i + (1 - phi) i_s, where i_s is `current`. For floats and symbols.
+    Needs L > 0. The current goes from i to a i + (1 - a) i_s, and its mean meanwhile is phi i + (1 - phi) i_s, where
+    i_s is `current`. For floats and symbols.
     """
     x = h * m.R / m.L
     forgotten = -ca.expm1(-x)
@@ -39,7 +41,10 @@ def lag(h: Expression, m: Motor[Any]) -> tuple[Expression, Expression]:
 
 
 def current_for(T: Expression, w: Expression, m: Motor[Any]) -> Expression:  # noqa: ARG001  # as `current`
-    """Armature current of a drive that sets the torque, A: i = T / k_t, whatever the velocity; the alternative to `current`."""
+    """Armature current of a drive that sets the torque, A: i = T / k_t, whatever the velocity.
+
+    The alternative to `current`.
+    """
     return T / m.k_t
 
 

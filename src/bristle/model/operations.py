@@ -91,4 +91,5 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_NOT: _truth(np.logical_not),
     ca.OP_IF_ELSE_ZERO: _where,
 }
-"""CasADi's operation number -> what does the same on arrays, to rounding. (CasADi's erfinv is a rough approximation: not here.)"""
+"""CasADi's operation number -> what does the same on arrays, to rounding. (CasADi's erfinv is a rough approximation:
+not here.)"""

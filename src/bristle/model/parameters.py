@@ -1,13 +1,14 @@
-"""The parameters as typed tuples: Stribeck's four, LuGre's six, one set per direction, the motor's four; and how one of them is named.
+"""The parameters as typed tuples: Stribeck's four, LuGre's six, one set per direction, the motor's four.
 
-Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols. Units are SI strings that pint reads.
+And how one of them is named. Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols.
+Units are SI strings that pint reads.
 """
 
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
-from bristle.json_form import JsonForm
+from bristle.arrays import JsonForm
 
 T = TypeVar("T")
 Kind = Literal["revolute", "prismatic"]
@@ -31,6 +32,13 @@ class Stribeck(NamedTuple, Generic[T]):
     alpha_1: T
     alpha_2: T
     v_s: T
+
+
+WITHOUT_PEAK = {"alpha_1": 0.0, "v_s": 1.0}
+"""Of a law whose Stribeck term is not there, or not identifiable: it is zero, at any v_s."""
+STRIBECK_REACH = 1.5
+"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is
+not seen alone."""
 
 
 class Lugre(NamedTuple, Generic[T]):
@@ -63,7 +71,10 @@ class Pair(NamedTuple, Generic[T]):
 
 
 def pair_of(numbers: Sequence[T]) -> Pair[T]:
-    """The pair whose twelve numbers these are, the positive set first: the inverse of `(*pair.positive, *pair.negative)`."""
+    """The pair whose twelve numbers these are, the positive set first.
+
+    The inverse of `(*pair.positive, *pair.negative)`.
+    """
     return Pair(Lugre(*numbers[:6]), Lugre(*numbers[6:12]))
 
 
@@ -72,14 +83,20 @@ SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)
 
 
 class ParameterName(NamedTuple):
-    """Which parameter: alpha_0 of the positive direction prints as alpha_0+; alpha_0 of both, or an inertia, as it is."""
+    """Which parameter: alpha_0 of the positive direction prints as alpha_0+.
+
+    alpha_0 of both, or an inertia, as it is.
+    """
 
     name: str
     direction: Direction
 
     @classmethod
     def parse(cls, text: str) -> "ParameterName":
-        """The parameter that prints so; a LuGre parameter without a sign is of both directions, all others are shared."""
+        """The parameter that prints so.
+
+        A LuGre parameter without a sign is of both directions, all others are shared.
+        """
         if text.endswith(("+", "-")):
             return cls(text[:-1], Direction(text[-1]))
         return cls(text, Direction.BOTH if text in Lugre._fields else Direction.SHARED)
@@ -101,7 +118,10 @@ INERTIA = ParameterName("inertia", Direction.SHARED)
 
 
 def in_direction(values: Mapping[ParameterName, T], name: str, direction: str) -> T | None:
-    """What is known of a parameter in a direction: its own value, or else that of both directions, or the shared one; None where nothing is."""
+    """What is known of a parameter in a direction: its own value, or else that of both directions, or the shared one.
+
+    None where nothing is.
+    """
     keys = (ParameterName(name, d) for d in (Direction(direction), Direction.BOTH, Direction.SHARED))
     return next((values[key] for key in keys if key in values), None)
 

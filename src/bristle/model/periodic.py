@@ -1,6 +1,7 @@
-"""Friction over one period of a steady sine, for many joints at once: the periodic solution itself, with no transient to wait for.
+"""Friction over one period of a steady sine, for many joints at once.
 
-Joints are the rows of arrays; the bristles of all of them are one long linear recurrence, set anew where each joint begins.
+The periodic solution itself, with no transient to wait for. Joints are the rows of arrays; the bristles of all of them
+are one long linear recurrence, set anew where each joint begins.
 """
 
 from math import ceil, pi
@@ -39,12 +40,12 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
     nodes = _period(amplitude, frequency, min(float(p.v_s.min()) for p in joints), samples)
     count = joints.positive.v_s.size
     parts = np.array_split(np.arange(count), ceil(count * nodes.v.size / _BLOCK))
-    rows = (Pair(*(Lugre(*(x[own, None] for x in p)) for p in joints)) for own in parts)
+    rows = (Pair(*(Lugre(*(x[joint, None] for x in p)) for p in joints)) for joint in parts)
     return np.concatenate([_rms(pair, nodes) for pair in rows])
 
 
 def _period(amplitude: float, frequency: float, v_s: float, samples: int) -> Nodes:
-    """One period of the velocity from its largest value on, with nodes as close at low speed as the smallest v_s asks for."""
+    """One period of the velocity from its largest value on, with nodes as close as the smallest v_s asks for."""
     v = 2 * pi * frequency * amplitude * np.cos(2 * pi * np.arange(samples + 1) / samples)
     return with_extra_nodes(Nodes(v, 1 / (frequency * samples), slice(0, samples + 1)), v_s)
 
@@ -58,7 +59,10 @@ def _rms(pair: Pair[Array], nodes: Nodes) -> Array:
 
 
 def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:
-    """The periodic z at the nodes, (m, N): repeated with the signs that it had, for sigma_0 is that of the sign of z."""
+    """The periodic z at the nodes, (m, N).
+
+    Repeated with the signs that it had, for sigma_0 is that of the sign of z.
+    """
     heading = np.sign(nodes.heading)
     a, b = evaluate(functions.step_function(), *nodes.steps, *_acting(pair, heading, nodes.heading))
     z = _closed(a, b)

@@ -1,7 +1,7 @@
 """Rollout of LuGre along a given velocity, and its exact Jacobian: exact-exponential steps over nodes, scanned.
 
-For a `Pair` a node also stands where z changes sign, because sigma_0 switches there. Nodes that are not samples are dropped from the result.
-The work goes by chunks of samples that stay in the cache.
+For a `Pair` a node also stands where z changes sign, because sigma_0 switches there. Nodes that are not samples are
+dropped from the result. The work goes by chunks of samples that stay in the cache.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,8 @@ from bristle.model.vectorize import evaluate, scan, vectorised
 _CHUNK = 15_000
 """Samples worked on at a time."""
 _FADED = 1e-150
-"""Added to each sensitivity's source, so that what is forgotten decays to it and not to denormal numbers, which are slow."""
+"""Added to each sensitivity's source, so that what is forgotten decays to it and not to denormal numbers, which are
+slow."""
 _PASSES = 50
 """At most this many scans of a chunk to settle where z changes sign."""
 
@@ -58,7 +59,8 @@ def rollout(
         step: time between samples, s, > 0: scalar or (n - 1,).
         parameters: one set, or a pair of sets: sigma_0 by the sign of z, all others by the sign of v.
         z0: deflection at the first sample, rad; by default the steady one for the first velocity, 0 where that is 0.
-        coarsening: how many times farther apart than usual nodes may stand between samples; 10 is quick, and good for a start.
+        coarsening: how many times farther apart than usual nodes may stand between samples; 10 is quick, and good for a
+            start.
 
     Raises:
         ValueError: where velocity is not a finite (n,) array, or step is not positive or of another length.
@@ -82,8 +84,8 @@ def rollout_jacobian(
 ) -> RolloutJacobian:
     """The rollout with the exact derivative of its torque with respect to the parameters and to z0.
 
-    The sensitivities dz/dp obey the recurrence of z with another right-hand side, which CasADi writes. Arguments and errors are those of
-    `rollout`; where z0 is not given, the derivative of the steady start is part of `by_parameters`.
+    The sensitivities dz/dp obey the recurrence of z with another right-hand side, which CasADi writes. Arguments and
+    errors are those of `rollout`; where z0 is not given, the derivative of the steady start is part of `by_parameters`.
     """
     velocity = np.asarray(velocity, dtype=np.float64)
     rows = np.empty((6 * _sets(parameters) + 1, velocity.size))
@@ -103,7 +105,8 @@ def rollout_into(
 ) -> Rollout:
     """The rollout, and its derivatives written to `rows`: (n,) for each of the 6 or 12 parameters, then for z0.
 
-    A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. All else as in `rollout_jacobian`.
+    A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. All else as
+    in `rollout_jacobian`.
     """
     velocity, step = _checked(velocity, step)
     names = functions.step_parameters()
@@ -128,14 +131,14 @@ def rollout_into(
         z_by = scan(slopes[0], _by_set(source, parameters, signs, nodes.heading, names), carry)
         z_all[at] = inside[nodes.samples]
         T_z = np.empty(at.stop - at.start)
-        acting, own = _acting(parameters, z_all[at], velocity[at]), [row[at] for row in by_parameters]
-        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *own[:6]])
+        acting, derivatives = _acting(parameters, z_all[at], velocity[at]), [row[at] for row in by_parameters]
+        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *derivatives[:6]])
         if isinstance(parameters, Pair):
-            shared_out = _by_set(np.array(own[:6]), parameters, z_all[at], velocity[at], Lugre._fields)
-            for row, part in zip(own, shared_out, strict=True):
+            shared_out = _by_set(np.array(derivatives[:6]), parameters, z_all[at], velocity[at], Lugre._fields)
+            for row, part in zip(derivatives, shared_out, strict=True):
                 row[:] = part
         for column, row in zip(enters, z_by, strict=True):
-            own[column] += T_z * row[nodes.samples]
+            derivatives[column] += T_z * row[nodes.samples]
         by_z0[at] = 0.0
         if faded > _FADED:
             left = scan(slopes[0], np.zeros(slopes.shape[1]), faded)
@@ -176,7 +179,10 @@ def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequenc
 
 
 def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Sequence[str]) -> Array:
-    """Derivatives with respect to the acting set's `names`, shared out between the sets they came from: (m, n), or (2 m, n) for a pair."""
+    """Derivatives with respect to the acting set's `names`, shared out between the sets they came from.
+
+    (m, n), or (2 m, n) for a pair.
+    """
     if isinstance(parameters, Lugre):
         return rows
     shares = dict(zip(Lugre._fields, _acting(Pair(Lugre(*[1.0] * 6), Lugre(*[0.0] * 6)), z, v), strict=True))
@@ -203,7 +209,7 @@ def _start(velocity: Array, parameters: _Parameters) -> tuple[float, Array]:
 
 
 def _chunks(velocity: Array, step: Array, parameters: _Parameters, coarsening: float) -> Iterator[tuple[slice, Nodes]]:
-    """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the last sample of all)."""
+    """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the end)."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, _CHUNK):
         stop = min(start + _CHUNK, velocity.size)
@@ -215,9 +221,10 @@ def _chunks(velocity: Array, step: Array, parameters: _Parameters, coarsening: f
 
 
 def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, Array]:
-    """For a pair: nodes also where z changes sign, and the sign of z in every step; found by repeating the scan until nothing moves.
+    """For a pair: nodes also where z changes sign, and the sign of z in every step.
 
-    Each pass settles at least one more change of sign, and those after a reversal that sliding has made forgotten settle all at once.
+    Found by repeating the scan until nothing moves. Each pass settles at least one more change of sign, and those after
+    a reversal that sliding has made forgotten settle all at once.
     """
     if isinstance(parameters, Lugre):
         return nodes, np.zeros(0)
@@ -242,7 +249,8 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
 def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: _Parameters) -> Array:
     """The fraction of each of `steps` after which z, on that `side` of zero at its start, is zero.
 
-    While g is constant, z reaches zero after the share log(1 + abs(z0 / z_ss)) / (h lambda) of the way travelled, and v is linear in time.
+    While g is constant, z reaches zero after the share log(1 + abs(z0 / z_ss)) / (h lambda) of the way travelled, and v
+    is linear in time.
     """
     v0, v1, h = nodes.v[steps], nodes.v[steps + 1], nodes.h if isinstance(nodes.h, float) else nodes.h[steps]
     a, b = evaluate(functions.step_function(), v0, v1, h, *_acting(pair, side[steps], v0 + v1))

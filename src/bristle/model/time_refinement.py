@@ -1,7 +1,8 @@
-"""Where the bristle state is computed along a sampled velocity: at the samples, and between them where the step needs it.
+"""Where the bristle state is computed along a sampled velocity.
 
-The velocity is linear between samples. The step of `law.bristle_step` needs v to keep its sign, so a node stands at each zero crossing; more
-stand where v changes much against v_s at low speed.
+At the samples, and between them where the step needs it. The velocity is linear between samples. The step of
+`law.bristle_step` needs v to keep its sign, so a node stands at each zero crossing; more stand where v changes much
+against v_s at low speed.
 """
 
 from dataclasses import dataclass
@@ -45,7 +46,10 @@ class Nodes:
 
 
 def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nodes:
-    """The samples, and between them the zero crossings of v and what fast changes at low speed need, `coarsening` times farther apart."""
+    """The samples, and between them the zero crossings of v and what fast changes at low speed need.
+
+    The latter stand `coarsening` times farther apart.
+    """
     v0, v1, _ = samples.steps
     crossing = np.flatnonzero(v0 * v1 < 0)
     change = np.abs(v1 - v0)
@@ -64,7 +68,10 @@ def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nod
 
 
 def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index]:
-    """More nodes: one inside each of `steps` (k,), at that fraction of its duration (k,). Also returns where the old nodes went, (N,)."""
+    """More nodes: one inside each of `steps` (k,), at that fraction of its duration (k,).
+
+    Also returns where the old nodes went, (N,).
+    """
     order = np.lexsort((fractions, steps))
     steps, fractions = steps[order], fractions[order]
     new = steps + 1 + np.arange(steps.size)

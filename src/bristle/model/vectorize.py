@@ -1,4 +1,7 @@
-"""Evaluates any scalar CasADi function over NumPy arrays, and scans linear recurrences: no compiler, no Python loop over samples."""
+"""Evaluates any scalar CasADi function over NumPy arrays, and scans linear recurrences.
+
+No compiler, no Python loop over samples.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +18,8 @@ from bristle.arrays import Array
 from bristle.model.operations import OPERATIONS, Operation
 
 _BLOCK = 16_384
-"""Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost more than they save."""
+"""Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost
+more than they save."""
 _REUSE = 4096
 """Elements from which looking for memory to write over is worth the while."""
 
@@ -29,7 +33,10 @@ class _Instruction:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """What to do for one choice of which inputs are arrays. Registers hold scalars, blocks of inputs, outputs, or buffers."""
+    """What to do for one choice of which inputs are arrays.
+
+    Registers hold scalars, blocks of inputs, outputs, or buffers.
+    """
 
     size: int
     """Number of registers."""
@@ -113,8 +120,8 @@ class Vectorised:
     def __call__(self, *inputs: float | Array, out: Sequence[Array] | None = None) -> Sequence[Array]:
         """Evaluate at inputs of shapes that broadcast; one array of the common shape per output.
 
-        `out`, contiguous arrays of the common shape, one per output, receives the results where it is given. Raises ValueError where the
-        number of inputs is wrong or their shapes do not broadcast.
+        `out`, contiguous arrays of the common shape, one per output, receives the results where it is given. Raises
+        ValueError where the number of inputs is wrong or their shapes do not broadcast.
         """
         if len(inputs) != self._n_in:
             raise ValueError(f"{self._name}: got {len(inputs)} inputs; expected {self._n_in}")
@@ -141,9 +148,10 @@ class Vectorised:
         return out
 
     def _run_small(self, inputs: Sequence[Array], shape: tuple[int, ...]) -> Sequence[Array]:
-        """Each instruction at the shape of its own operands: what depends on one input only is not repeated over the others.
+        """Each instruction at the shape of its own operands.
 
-        A large value of the full shape that is not needed any more is written over: fresh memory is slow.
+        What depends on one input only is not repeated over the others. A large value of the full shape that is not
+        needed any more is written over: fresh memory is slow.
         """
         registers = self._registers.copy()
         registers[: self._n_in] = inputs
@@ -231,16 +239,17 @@ def vectorised(function: ca.Function) -> Vectorised:
 def evaluate(function: ca.Function, *inputs: float | Array) -> tuple[Array, ...]:
     """Evaluate a scalar CasADi function (1x1 in, 1x1 out) over arrays whose shapes broadcast.
 
-    Returns one array per output, all of the common shape, equal to CasADi's own evaluation to rounding. Raises ValueError as `vectorised`
-    and `Vectorised.__call__` do.
+    Returns one array per output, all of the common shape, equal to CasADi's own evaluation to rounding. Raises
+    ValueError as `vectorised` and `Vectorised.__call__` do.
     """
     return tuple(vectorised(function)(*inputs))
 
 
 def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
-    """Any CasADi function tied to memory that is there: each call of what is returned reads the inputs and writes the outputs, with no copy.
+    """Any CasADi function tied to memory that is there.
 
-    Arrays are C-contiguous and hold CasADi's matrices column after column. Calls raise RuntimeError where the function fails, as an integrator may.
+    Each call of what is returned reads the inputs and writes the outputs, with no copy. Arrays are C-contiguous and
+    hold CasADi's matrices column after column. Calls raise RuntimeError where the function fails, as an integrator may.
     """
     buffer, evaluate_there = function.buffer()
     for k, values in enumerate(inputs):
@@ -258,7 +267,10 @@ def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Arra
 
 
 def chained(tick: ca.Function, samples: int) -> ca.Function:
-    """(memory, inputs, constants) -> (memory, outputs) of so many ticks one after the other, each (memory, input, constants) -> (memory, output)."""
+    """(memory, inputs, constants) -> (memory, outputs) of so many ticks one after the other.
+
+    Each is (memory, input, constants) -> (memory, output).
+    """
     memory, inputs, constants = (
         ca.MX.sym(name, tick.size1_in(k), columns)
         for k, (name, columns) in enumerate((("memory", 1), ("inputs", samples), ("constants", 1)))

@@ -1,10 +1,16 @@
-"""A table as the page shows it."""
+"""A table as the page shows it, and as CSV: the one way in which bristle writes one, safe to open in a spreadsheet."""
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_FORMULA = re.compile(r"[=+\-@\t\r\n]")
+"""How a text begins that a spreadsheet may run as a formula."""
+_HARMLESS = re.compile(r"[+-]|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+"""A direction, or a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,3 +29,29 @@ def shown(frame: "pd.DataFrame") -> Table:
     frame = frame.drop(columns=empty)
     rows = frame.astype(object).itertuples(index=False, name=None)
     return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))
+
+
+def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
+    """A table as CSV.
+
+    A text that a spreadsheet could take for a formula gets an apostrophe before it; numbers and the directions + and -
+    stay.
+    """
+    safe = frame.rename(columns=plain)
+    texts = [k for k, kind in enumerate(frame.dtypes) if not _is_number(kind)]
+    for k in texts:
+        safe.isetitem(k, [plain(x) for x in frame.iloc[:, k]])
+    text: str = safe.to_csv(index=False, lineterminator="\n", float_format=float_format)
+    return text
+
+
+def plain(value: Any) -> Any:
+    """A cell that no spreadsheet runs, and whose lines end as the writer knows to quote; what is no text stays."""
+    if not isinstance(value, str):
+        return value
+    formula = _FORMULA.match(value) and not _HARMLESS.fullmatch(value)
+    return "'" * bool(formula) + value.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _is_number(kind: Any) -> bool:
+    return getattr(kind, "kind", "O") in "biufc"

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from bristle import __version__
 from bristle.errors import InputError
 from bristle.page import wording
+from bristle.page.columns import to_csv
 from bristle.page.output_folder import replace_files, write_bytes
-from bristle.page.spreadsheet import to_csv
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
 

@@ -16,7 +16,7 @@ from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.control.pid import Gains
-from bristle.control.sensors import Sensors, white_noise
+from bristle.control.plant import Sensors, white_noise
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Motor, Pair, Stribeck
 from bristle.model.vectorize import evaluate

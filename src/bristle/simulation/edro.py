@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.control.pid import Gains
-from bristle.control.sensors import Sensors
+from bristle.control.plant import Sensors
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation import bench

@@ -100,19 +100,19 @@ class JointLoop:
 
 def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
     """The four joints of Table 1 under the paper's PID, each with what was identified of it from the embedded data."""
-    found = []
+    loops = []
     for joint in joints:
         pair = edro.TABLE_1[joint.name]
-        J = edro.inertia(pair)
-        found.append(
+        J, known = edro.inertia(pair), whole(joint)
+        loops.append(
             JointLoop(
-                name=joint.name, kind="revolute", plant=pair, model=whole(joint).pair(1.0, J), J=J,
-                draws=draws_of(joint, 1.0, J),
+                name=joint.name, kind="revolute", plant=pair, model=known.pair(1.0, J), J=J,
+                draws=draws_of(joint, known, 1.0, J),
                 gains=edro.PID_GAINS, amplitude=1.0, frequency=0.5, slow=0.2, period=1e-3, adaptation=Adaptation(),
                 start=edro.TABLE_2_START, simulated=True, assumptions=PAPER_ASSUMPTIONS,
             )
         )  # fmt: skip  # a list of values
-    return tuple(found)
+    return tuple(loops)
 
 
 PAPER_ASSUMPTIONS: tuple[str, ...] = (
@@ -180,7 +180,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     )
     loop = JointLoop(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
-        draws=draws_of(joint, amplitude, J),
+        draws=draws_of(joint, known, amplitude, J),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
         start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
     )  # fmt: skip  # a list of values
@@ -237,10 +237,10 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     v = fastest * np.sin(np.pi * (np.arange(_PHASES) + 0.5) / (2 * _PHASES))
     z, *by = evaluate(functions.steady_deflection_function(), v, *p)
     T, T_z, *by_p = evaluate(functions.torque_sensitivity_function(), z, v, *p)
-    own = [Lugre._fields.index(name) for name in names]
+    places = [Lugre._fields.index(name) for name in names]
     G = np.abs(steady_gradient(plain, v, p))
     rates = []
-    for k, (at, name) in enumerate(zip(own, names, strict=True)):
+    for k, (at, name) in enumerate(zip(places, names, strict=True)):
         whole = getattr(p, name) * np.abs(by_p[at] + T_z * by[at])
         worth = float(np.mean(G[k] * whole))
         seen = worth > _NOTHING * float(np.mean(G[k]) * np.mean(np.abs(T)))

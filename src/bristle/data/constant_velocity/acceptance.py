@@ -1,4 +1,4 @@
-"""Whether a stretch of a run counts as motion at constant velocity: each reason says what would have let it in."""
+"""Whether a candidate counts as motion at constant velocity: each reason says what would have let it in."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,8 @@ from bristle.diagnostics import Diagnostic, Kind
 _TOLERANCE = 0.05
 """Default drift of the velocity, relative to its mean; or what noise alone gives, where that is more."""
 _SWING = 0.25
-"""Scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to speak of."""
+"""Scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to
+speak of."""
 _SHARE = 0.25
 """Of the typical plateau of a run: what is shorter both in time and in travel is a piece of something else."""
 _INDEPENDENT = 5.0
@@ -32,7 +33,7 @@ class Thresholds:
 
 
 def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
-    """Why a stretch does not count, with what would have let it in; empty where it does."""
+    """Why a candidate does not count, with what would have let it in; empty where it does."""
     steady = (
         _at_rest(e, usual, t, 0.0)
         or _accelerating(e, t)
@@ -41,27 +42,30 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
         or _unsteady(e, t)
         or _unsettled(e)
     )
-    found = [reason for reason in (_too_short(e, usual, t), steady, _saturated(e, t)) if reason]
-    return tuple(reason.but(alone=len(found) < 2) for reason in found)
+    against = [reason for reason in (_too_short(e, usual, t), steady, _saturated(e, t)) if reason]
+    return tuple(reason.but(alone=len(against) < 2) for reason in against)
 
 
 def warnings(e: Evidence) -> tuple[Diagnostic, ...]:
-    """Warnings about a stretch that counts."""
-    found = []
+    """Warnings about a candidate that counts."""
+    out = []
     speed = abs(e.velocity)
     if sticks(e):
-        found.append(Kind.STICK_SLIP(swing=e.swing / speed, resting=e.resting))
+        out.append(Kind.STICK_SLIP(swing=e.swing / speed, resting=e.resting))
     if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
-        found.append(Kind.POSITION_DIFFERS(slope=e.velocity, logged=e.logged))
+        out.append(Kind.POSITION_DIFFERS(slope=e.velocity, logged=e.logged))
     if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
-        found.append(Kind.TORQUE_DRIFTS(drift=e.torque_drift, torque=e.torque))
+        out.append(Kind.TORQUE_DRIFTS(drift=e.torque_drift, torque=e.torque))
     if e.torque_error is None:
-        found.append(Kind.TORQUE_UNSURE())
-    return tuple(found)
+        out.append(Kind.TORQUE_UNSURE())
+    return tuple(out)
 
 
 def sticks(e: Evidence) -> bool:
-    """Whether the joint sticks and slips: it rests over 5 % of the time, or its velocity swings by over 30 % of the mean."""
+    """Whether the joint sticks and slips.
+
+    It rests over 5 % of the time, or its velocity swings by over 30 % of the mean.
+    """
     return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
 
 
@@ -82,8 +86,8 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Diagnostic | None:
 
 
 def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Diagnostic | None:
-    own = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
-    least = own if t.minimum_velocity is None else t.minimum_velocity
+    noise_floor = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
+    least = noise_floor if t.minimum_velocity is None else t.minimum_velocity
     speed = abs(e.velocity)
     if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
         return None
@@ -94,8 +98,8 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Diagnost
 
 def _accelerating(e: Evidence, t: Thresholds) -> Diagnostic | None:
     speed = abs(e.velocity)
-    own = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
-    allowed = own if t.velocity_tolerance is None else t.velocity_tolerance * speed
+    tolerance = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
+    allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
     if e.drift <= allowed:
         return None
     return Kind.ACCELERATING(drift=e.drift, velocity=e.velocity, allowed=allowed, option=_tolerance(e.drift, speed))
@@ -122,7 +126,7 @@ def _tolerance(deviation: float, speed: float) -> Diagnostic | str:
 
 
 def _rounded(x: float, way: Callable[[float], int]) -> str:
-    """A number of three digits, rounded down (floor) or up (ceil), so that as a threshold it does what is said of it."""
+    """A number of three digits, rounded down (floor) or up (ceil): as a threshold it does what is said of it."""
     unit = 10.0 ** (floor(log10(x)) - 2) if x > 0 else 1.0
     return f"{way(x / unit * (1 - 1e-9 if way is floor else 1 + 1e-9)) * unit:.3g}"
 

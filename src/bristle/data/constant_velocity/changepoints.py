@@ -1,9 +1,9 @@
-"""Where to look for constant velocity: a run cut into stretches of constant acceleration, each a plateau or not.
+"""Where to look for constant velocity: a run cut into candidates of constant acceleration, each a plateau or not.
 
-The cut depends on the data alone, on no threshold, so that loosening a threshold can only let more of the same candidates in.
-Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic programming over the marginal likelihood
-of each line with an unknown noise of its own. The block length is the one whose plateaus last longest in all; what lies between them is cut
-again, finer.
+The cut depends on the data alone, on no threshold, so that loosening a threshold can only let more of the same
+candidates in. Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic
+programming over the marginal likelihood of each line with an unknown noise of its own. The block length is the one
+whose plateaus last longest in all; what lies between them is cut again, finer.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +24,8 @@ _ENOUGH = 512
 _COLUMNS = 64
 """Ends of lines whose costs are found at once."""
 _CONSTANT = 0.05
-"""Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion, not less noise."""
+"""Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion,
+not less noise."""
 _TRIMS = 64
 """Parts of a plateau of which the first may be dropped."""
 _PRIOR = 4.0
@@ -32,7 +33,7 @@ _PRIOR = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Candidate:
     """Samples start to stop - 1 of a run, which look like a plateau or do not."""
 
     start: int
@@ -42,8 +43,10 @@ class Stretch:
     """Samples explained as motion at constant velocity; fewer the more the velocity swings."""
 
 
-def stretches(velocity: Array, torque: Array, start: int, stop: int) -> list[Stretch]:
-    """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order; with no plateau, into lines.
+def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Candidate]:
+    """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order.
+
+    Where there is no plateau, they are cut into lines.
 
     Args:
         velocity: rad/s, shape (n,).
@@ -51,18 +54,20 @@ def stretches(velocity: Array, torque: Array, start: int, stop: int) -> list[Str
         start: first sample.
         stop: one past the last sample.
     """
-    found = [_without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))]
-    if not found and stop - start >= _BLOCKS[0] * _SMALLEST:
+    plateaus = [
+        _without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))
+    ]
+    if not plateaus and stop - start >= _BLOCKS[0] * _SMALLEST:
         return _cut(velocity, torque, start, stop, min(_ENOUGH // 2, (stop - start) // _SMALLEST))
-    edges = [start, *(edge for s in found for edge in (s.start, s.stop)), stop]
-    between = [Stretch(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
-    return sorted([*found, *between], key=lambda s: s.start)
+    edges = [start, *(edge for s in plateaus for edge in (s.start, s.stop)), stop]
+    between = [Candidate(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+    return sorted([*plateaus, *between], key=lambda s: s.start)
 
 
-def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Stretch]:
+def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Candidate]:
     if stop - start < _BLOCKS[0] * _SMALLEST:
         return []
-    best: list[Stretch] = []
+    best: list[Candidate] = []
     most = 0.0
     for blocks in _BLOCKS:
         if stop - start < blocks * _SMALLEST or (blocks > _ENOUGH and most > 0.5 * (stop - start)):
@@ -73,31 +78,34 @@ def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Str
             best, most = cut, total
     if not best:
         return []
-    found: list[Stretch] = []
+    plateaus: list[Candidate] = []
     edge = start
     for plateau in (s for s in best if s.plateau):
-        found += [*_plateaus(velocity, torque, edge, plateau.start), plateau]
+        plateaus += [*_plateaus(velocity, torque, edge, plateau.start), plateau]
         edge = plateau.stop
-    return found + _plateaus(velocity, torque, edge, stop)
+    return plateaus + _plateaus(velocity, torque, edge, stop)
 
 
-def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> list[Stretch]:
+def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> list[Candidate]:
     length = (stop - start) // blocks
     blocks = (stop - start) // length
     u, t = (x[start : start + blocks * length].reshape(blocks, length).mean(axis=1) for x in (velocity, torque))
     edges = start + length * np.arange(blocks + 1)
     edges[-1] = stop
-    found = []
+    lines = []
     for i, j in _lines(u):
         first, last = _settled(u, t, i, j) if j - i >= _SHORTEST else (i, j)
         a, b = int(edges[first]), int(edges[last])
         score = _score(u[first:last], velocity[a:b])
-        found += [Stretch(a, b, True, score)] if score else [Stretch(int(edges[i]), int(edges[j]), False)]
-    return found
+        lines += [Candidate(a, b, True, score)] if score else [Candidate(int(edges[i]), int(edges[j]), False)]
+    return lines
 
 
 def _lines(u: Array) -> list[tuple[int, int]]:
-    """Divide u among straight lines: the optimal partition under minus twice the log marginal likelihood, with a penalty per line."""
+    """Divide u among straight lines.
+
+    The optimal partition under minus twice the log marginal likelihood, with a penalty per line.
+    """
     n = u.size
     penalty = 6 * np.log(n)
     k = np.arange(n) - n / 2
@@ -118,12 +126,14 @@ def _lines(u: Array) -> list[tuple[int, int]]:
 
 
 def _line_costs(sums: Array, noise: float) -> Array:
-    """Minus twice the log marginal likelihood of lines through blocks, noise integrated out, but for terms in their number alone.
+    """Minus twice the log marginal likelihood of lines through blocks, noise integrated out.
 
-    The prior scale is the noise between neighbouring blocks, and no less than 1 % of the line's mean: what is flatter than that is flat.
+    Terms in their number alone are left out. The prior scale is the noise between neighbouring blocks, and no less than
+    1 % of the line's mean: what is flatter than that is flat.
 
     Args:
-        sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no meaning.
+        sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no
+            meaning.
         noise: standard deviation between neighbours.
     """
     m, sk, skk, su, suu, sku = sums
@@ -136,7 +146,10 @@ def _line_costs(sums: Array, noise: float) -> Array:
 
 
 def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
-    """Blocks i to j - 1 without those at either end whose mean velocity or torque is off the others' median by over four deviations."""
+    """Blocks i to j - 1 without those at either end that are off.
+
+    Their mean velocity or torque is off the others' median by over four deviations.
+    """
     outside = np.zeros(j - i, dtype=bool)
     for x in (u[i:j], t[i:j]):
         off = np.abs(x - np.median(x))
@@ -145,10 +158,13 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
     return (i + int(inside[0]), i + int(inside[-1]) + 1) if inside.size else (i, i)
 
 
-def _without_edges(velocity: Array, found: list[Stretch]) -> list[Stretch]:
-    """Without plateaus that are the edge of another: no further from it than they are long, a third as long or less, at its speed within 10 %."""
-    kept: list[tuple[Stretch, float]] = []
-    for s in sorted(found, key=lambda s: s.start - s.stop):
+def _without_edges(velocity: Array, plateaus: list[Candidate]) -> list[Candidate]:
+    """Without plateaus that are the edge of another.
+
+    An edge is no further from it than it is long, a third as long or less, at its speed within 10 %.
+    """
+    kept: list[tuple[Candidate, float]] = []
+    for s in sorted(plateaus, key=lambda s: s.start - s.stop):
         length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
         if not any(
             max(k.start - s.stop, s.start - k.stop) <= length
@@ -160,8 +176,11 @@ def _without_edges(velocity: Array, found: list[Stretch]) -> list[Stretch]:
     return sorted((s for s, _ in kept), key=lambda s: s.start)
 
 
-def _without_transient(torque: Array, s: Stretch) -> Stretch:
-    """A plateau from where its mean torque has the least standard error, in its first quarter: the marginal standard error rule (White, 1997)."""
+def _without_transient(torque: Array, s: Candidate) -> Candidate:
+    """A plateau from where its mean torque has the least standard error, in its first quarter.
+
+    The marginal standard error rule (White, 1997).
+    """
     length = max((s.stop - s.start) // _TRIMS, 1)
     count = (s.stop - s.start) // length
     t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)

@@ -7,15 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, Number
 from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
-from bristle.data.constant_velocity.changepoints import Stretch, stretches
+from bristle.data.constant_velocity.changepoints import Candidate, candidates
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import residual_warnings
-from bristle.json_form import Number
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_warnings"]
 
@@ -79,8 +78,8 @@ def find_segments(
 ) -> tuple[Segment, ...]:
     """Every candidate of a ramp run, in order of time, each accepted or rejected with its reasons; none crosses a gap.
 
-    Where to look depends on the data alone; `thresholds` only decide what counts. The mean velocity is the slope of the position where
-    there is one, else the mean of the velocity.
+    Where to look depends on the data alone; `thresholds` only decide what counts. The mean velocity is the slope of the
+    position where there is one, else the mean of the velocity.
 
     Args:
         record: with velocity, rad/s, and torque, N*m.
@@ -95,14 +94,16 @@ def find_segments(
             f"{record.file}: a ramp run needs velocity and torque; name position or velocity, and torque, under signals"
         )
     edges = (*record.starts, record.time.size)
-    found = [s for start, stop in pairwise(edges) for s in stretches(record.velocity, record.torque, start, stop)]
-    usual = usual_scale(record, found, encoder_resolution)
-    settling = _settling(record.velocity, found)
-    return tuple(_segment(record, s, usual, thresholds, longer) for s, longer in zip(found, settling, strict=True))
+    cut = [s for start, stop in pairwise(edges) for s in candidates(record.velocity, record.torque, start, stop)]
+    usual = usual_scale(record, cut, encoder_resolution)
+    settling = _settling(record.velocity, cut)
+    return tuple(_segment(record, s, usual, thresholds, longer) for s, longer in zip(cut, settling, strict=True))
 
 
 def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
-    """One message for the case that no candidate of any run is accepted: what each threshold rejected, and what unit mistake it looks like.
+    """One message for the case that no candidate of any run is accepted.
+
+    What each threshold rejected, and what unit mistake it looks like.
 
     Args:
         segments: all candidates.
@@ -121,20 +122,20 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
     return message + nearest + looks
 
 
-def _settling(velocity: Array, found: Sequence[Stretch]) -> list[Stretch | None]:
-    """For each stretch, the plateau that it is the beginning or end of.
+def _settling(velocity: Array, cut: Sequence[Candidate]) -> list[Candidate | None]:
+    """For each candidate, the plateau that it is the beginning or end of.
 
-    That is at least three times as long, at the same speed within 10 %, and reached from the stretch, in a third of its length, without ever
-    leaving that speed.
+    That is at least three times as long, at the same speed within 10 %, and reached from the candidate, in a third of
+    its length, without ever leaving that speed.
     """
-    means = [float(np.mean(velocity[s.start : s.stop])) for s in found]
-    owner: list[Stretch | None] = [None] * len(found)
-    for j, plateau in enumerate(found):
+    means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
+    owner: list[Candidate | None] = [None] * len(cut)
+    for j, plateau in enumerate(cut):
         reach = (plateau.stop - plateau.start) / 3
         for way in (-1, 1):
             k = j + way
-            while plateau.plateau and 0 <= k < len(found) and abs(means[k] - means[j]) <= 0.1 * abs(means[j]):
-                s, before = found[k], found[k - way]
+            while plateau.plateau and 0 <= k < len(cut) and abs(means[k] - means[j]) <= 0.1 * abs(means[j]):
+                s, before = cut[k], cut[k - way]
                 touches = s.stop == before.start or s.start == before.stop
                 away = plateau.start - s.start if way < 0 else s.stop - plateau.stop
                 if not touches or away > reach:
@@ -143,19 +144,21 @@ def _settling(velocity: Array, found: Sequence[Stretch]) -> list[Stretch | None]
     return owner
 
 
-def _segment(record: Record, stretch: Stretch, usual: Scale, thresholds: Thresholds, longer: Stretch | None) -> Segment:
-    e = evidence(record, stretch, usual, thresholds.torque_limit)
+def _segment(
+    record: Record, candidate: Candidate, usual: Scale, thresholds: Thresholds, longer: Candidate | None
+) -> Segment:
+    e = evidence(record, candidate, usual, thresholds.torque_limit)
     against = reasons(e, usual, thresholds)
     if longer is not None:
         against = (
             Kind.SETTLING(start=longer.start, stop=longer.stop),
             *against,
         )
-    middle = (record.time[stretch.start] + record.time[stretch.stop - 1]) / 2 - record.time[0]
+    middle = (record.time[candidate.start] + record.time[candidate.stop - 1]) / 2 - record.time[0]
     return Segment(
         file=record.file,
-        start=stretch.start,
-        stop=stretch.stop,
+        start=candidate.start,
+        stop=candidate.stop,
         velocity=e.velocity,
         torque=e.torque,
         standard_error=e.torque_error,
@@ -164,7 +167,7 @@ def _segment(record: Record, stretch: Stretch, usual: Scale, thresholds: Thresho
         warnings=() if against else warnings(e),
         stick_slip=not against and sticks(e),
         time=float(middle),
-        position=None if record.position is None else float(record.position[stretch.start : stretch.stop].mean()),
+        position=None if record.position is None else float(record.position[candidate.start : candidate.stop].mean()),
         labels=record.labels,
     )
 

@@ -1,4 +1,4 @@
-"""What a stretch of a run shows: means, standard errors, drifts, swings, each with the noise that it stands against."""
+"""What a candidate shows: means, standard errors, drifts, swings, each with the noise that it stands against."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,19 +7,19 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from bristle.arrays import Array
-from bristle.data.constant_velocity.changepoints import Stretch
+from bristle.data.constant_velocity.changepoints import Candidate
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, standard_error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
-    """What is usual in a run, for its stretches to be compared with."""
+    """What is usual in a run, for its candidates to be compared with."""
 
     quantum: float
     """Encoder resolution, as declared or else the smallest step seen, rad; 0 where there is no position."""
     fastest: float
-    """Largest mean speed of any stretch, rad/s."""
+    """Largest mean speed of any candidate, rad/s."""
     duration: float
     """Typical duration of a plateau: the median, weighted by duration, s."""
     distance: float
@@ -30,7 +30,7 @@ class Scale:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What one stretch shows; velocities and torques as in `Segment`."""
+    """What one candidate shows; velocities and torques as in `Segment`."""
 
     samples: int
     duration: float
@@ -63,10 +63,10 @@ class Evidence:
     """Share of samples at or beyond the torque limit."""
 
 
-def usual_scale(record: Record, found: Sequence[Stretch], resolution: float | None) -> Scale:
+def usual_scale(record: Record, candidates: Sequence[Candidate], resolution: float | None) -> Scale:
     """What is usual in a run; from its plateaus, or from all of it where there is none."""
     velocity, time = _signal(record.velocity), record.time
-    plateaus = [s for s in found if s.plateau] or [Stretch(0, time.size, False)]
+    plateaus = [s for s in candidates if s.plateau] or [Candidate(0, time.size, False)]
     durations = np.array([time[s.stop - 1] - time[s.start] for s in plateaus])
     speeds = np.array([abs(float(np.mean(velocity[s.start : s.stop]))) for s in plateaus])
     steps = np.abs(np.diff(record.position)) if record.position is not None else np.zeros(0)
@@ -81,9 +81,9 @@ def usual_scale(record: Record, found: Sequence[Stretch], resolution: float | No
     )
 
 
-def evidence(record: Record, stretch: Stretch, usual: Scale, torque_limit: float | None) -> Evidence:
-    """Measure one stretch of a run."""
-    part = slice(stretch.start, stretch.stop)
+def evidence(record: Record, candidate: Candidate, usual: Scale, torque_limit: float | None) -> Evidence:
+    """Measure one candidate of a run."""
+    part = slice(candidate.start, candidate.stop)
     time, v, torque = record.time[part], _signal(record.velocity)[part], _signal(record.torque)[part]
     n = v.size
     logged = float(v.mean())
@@ -119,7 +119,10 @@ def evidence(record: Record, stretch: Stretch, usual: Scale, torque_limit: float
 
 
 def _drift(x: Array) -> tuple[float, float, float]:
-    """Range of the parabola through x, and four standard deviations of the range that noise gives a constant, samples per independent one."""
+    """Range of the parabola through x, and four standard deviations of the range that noise gives a constant.
+
+    `samples` are those per independent one.
+    """
     n = x.size
     if n < 4:
         return float(np.ptp(x)), 0.0, 1.0
@@ -132,7 +135,10 @@ def _drift(x: Array) -> tuple[float, float, float]:
 
 
 def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: float) -> tuple[float, float, float]:
-    """Deviation, and shares at rest and backward, of v averaged over a window just long enough for noise to be a tenth of the mean."""
+    """Deviation, and shares at rest and backward, of averaged v.
+
+    The average is over a window just long enough for noise to be a tenth of the mean.
+    """
     n, speed = v.size, abs(mean)
     if n < 32 or speed == 0:
         return 0.0, 0.0, 0.0

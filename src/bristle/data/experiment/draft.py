@@ -1,4 +1,7 @@
-"""A commented experiment file, drafted from a data file: columns are guessed by their usual names, and what was not guessed is said."""
+"""A commented experiment file, drafted from a data file.
+
+Columns are guessed by their usual names, and what was not guessed is said.
+"""
 
 import os
 import re
@@ -8,8 +11,7 @@ from pathlib import Path
 
 from bristle.data.binary_tables import names_of
 from bristle.data.experiment.signals import DRIVE
-from bristle.data.layout import text_layout
-from bristle.data.text_table import BINARY, naming, read_table
+from bristle.data.text_table import BINARY, naming, read_table, text_layout
 from bristle.errors import check_name
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
@@ -60,20 +62,20 @@ class _Guess:
 
 
 def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, tuple[str, ...]]:
-    """The text of an experiment file for a data file, and one sentence for each thing that was not guessed, or only assumed.
+    """The text of an experiment file for a data file, and a sentence on each thing not guessed or only assumed.
 
-    Data files are named relative to `folder`, where the draft will be saved; None: beside the data. What is marked FILL IN must be filled in before
-    the draft can be used. Raises InputError where the data file cannot be read.
+    Data files are named relative to `folder`, where the draft will be saved; None: beside the data. What is marked FILL
+    IN must be filled in before the draft can be used. Raises InputError where the data file cannot be read.
     """
     check_name(data_file.name, f"{data_file}: the file name")
-    names, told = _columns(data_file)
-    found = _guesses(names)
-    drive = next((name for name in DRIVE if name in found), None)
-    linear = any(g.unit in _LINEAR for g in found.values()) or "force" in (
-        found["torque"].column.lower() if "torque" in found else ""
+    names, described = _columns(data_file)
+    guesses = _guesses(names)
+    drive = next((name for name in DRIVE if name in guesses), None)
+    linear = any(g.unit in _LINEAR for g in guesses.values()) or "force" in (
+        guesses["torque"].column.lower() if "torque" in guesses else ""
     )
     kind: Kind = "prismatic" if linear else "revolute"
-    run, unknown = _run_kind(data_file, found)
+    run, unknown = _run_kind(data_file, guesses)
     unknown += [f"kind of the joint: assumed {kind}"]
     lines = [f"joint: {{name: {_text(data_file.stem[:200])}, kind: {kind}}}   # revolute or prismatic"]
     if drive in ("voltage", "current"):
@@ -86,13 +88,13 @@ def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, 
         "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
         "# encoder_resolution: 4096 counts/rev  # optional",
     ]
-    lines += ["", f"# Columns of {_text(data_file.name)}: {told}", "signals:"]
+    lines += ["", f"# Columns of {_text(data_file.name)}: {described}", "signals:"]
     for name in ("time", "position", "velocity", drive or "torque"):
         wanted = name != "velocity" and not (run == "points" and name in ("time", "position"))
-        guess = found.get(name)
+        guess = guesses.get(name)
         if guess is not None:
             lines.append(_signal(name, guess, kind, unknown))
-        elif wanted and not (name == "position" and "velocity" in found):
+        elif wanted and not (name == "position" and "velocity" in guesses):
             lines.append(f"  # FILL IN, without the #: {name}: {_EXAMPLES[name]}")
             unknown.append(f"{name}: no column has a usual name ({', '.join(_NAMES[name])}); fill it in under signals")
     shown = os.path.relpath(data_file, folder) if folder is not None else data_file.name
@@ -127,16 +129,16 @@ def _list(names: tuple[str, ...]) -> str:
 
 def _guesses(names: tuple[str, ...]) -> dict[str, _Guess]:
     """The first column with a usual name, signal by signal; a column that repeats is none."""
-    found: dict[str, _Guess] = {}
+    guesses: dict[str, _Guess] = {}
     once = [name for name, count in Counter(names).items() if count == 1 and len(name) <= _LONGEST]
     for name in once:
         bare, unit = _split(name)
         for signal, usual in _NAMES.items():
             for stem, suffix in _readings(bare, unit):
                 known = _UNITS[signal].get(suffix) if suffix else None
-                if stem in usual and (known or not suffix) and signal not in found:
-                    found[signal] = _Guess(name, known)
-    return found
+                if stem in usual and (known or not suffix) and signal not in guesses:
+                    guesses[signal] = _Guess(name, known)
+    return guesses
 
 
 def _split(name: str) -> tuple[str, str]:
@@ -155,8 +157,8 @@ def _readings(bare: str, unit: str) -> list[tuple[str, str]]:
     return [(bare, ""), *((bare[:k], bare[k + 1 :]) for k in cuts)]
 
 
-def _run_kind(path: Path, found: dict[str, _Guess]) -> tuple[str, list[str]]:
-    if "velocity" in found and "torque" in found and not {"time", "position"} & set(found):
+def _run_kind(path: Path, guesses: dict[str, _Guess]) -> tuple[str, list[str]]:
+    if "velocity" in guesses and "torque" in guesses and not {"time", "position"} & set(guesses):
         return "points", ["experiment: assumed points, for there is neither time nor position"]
     stem = path.stem.lower()
     kind = next((kind for word, kind in _KINDS.items() if word in stem), "ramp")

@@ -1,6 +1,7 @@
 """The experiment file: joint, motor, signals, runs; and the runs it names, read.
 
-All quantities are in SI once the file is loaded; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is prismatic.
+All quantities are in SI once the file is loaded; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is
+prismatic.
 """
 
 import glob
@@ -170,19 +171,23 @@ class Run:
 
 
 def read_runs(experiment: Experiment) -> tuple[Run, ...]:
-    """Every file that the experiment names, as a record with velocity and torque; tracking runs have acceleration as well.
+    """Every file that the experiment names, as a record with velocity and torque.
 
-    Raises InputError in one sentence that names the file and what is wrong with it.
+    Tracking runs have acceleration as well. Raises InputError in one sentence that names the file and what is wrong
+    with it.
     """
-    found = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
+    files = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
     return tuple(
         Run(kind=run.experiment, record=_read(experiment, run, path, shown), hold_out=run.hold_out)
-        for run, path, shown in found
+        for run, path, shown in files
     )
 
 
 def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
-    """Paths that a pattern matches, sorted by name, each with the name that results show: no variable in it is filled in."""
+    """Paths that a pattern matches, sorted by name, each with the name that results show.
+
+    No variable in it is filled in.
+    """
     folder, variables = experiment.parent, {}
     for name in _VARIABLE.findall(files):
         if not os.environ.get(name):
@@ -196,18 +201,18 @@ def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
             f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
         )
     try:
-        found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
+        matches = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
     except OSError as error:
         raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
-    if not found:
+    if not matches:
         what = "matches no file" if glob.has_magic(pattern) else "is no file"
         raise InputError(
             f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
         )
-    shown = [_shown(match, folder, variables) for match in found]
+    shown = [_shown(match, folder, variables) for match in matches]
     return [
         (folder / match, check_name(name, f"{experiment}: runs: files: the file name"))
-        for match, name in zip(found, shown, strict=True)
+        for match, name in zip(matches, shown, strict=True)
     ]
 
 
@@ -216,8 +221,8 @@ def _glob(pattern: str, folder: Path) -> list[str]:
         return glob.glob(pattern, root_dir=folder)  # noqa: PTH207  # Path.glob takes no absolute pattern
     root = Path(pattern).anchor  # and glob.glob follows links, in circles where they go so
     base = Path(root) if root else folder
-    found = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
-    return [f"{root}{path}" for path in found if not any(p.startswith(".") and p != ".." for p in path.parts)]
+    matches = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
+    return [f"{root}{path}" for path in matches if not any(p.startswith(".") and p != ".." for p in path.parts)]
 
 
 def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:

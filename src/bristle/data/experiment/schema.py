@@ -142,17 +142,21 @@ class FitOptions(StrictModel):
     presliding_cutoff: Hertz = 2.0
     """Low pass of the torque of presliding runs, Hz."""
     breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
-    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of loading."""
+    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of
+    loading."""
     moving_above: Annotated[float, quantity("velocity"), Field(gt=0)] | None = None
-    """Equations of moving runs slower than this are left out of the static fit, and of its errors, rad/s; None: none are."""
+    """Equations of moving runs slower than this are left out of the static fit, and of its errors, rad/s; None: none
+    are."""
     fixed: Annotated[dict[str, float], BeforeValidator(read_fixed), AfterValidator(_physical)] = Field(
         default_factory=dict
     )
-    """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both directions; SI."""
+    """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both
+    directions; SI."""
     shared: tuple[Literal["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"], ...] = ()
     """LuGre parameters that both directions have in common in the fit of all parameters."""
     predict: Literal["torque", "position"] = "torque"
-    """What the model of moving runs predicts: the torque of the measured velocity, or, the motor simulated, the position."""
+    """What the model of moving runs predicts: the torque of the measured velocity, or, the motor simulated, the
+    position."""
     horizon: Seconds = 0.5
     """Length of the windows that are simulated, s."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
@@ -252,7 +256,10 @@ class TrueSet(StrictModel):
 
 
 class PlanOptions(StrictModel):
-    """Limits of what `bristle plan` proposes, and how it is played; what is not given comes from the measured runs, and is said."""
+    """Limits of what `bristle plan` proposes, and how it is played.
+
+    What is not given comes from the measured runs, and is said.
+    """
 
     position: tuple[Annotated[float, quantity("position")], Annotated[float, quantity("position")]] | None = None
     """Lowest and highest position, rad."""

@@ -91,10 +91,14 @@ class Position(Signal):
     """A position, which may wrap."""
 
     wraps: bool | str | None = None
-    """True: at each full turn; or at a period such as `360 deg`; None: not declared, so a jump of a full turn is refused."""
+    """True: at each full turn; or at a period such as `360 deg`; None: not declared, so a jump of a full turn is
+    refused."""
 
     def period(self, context: Context) -> float | None:
-        """Where the position wraps, rad or m; None where it does not. Raises InputError where a prismatic joint has no explicit period."""
+        """Where the position wraps, rad or m; None where it does not.
+
+        Raises InputError where a prismatic joint has no explicit period.
+        """
         if isinstance(self.wraps, str):
             period = units.to_si(self.wraps, si("position", context))
             if not period > 0:
@@ -153,10 +157,13 @@ class Signals(StrictModel):
         return self
 
     def over(self, base: "Signals") -> "Signals":
-        """These signals, and those of `base` that they do not replace; any of torque, voltage and current replaces the others."""
-        own = {name: signal for name, signal in self if signal is not None}
-        cleared = dict.fromkeys(DRIVE) if set(DRIVE) & set(own) else {}
-        return base.model_copy(update=cleared | own)
+        """These signals, and those of `base` that they do not replace.
+
+        Any of torque, voltage and current replaces the others.
+        """
+        given = {name: signal for name, signal in self if signal is not None}
+        cleared = dict.fromkeys(DRIVE) if set(DRIVE) & set(given) else {}
+        return base.model_copy(update=cleared | given)
 
     def drive(self) -> str | None:
         """Which of torque, voltage and current is logged."""

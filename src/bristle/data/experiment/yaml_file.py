@@ -37,7 +37,10 @@ class _Loader(yaml.SafeLoader):
     nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """One node of the document; raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many of them."""
+        """One node of the document.
+
+        Raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many of them.
+        """
         event = self.peek_event()  # type: ignore[no-untyped-call]  # types-PyYAML leaves the parser untyped
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             raise yaml.MarkedYAMLError(
@@ -126,9 +129,10 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
     except ValidationError as error:
         errors = error.errors(include_url=False)
         parents = {e["loc"][:k] for e in errors for k in range(len(e["loc"]))}
-        found = [e for e in errors if e["loc"] not in parents]  # pydantic calls a sequence short whose items it refused
-        first = min(found, key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        # pydantic calls a sequence short whose items it refused
+        causes = [e for e in errors if e["loc"] not in parents]
+        first = min(causes, key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
+        more = f" (and {len(causes) - 1} more)" if len(causes) > 1 else ""
         raise InputError(f"{name}: {_sentence(first, model)}{more}") from error
 
 
@@ -153,8 +157,8 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     if error["type"] == "missing":
         return f"{key}: missing; add this key"
     if error["type"] == "value_error":
-        said = str(error["ctx"]["error"])
-        return f"{key}: {said}" if key and not said.startswith(f"{key}.") else said
+        sentence = str(error["ctx"]["error"])
+        return f"{key}: {sentence}" if key and not sentence.startswith(f"{key}.") else sentence
     message = _EXPECTED.get(error["type"]) or error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
     message = message.removeprefix("String should have ")
     return f"{key}: got {short(error['input'])}; expected {message}"

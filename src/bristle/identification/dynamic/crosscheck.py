@@ -1,8 +1,8 @@
 """The fit of moving data by a second route: the same problem as one CasADi expression, solved by IPOPT.
 
-The bristle's step is chained by `mapaccum` over the samples and the zero crossings between them; for a pair of sets the law itself chooses the one
-that acts at the beginning of each step. Gradients are CasADi's, by reverse differentiation of the whole chain; nothing of the rollout, its scan or
-its Jacobian is used.
+The bristle's step is chained by `mapaccum` over the samples and the zero crossings between them; for a pair of sets the
+law itself chooses the one that acts at the beginning of each step. Gradients are CasADi's, by reverse differentiation
+of the whole chain; nothing of the rollout, its scan or its Jacobian is used.
 """
 
 from typing import Any
@@ -25,12 +25,15 @@ _SEED = 0
 _APART = 0.2
 """How far a start lies from the answer, as a share either way."""
 _SAME = 1e-4
-"""Relative difference in cost within which the two routes agree: theirs treat a change of z's sign inside a step differently."""
+"""Relative difference in cost within which the two routes agree: theirs treat a change of z's sign inside a step
+differently."""
 _OPTIONS = {"tol": 1e-9, "max_iter": 150, "hessian_approximation": "limited-memory", "limited_memory_max_history": 20}
 
 
 def check_tracking(solved: DynamicSolution, starts: int = STARTS, seed: int = _SEED) -> Crosscheck:
-    """The same problem by IPOPT, from starts about the answer: costs, parameters in the fit's standard errors, and a verdict.
+    """The same problem by IPOPT, from starts about the answer.
+
+    Costs, parameters in the fit's standard errors, and a verdict.
 
     Args:
         solved: the fit, before anything is taken off for encoder counts.

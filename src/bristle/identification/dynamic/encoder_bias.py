@@ -1,4 +1,7 @@
-"""What encoder counts do to a fit of moving data: a parametric bootstrap at the estimate measures the bias, and takes it off."""
+"""What encoder counts do to a fit of moving data.
+
+A parametric bootstrap at the estimate measures the bias, and takes it off.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -6,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.control.sensors import quantise
+from bristle.control.plant import quantise
 from bristle.data.differentiation import derivative, estimate_motion, smoothed, usable
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
@@ -29,8 +32,9 @@ def without_count_bias(
 ) -> TrackingFit:
     """The fit with the bias that counting adds taken off each parameter, and its scatter added to the standard error.
 
-    The smoothed motion stands for the true one: at the estimate it gives a torque without noise; counted anew, with the joint resting elsewhere in
-    a count, and differentiated as the data were, it gives other estimates. Their mean distance from the estimate is the bias.
+    The smoothed motion stands for the true one: at the estimate it gives a torque without noise; counted anew, with the
+    joint resting elsewhere in a count, and differentiated as the data were, it gives other estimates. Their mean
+    distance from the estimate is the bias.
 
     Args:
         solved: the fit.

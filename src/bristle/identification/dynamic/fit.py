@@ -1,4 +1,7 @@
-"""The fit of moving data: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
+"""The fit of moving data.
+
+Starts, intervals that know of correlated residuals, what the data do not see, hold-out runs.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,14 +16,15 @@ from bristle.estimation.autocorrelation import lag_one
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.missing_terms import missing_terms
-from bristle.identification.dynamic.multistart import (
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.unknowns import (
+    LOGARITHMIC,
     equations_left,
+    fit,
     solve_dynamic,
     with_deflections,
     without_deflections,
 )
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, fit
 from bristle.identification.results import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
 from bristle.model.parameters import Kind as JointKind
@@ -41,7 +45,10 @@ _WIDE = 0.5
 
 
 class DynamicSolution(NamedTuple):
-    """A fit with the problem that it solved in the end, where what the motion does not show is fixed, every free value, and the minimum."""
+    """A fit with the problem that it solved in the end, every free value, and the minimum.
+
+    What the motion does not show is fixed in that problem.
+    """
 
     fit: TrackingFit
     problem: DynamicProblem
@@ -103,7 +110,7 @@ def fit_tracking(
         measured=problem.measured,
         quantity=problem.quantity,
         residuals=rows,
-        starts_of_runs=problem.stretches,
+        starts_of_runs=problem.starts,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
     return DynamicSolution(result, problem, solution.values, solution)
@@ -112,7 +119,10 @@ def fit_tracking(
 def _settled(
     problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values]
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, float]]:
-    """The problem with weights that its runs ask for and without Stribeck terms that are none, its solution, and what those terms are fixed at."""
+    """The problem as it is solved in the end, its solution, and what Stribeck terms that are none are fixed at.
+
+    It has the weights that its runs ask for, and not those terms.
+    """
     solution = solve_dynamic(problem, start, starts, seed, others)
     problem, changed = _weighted(problem, solution)
     if changed:
@@ -158,7 +168,10 @@ def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) ->
 
 
 def _weak(estimates: Mapping[ParameterName, Estimate]) -> list[ParameterName]:
-    """What the motion does not show: what is too unsure by itself, v_s without its alpha_1, and sigma_1 without its sigma_0."""
+    """What the motion does not show.
+
+    What is too unsure by itself, v_s without its alpha_1, and sigma_1 without its sigma_0.
+    """
     weak = {name for name, e in estimates.items() if _is_weak(e)}
     for first, second in (("alpha_1", "v_s"), ("sigma_0", "sigma_1")):
         weak |= {name._replace(name=second) for name in weak if name.name == first}
@@ -176,7 +189,10 @@ def _without(e: Estimate) -> Estimate:
 
 
 def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
-    """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak; with what to fix them at."""
+    """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak.
+
+    Beside each stands what to fix it at.
+    """
     values, upper = solution.values, solution.posed.unknowns.upper
     with_prior = {name for prior in problem.priors for name in prior.names}
     bent: dict[ParameterName, float] = {}
@@ -209,8 +225,8 @@ def _percent(rows: Array, problem: DynamicProblem) -> float:
 def relative_error(problem: DynamicProblem, values: Values) -> float:
     """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
 
-    Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start: that of each window,
-    and nothing else, is then fitted to it.
+    Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start:
+    that of each window, and nothing else, is then fitted to it.
     """
     known = without_deflections(values)
     whole = with_deflections(problem, known)
@@ -303,7 +319,10 @@ def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName
 
 
 def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
-    """What data say of a direction of parameters that they hardly see; its members are names with their shares of it."""
+    """What data say of a direction of parameters that they hardly see.
+
+    Its members are names with their shares of it.
+    """
     if len(members) == 1:
         return Kind.HARDLY_SEEN(name=members[0][0])
     up = [n for n, w in members if w * members[0][1] > 0]
@@ -314,7 +333,10 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
 
 
 def _physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
-    """Verdicts that need no data: passivity, and damping in presliding; none that rests on what the motion does not show."""
+    """Verdicts that need no data: passivity, and damping in presliding.
+
+    None that rests on what the motion does not show.
+    """
     warnings = []
     p = parameters(problem, values)
     sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))

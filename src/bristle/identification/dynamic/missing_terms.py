@@ -1,4 +1,7 @@
-"""What the residuals of moving runs would like to have been otherwise: a torque logged earlier or later, another inertia than the one given."""
+"""What the residuals of moving runs would like to have been otherwise.
+
+A torque logged earlier or later, another inertia than the one given.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -23,7 +26,8 @@ _SHARE = 0.05
 def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
     """What is doubted: a shift in time between torque and motion, and about an inertia that was given and not fitted.
 
-    One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first order.
+    One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first
+    order.
     """
     if problem.quantity != "torque":
         return []
@@ -45,7 +49,7 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
 
 
 class _More(NamedTuple):
-    """How much of a column the residuals ask for, its standard error, and the share of the cost that would go with it."""
+    """How much of a column the residuals ask for, its standard error, and the share of the cost that goes with it."""
 
     value: float
     error: float
@@ -64,8 +68,8 @@ def _wanted(
     jacobian, rest = solution.minimum.jacobian, solution.minimum.residuals
     known = jacobian[:, solution.scaled_errors < np.inf]
     columns = np.zeros((rest.size, len(wanted)))
-    for k, own in enumerate(wanted.values()):
-        rows = [m.weight * m.smoothed(c) for m, c in zip(problem.motions, own, strict=True)]
+    for k, by_motion in enumerate(wanted.values()):
+        rows = [m.weight * m.smoothed(c) for m, c in zip(problem.motions, by_motion, strict=True)]
         columns[: sum(r.size for r in rows), k] = np.concatenate(rows)
     beside = columns - known @ (inverse_gram(known) @ (known.T @ columns))
     weights = beside @ inverse_gram(beside)

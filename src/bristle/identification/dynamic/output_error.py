@@ -1,10 +1,13 @@
-"""All parameters on moving data, the other way round: the motor is simulated, voltage (or torque) in, position out; no velocity is needed.
+"""All parameters on moving data, the other way round: the motor is simulated, voltage (or torque) in, position out.
+
+No velocity is needed.
 
     J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity,   dz/dt by (4),   dy/dt = v
 
-A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each begins at a position, a
-velocity and a deflection of its own, which are unknowns beside the parameters (multiple shooting). The plant's step is that of the closed loop;
-CasADi differentiates it, and the sensitivities are stepped beside the state.
+A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each
+begins at a position, a velocity and a deflection of its own, which are unknowns beside the parameters (multiple
+shooting). The plant's step is that of the closed loop; CasADi differentiates it, and the sensitivities are stepped
+beside the state.
 """
 
 from collections.abc import Sequence
@@ -17,7 +20,7 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.control.plant import THREADS, Current, State, plant_step
-from bristle.data.differentiation import stretches
+from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values, by_name
@@ -58,23 +61,26 @@ class Simulated:
     def __call__(
         self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
     ) -> list[tuple[Array, dict[Unknown, Array]]]:
-        """Of each window measured less simulated position, rad, (N,), and the derivative of the simulated one by each unknown's name, (N,)."""
+        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter.
+
+        These are by each unknown's name, (N,).
+        """
         windows = [m for m in problem.motions if isinstance(m, Window)]
         every = _every(windows, known)
         p = np.array(self._parameters(problem, known))
         alike: dict[int, list[int]] = {}
         for k, window in enumerate(windows):
             alike.setdefault(window.time.size, []).append(k)
-        found: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
-        for size, own in alike.items():  # windows of one length go in one call
-            x0 = np.array([[known[InitialState(name, k)] for name in problem.initial_states] for k in own]).T
-            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(own), axis=1)])
-            inputs = np.concatenate([_inputs(windows[k], every) for k in own], axis=1)
-            ends = _chain((size - 1) * every, every, self.current, len(own))(start, inputs, p)
-            for k, first, rows in zip(own, start.T, np.split(np.asarray(ends), len(own), axis=1), strict=True):
+        simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
+        for size, chosen in alike.items():  # windows of one length go in one call
+            x0 = np.array([[known[InitialState(name, k)] for name in problem.initial_states] for k in chosen]).T
+            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(chosen), axis=1)])
+            inputs = np.concatenate([_inputs(windows[k], every) for k in chosen], axis=1)
+            ends = _chain((size - 1) * every, every, self.current, len(chosen))(start, inputs, p)
+            for k, first, rows in zip(chosen, start.T, np.split(np.asarray(ends), len(chosen), axis=1), strict=True):
                 whole = np.concatenate([first[::3, None], rows], axis=1)
-                found[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
-        return [found[k] for k in range(len(windows))]
+                simulated[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
+        return [simulated[k] for k in range(len(windows))]
 
     def _by_name(self, problem: DynamicProblem, k: int, by: Array) -> dict[Unknown, Array]:
         sets = by[3:15] if len(problem.directions) == 2 else by[3:9] + by[9:15]
@@ -108,7 +114,7 @@ def simulation(
         )
     by_voltage = constants is not None and all(r.voltage is not None for r in records)
     plant = Simulated(constants, motor.current) if constants and by_voltage else Simulated(_NO_MOTOR, motor.current_for)
-    parts = [(r, part) for r in records for part in stretches(r)]
+    parts = [(r, part) for r in records for part in between_gaps(r)]
     pairs = zip(parts, posed.motions, strict=True)
     windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
     return replace(
@@ -119,7 +125,7 @@ def simulation(
 def _windows(
     record: Record, part: slice, whole: Motion, horizon: float, decimation: int, *, by_voltage: bool
 ) -> list[Window]:
-    """The windows of a stretch: each of the same length, the last of what is left."""
+    """The windows of a segment between gaps: each of the same length, the last of what is left."""
     drive = record.voltage if by_voltage else record.torque
     if record.position is None or drive is None:
         raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
@@ -130,23 +136,23 @@ def _windows(
             f"{_EQUATIONS}, more than it has unknowns at its start: raise fit.horizon, or lower fit.decimation"
         )
     bounds = [k for k in range(0, whole.time.size, size) if whole.time.size - k >= _SHORTEST]
-    found = []
+    windows = []
     for first in bounds:
-        own = slice(first, min(first + size, whole.time.size))
-        found.append(
+        samples = slice(first, min(first + size, whole.time.size))
+        windows.append(
             Window(
                 file=record.file,
                 continues_previous=first > 0,
-                time=whole.time[own],
-                velocity=whole.velocity[own],
-                torque=whole.torque[own],
-                extra=whole.extra[own],
-                smooth=_means(own.stop - own.start, decimation),
-                measured=record.position[part][own],
-                drive=drive[part][own],
+                time=whole.time[samples],
+                velocity=whole.velocity[samples],
+                torque=whole.torque[samples],
+                extra=whole.extra[samples],
+                smooth=_means(samples.stop - samples.start, decimation),
+                measured=record.position[part][samples],
+                drive=drive[part][samples],
             )
         )
-    return found
+    return windows
 
 
 def _means(samples: int, decimation: int) -> sparse.csr_array | None:
@@ -190,10 +196,10 @@ def _step(current: Current) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _chain(steps: int, every: int, current: Current, windows: int) -> ca.Function:
-    """Many steps of the state and, beside it, of its derivatives by its start and by the parameters: of all these, y at every sample but the first.
+    """Many steps of the state and, beside it, of its derivatives by its start and by the parameters.
 
-    (the start: y, v, z and their derivatives, column by column; the steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on
-    for each window.
+    Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
+    steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
     """
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
     by = ca.SX.sym("by", 3, 3 + _FREE)

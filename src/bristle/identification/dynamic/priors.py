@@ -16,10 +16,10 @@ from bristle.estimation.profile_likelihood import Profiled
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
-from bristle.identification.dynamic.multistart import solve_dynamic, without_deflections
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
+from bristle.identification.dynamic.unknowns import solve_dynamic, without_deflections
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model import functions
@@ -44,7 +44,10 @@ Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
 class DynamicStages(NamedTuple):
-    """What moving runs tell, and how it stands beside the other stages; None, or empty, where there is no such thing."""
+    """What moving runs tell, and how it stands beside the other stages.
+
+    None, or empty, where there is no such thing.
+    """
 
     alone: TrackingFit | None = None
     """All parameters from the moving runs alone."""
@@ -90,7 +93,7 @@ def fit_with_priors(
     def fitted(
         posed: DynamicProblem, starts: int, *others: Values
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
-        """The fit of a problem from some starts, and, where they are asked for, its profiles, which may have improved it."""
+        """The fit of a problem from some starts; its profiles, where they are asked for, may improve it."""
         refit = partial(fit_tracking, posed, start, kind, tests)
         solved = refit(starts=starts, others=others)
         if not uncertainty:
@@ -98,7 +101,10 @@ def fit_with_priors(
         return profile_until_stable(solved, lambda end: refit(starts=1, others=[end]), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-        """The fit without the bias of encoder counts, where there are counts, and with its intervals three ways, where they are asked for."""
+        """The fit without the bias of encoder counts, and with its intervals three ways.
+
+        Each only where there are counts, and where intervals are asked for.
+        """
         fit = without_count_bias(solved, records, pose, options.position_cutoff, count) if count else solved.fit
         return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
@@ -138,7 +144,7 @@ def _crosschecked(solved: DynamicSolution) -> DynamicSolution:
 def _output_error_problem(
     experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
 ) -> DynamicProblem:
-    """The same as `_equation_error_problem` where the motor is simulated, whose inertia is then a parameter, fixed or not."""
+    """`_equation_error_problem` where the motor is simulated, whose inertia is a parameter, fixed or not."""
     known, _ = inertia(experiment)
     options, asked = experiment.fit, regressors(experiment)
     if known is not None:
@@ -194,7 +200,10 @@ def _start(
 
 
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
-    """sigma_0 from presliding of one direction, or of both by their inverse variances; None where there is none with an error."""
+    """sigma_0 from presliding of one direction, or of both by their inverse variances.
+
+    None where there is none with an error.
+    """
     estimates = [fit.sigma_0 for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
     known = [(e.value, e.standard_error) for e in estimates if e.value and e.standard_error]
     if not known:

@@ -2,7 +2,7 @@
 
     T = T_f(v; alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1) + J dv/dt + offset + gravity
 
-Each stretch without a gap has a bristle deflection z0 of its own to begin with. Both sides pass the decimation filter.
+Each segment between gaps has a bristle deflection z0 of its own to begin with. Both sides pass the decimation filter.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,12 +14,11 @@ import numpy as np
 from scipy import sparse
 
 from bristle.arrays import Array
-from bristle.data.differentiation import stretches
+from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.problem import Block
-from bristle.identification.decimation import decimator
-from bristle.identification.moving_runs import extra_columns, inertial
+from bristle.estimation.nonlinear import Block
+from bristle.identification.moving_runs import decimator, extra_columns, inertial
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_into
 
@@ -43,7 +42,7 @@ Values = Mapping[Any, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """A stretch of a moving run without a gap, of N samples and n equations."""
+    """A segment of a moving run between gaps, of N samples and n equations."""
 
     file: str
     time: Array
@@ -127,7 +126,7 @@ class DynamicProblem:
 
     @property
     def names(self) -> tuple[Unknown, ...]:
-        """The free parameters: LuGre, extra regressors, then z0 of each stretch."""
+        """The free parameters: LuGre, extra regressors, then z0 of each segment."""
         every = (*self.friction_names, *self.extra_names)
         starts = (InitialState(name, k) for k in range(len(self.motions)) for name in self.initial_states)
         return (*(n for n in every if n not in self.fixed), *starts)
@@ -143,8 +142,8 @@ class DynamicProblem:
         )
 
     @property
-    def stretches(self) -> tuple[int, ...]:
-        """First equation of each stretch, which may go on over several motions."""
+    def starts(self) -> tuple[int, ...]:
+        """First equation of each segment between gaps, which may go on over several motions."""
         first = np.cumsum([0, *(m.size for m in self.motions)])[:-1].tolist()
         return tuple(k for k, m in zip(first, self.motions, strict=True) if not m.continues_previous)
 
@@ -155,7 +154,10 @@ class DynamicProblem:
 
     @property
     def extent(self) -> float:
-        """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
+        """What residuals are relative to.
+
+        The norm of the measured torque, or of the way from each motion's mean position.
+        """
         rows = [m.smoothed(m.measured) for m in self.motions]
         return float(
             np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
@@ -175,9 +177,11 @@ class DynamicProblem:
 Equations = Callable[
     [DynamicProblem, Values, Sequence[dict[Unknown, Array]]], Iterable[tuple[Array, dict[Unknown, Array]]]
 ]
-"""(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's derivatives by name, (N,) each.
+"""(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's
+derivatives by name, (N,) each.
 
-The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is returned.
+The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is
+returned.
 """
 
 
@@ -190,9 +194,10 @@ def dynamic_problem(
     fixed: Mapping[ParameterName, float] | None = None,
     shared: tuple[str, ...] = (),
 ) -> DynamicProblem:
-    """The problem that moving records pose; arguments as in `regression.from_records`, and what is fixed or shared as in `DynamicProblem`.
+    """The problem that moving records pose.
 
-    Raises InputError where a record lacks what a regressor needs, is at rest, or has a stretch too short for the filter.
+    Arguments as in `regression.from_records`, and what is fixed or shared as in `DynamicProblem`. Raises InputError
+    where a record lacks what a regressor needs, is at rest, or has a segment too short for the filter.
     """
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
@@ -209,7 +214,7 @@ def dynamic_problem(
                 f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
             )
         known = 0.0 if inertia is None else inertial(record, inertia)
-        for part in stretches(record):
+        for part in between_gaps(record):
             smooth, _ = decimator([np.array([part.stop - part.start])], decimation, record.file)
             motions.append(
                 Motion(
@@ -239,9 +244,10 @@ def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[f
 
 
 def residuals(problem: DynamicProblem, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
-    """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative by the problem's `names`, (n, p); no priors.
+    """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative, (n, p).
 
-    `values` holds every name of `problem.names`; `chain` (p,) multiplies each derivative.
+    That is by the problem's `names`; priors are left out. `values` holds every name of `problem.names`; `chain` (p,)
+    multiplies each derivative.
     """
     known: Values = {**problem.fixed, **values}
     names = problem.names
@@ -255,17 +261,17 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
         for m, rows in zip(problem.motions, blocks, strict=True)
     ]
     by_motion = problem.equations(problem, known, memory)
-    for m, here, (rest, own) in zip(problem.motions, blocks, by_motion, strict=True):
+    for m, here, (rest, slope_of) in zip(problem.motions, blocks, by_motion, strict=True):
         left[here] = m.smoothed(rest)
-        for name in own.keys() & row_of.keys():
-            np.multiply(m.smoothed(own[name]), factor[row_of[name]], out=slopes[row_of[name], here])
+        for name in slope_of.keys() & row_of.keys():
+            np.multiply(m.smoothed(slope_of[name]), factor[row_of[name]], out=slopes[row_of[name], here])
     return left, slopes.T
 
 
 def equation_error(
     problem: DynamicProblem, known: Values, memory: Sequence[dict[Unknown, Array]]
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
-    """Of each motion measured less modelled torque at its samples, N*m, (N,), and the derivative of the modelled one by each unknown."""
+    """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
     keys = [problem.key(name, d) for d, name in product(problem.directions, Lugre._fields)]
     for k, m in enumerate(problem.motions):
@@ -274,18 +280,18 @@ def equation_error(
         own_memory = (memory[k].pop(key, None) for key in every)  # a shared parameter has it once
         rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
         rolled = rollout_into(rows, m.velocity, m.step, p, known[z0], m.coarsening)
-        own = by_name(problem, rows[:-1])
-        own |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {z0: rows[-1]}
-        yield m.torque - rolled.torque - m.extra @ extra, own
+        slope_of = by_name(problem, rows[:-1])
+        slope_of |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {z0: rows[-1]}
+        yield m.torque - rolled.torque - m.extra @ extra, slope_of
 
 
 def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Array]:
     """The derivatives by each LuGre parameter, 6 or 12 of (N,), by name; those of a shared one are added up."""
-    own: dict[Unknown, Array] = {}
+    slope_of: dict[Unknown, Array] = {}
     for (d, name), row in zip(product(problem.directions, Lugre._fields), rows, strict=True):
         key = problem.key(name, d)
-        own[key] = own[key] + row if key in own else row
-    return own
+        slope_of[key] = slope_of[key] + row if key in slope_of else row
+    return slope_of
 
 
 def modelled(problem: DynamicProblem, values: Values) -> list[Array]:

@@ -30,7 +30,10 @@ Refit = Callable[[Values], DynamicSolution]
 def profile_until_stable(
     solved: DynamicSolution, refit: Refit, progress: Progress | None = None
 ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
-    """The profile of each parameter, and the fit: solved again, and saying so, where a profile solved a better optimum."""
+    """The profile of each parameter, and the fit.
+
+    Solved again, and saying so, where a profile solved a better optimum.
+    """
     warnings: tuple[Diagnostic, ...] = ()
     for refits in range(_RESTARTS + 1):
         seen, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
@@ -78,7 +81,10 @@ def _three(
     drawn: tuple[Array, Array] | None,
     blocks: int,
 ) -> Uncertainty:
-    """One parameter's intervals, and where they part; `drawn` are the ends of the bootstrap's interval, and its draws."""
+    """One parameter's intervals, and where they part.
+
+    `drawn` are the ends of the bootstrap's interval, and its draws.
+    """
     moved = _moved(solved, name, e)
     low, high = moved(np.array(profile.interval)).tolist()
     ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
@@ -108,7 +114,10 @@ def _three(
 
 
 def _moved(solved: DynamicSolution, name: ParameterName, e: Estimate) -> Callable[[Array], Array]:
-    """What takes the bias of counts off values of a parameter, and spreads them as it widens the error; ends that are open stay."""
+    """What takes the bias of counts off values of a parameter, and spreads them as it widens the error.
+
+    Ends that are open stay.
+    """
     value = solved.values[name]
     limits = float(solved.solution.posed.unknowns.least[solved.problem.names.index(name)]), np.inf
     new, wider = value if e.value is None else e.value, 1.0

@@ -1,16 +1,30 @@
-"""The descent over the scaled unknowns of moving data: alpha_0, v_s and sigma_0 as logarithms, the others over a typical size."""
+"""The descent over the scaled unknowns of moving data, from one start or from several.
 
+alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.levenberg_marquardt import Minimum, minimise
-from bristle.estimation.problem import Evaluate, LeastSquares, Unknowns
-from bristle.estimation.separable import descend
-from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, residuals
-from bristle.identification.identifiability import SEEN
+from bristle.estimation.multistart import MultistartSolution, solve_from_starts
+from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, descend, minimise
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    InitialState,
+    Motion,
+    Unknown,
+    Values,
+    modelled,
+    parameters,
+    residuals,
+)
+from bristle.model.parameters import STRIBECK_REACH, Lugre, ParameterName
+from bristle.model.rollout import rollout
 
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
@@ -26,6 +40,8 @@ _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
+_APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
+"""How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
 
 
 def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Unknown, float], Minimum]:
@@ -33,8 +49,8 @@ def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Un
 
     Raises InputError as `minimise` does.
     """
-    posed, found = solved(problem, start, most)
-    return posed.unknowns.values(found.x), found
+    posed, minimum = solved(problem, start, most)
+    return posed.unknowns.values(minimum.x), minimum
 
 
 def solved(problem: DynamicProblem, start: Values, most: int) -> tuple[LeastSquares[Unknown], Minimum]:
@@ -46,7 +62,10 @@ def solved(problem: DynamicProblem, start: Values, most: int) -> tuple[LeastSqua
 
 
 def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
-    """Where a quick descent over a few of many samples ends, if samples between those like it better than the start; else the start."""
+    """Where a quick descent over a few of many samples ends, if samples between those like it better than the start.
+
+    Else it is the start.
+    """
     if problem.quantity == "position" or sum(m.time.size for m in problem.motions) < _LARGE:
         return start
     few, between = (
@@ -54,10 +73,10 @@ def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: V
     )
     begin = unknowns.scaled(start)
     try:
-        found = minimise(_evaluation(few, unknowns), begin, unknowns.lower, unknowns.upper, most, _NEAR)
+        rough = minimise(_evaluation(few, unknowns), begin, unknowns.lower, unknowns.upper, most, _NEAR)
     except InputError:
         return start
-    near, measured = unknowns.values(found.x), between.measured
+    near, measured = unknowns.values(rough.x), between.measured
     return min((near, start), key=lambda values: np.sum((measured - np.concatenate(modelled(between, values))) ** 2))
 
 
@@ -70,24 +89,27 @@ def _thinned(motion: Motion, first: int) -> Motion:
 
 
 def polished(
-    problem: DynamicProblem, posed: LeastSquares[Unknown], found: Minimum
+    problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves; kept where it is lower."""
-    if problem.quantity == "torque" or found.converged:
-        return posed, found
-    values = posed.unknowns.values(found.x)
+    """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves.
+
+    It is kept where it is lower.
+    """
+    if problem.quantity == "torque" or minimum.converged:
+        return posed, minimum
+    values = posed.unknowns.values(minimum.x)
     near = least_squares(problem, values)
     better = descend(near, near.unknowns.scaled(values), _POLISH)
-    return (near, better) if better.cost <= found.cost else (posed, found)
+    return (near, better) if better.cost <= minimum.cost else (posed, minimum)
 
 
 def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
-    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`; and bounds.
+    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`.
 
-    What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its fastest
-    speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends by more than ten
-    times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held the
-    joint. z0 lies within twice the typical deflection.
+    And bounds. What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its
+    fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends by more than
+    ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held
+    the joint. z0 lies within twice the typical deflection.
     """
     torque, speed = (max(float(np.abs(getattr(m, x)).max()) for m in problem.motions) for x in ("torque", "velocity"))
     travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
@@ -99,7 +121,7 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
         "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
         "alpha_1": (torque, 0.0, _MOST),
         "alpha_2": (damping, 0.0, np.inf),
-        "v_s": (1.0, *np.log([1e-4 * speed, speed / SEEN])),
+        "v_s": (1.0, *np.log([1e-4 * speed, speed / STRIBECK_REACH])),
         "sigma_0": (1.0, *np.log([1e-1 * torque / travel, 1e9 * torque / travel])),
         "sigma_1": (damping, 0.0, np.inf),
         "z0": (max(alpha_0) / min(sigma_0), -2.0, 2.0),
@@ -129,7 +151,7 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
         evaluate=_evaluation(problem, unknowns),
         blocks=problem.blocks,
         independent=problem.quantity == "position",
-        stretches=problem.stretches,
+        starts=problem.starts,
         priors=sum(len(prior.names) for prior in problem.priors),
         sigma=problem.sigma,
     )
@@ -141,7 +163,10 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
     weight = np.repeat(weights, sizes) if any(one != 1 for one in weights) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,); a single infinite residual where they overflow."""
+        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,).
+
+        A single infinite residual where they overflow.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             natural = unknowns.natural(x)
             if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
@@ -153,11 +178,58 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
         if weight is not None:
             rows, slopes = rows * weight, slopes * weight[:, None]
         for prior in problem.priors:
-            own = [problem.names.index(name) for name in prior.names]
-            slope = np.zeros((len(own), x.size))
-            slope[:, own] = problem.sigma * prior.root * chain[own]
-            rows = np.append(rows, problem.sigma * (prior.root @ (natural[own] - prior.value)))
+            columns = [problem.names.index(name) for name in prior.names]
+            slope = np.zeros((len(columns), x.size))
+            slope[:, columns] = problem.sigma * prior.root * chain[columns]
+            rows = np.append(rows, problem.sigma * (prior.root @ (natural[columns] - prior.value)))
             slopes = np.vstack([slopes, slope])
         return rows, slopes
 
     return evaluate
+
+
+def solve_dynamic(
+    problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values] = ()
+) -> MultistartSolution[Unknown]:
+    """The lowest minimum from several starts, and the covariance there."""
+    rng = np.random.default_rng(seed)
+    moved = ({name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1))
+    first, random = with_deflections(problem, start), (with_deflections(problem, whole) for whole in moved)
+    return solve_from_starts(partial(solved, problem), (first, *others), random, partial(polished, problem))
+
+
+def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
+    """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
+    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+    rows: Array = solution.minimum.residuals[: weight.size] / weight
+    return rows
+
+
+def _factor(name: str, rng: np.random.Generator) -> float:
+    reach = np.log(_APART.get(name, 3.0))
+    return float(np.exp(rng.uniform(-reach, reach))) if name in Lugre._fields else 1.0
+
+
+def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
+    """A start with what each motion begins with.
+
+    The deflection that carries its first torque, within the steady one, and the first position. Where a motion goes on
+    from the one before, the deflection is that to which the estimated velocity has brought it.
+    """
+    p = parameters(problem, start)
+    out, end = dict(start), 0.0
+    for k, m in enumerate(problem.motions):
+        acting = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
+        most = acting.alpha_0 / acting.sigma_0
+        z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / acting.sigma_0, -most, most))
+        if m.continues_previous:
+            z0 = end
+        end = float(rollout(m.velocity, m.step, p, z0).z[-1]) if problem.quantity == "position" else z0
+        first = {"y0": float(m.measured[0]), "v0": float(m.velocity[0]), "z0": z0}
+        out |= {InitialState(name, k): first[name] for name in problem.initial_states}
+    return out
+
+
+def without_deflections(values: Values) -> dict[ParameterName, float]:
+    """The values without the deflections at the start of each segment."""
+    return {name: value for name, value in values.items() if isinstance(name, ParameterName)}

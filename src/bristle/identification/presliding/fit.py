@@ -1,4 +1,7 @@
-"""sigma_0 and sigma_1 from slow loading below breakaway, 3.2: the estimators of sigma_0 side by side, breakaway, loops, and (15)."""
+"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper).
+
+The estimators of sigma_0 stand side by side; then come breakaway, loops, and (15).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

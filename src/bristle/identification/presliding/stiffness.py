@@ -1,12 +1,14 @@
-"""The stiffness sigma_0 from slow loading, by four estimators: (14) as printed, its closed-form inverse, edge to edge, and all samples.
+"""The stiffness sigma_0 from slow loading, by four estimators.
 
-While the joint loads slowly from zero torque, T = g0 (1 - exp(-sigma_0 y / g0)), so U = -g0 log(1 - T / g0) is sigma_0 times the displacement y.
-Where inside a count the joint rests is not known: only differences of y are. One encoder count is q.
+(14) as printed, its closed-form inverse, edge to edge, and all samples. While the joint loads slowly from zero torque,
+T = g0 (1 - exp(-sigma_0 y / g0)), so U = -g0 log(1 - T / g0) is sigma_0 times the displacement y. Where inside a count
+the joint rests is not known: only differences of y are. One encoder count is q.
 
     printed      T1 / x1 at the first displacement x1 that is measured (14)
     corrected    U1 / x1: exact where rest lies on a count edge
     edges        the slope of U over y at the count edges, each loading with an intercept of its own
-    samples      one over the slope of y over U, all samples, time as the instrument: neither counts nor torque noise follow the time
+    samples      one over the slope of y over U, all samples, time as the instrument: neither counts nor
+                 torque noise follow the time
 """
 
 from collections.abc import Sequence
@@ -35,7 +37,10 @@ _PHASES = 64
 
 
 class KnownValue(NamedTuple):
-    """A quantity from elsewhere: g0 = alpha_0 + alpha_1, the torque at which slow loading slides (N*m), or the inertia (kg*m**2)."""
+    """A quantity from elsewhere.
+
+    g0 = alpha_0 + alpha_1, the torque at which slow loading slides (N*m), or the inertia (kg*m**2).
+    """
 
     value: float
     standard_error: float
@@ -56,7 +61,9 @@ class Piece:
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
-    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`; a lower bound where counts hide the motion.
+    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
+
+    A lower bound where counts hide the motion.
 
     Args:
         loadings: of one direction, at least one.
@@ -79,8 +86,8 @@ def count_edges(loadings: Sequence[Loading], level: KnownValue) -> int:
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
     """Relative bias of (14) for u = sigma_0 q / g0: -0.5 is half of the truth.
 
-    Returns it where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over a uniformly distributed rest
-    position in the count; each of the shape of u, u > 0.
+    Returns it where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over a
+    uniformly distributed rest position in the count; each of the shape of u, u > 0.
     """
     on_edge = -np.expm1(-u) / u
     below = u < 1e-4  # where the differences below would be rounding
@@ -164,7 +171,10 @@ def _estimate(
 def _first_count(
     loadings: Sequence[Loading], g0: float, quantum: float, kind: JointKind, noise: float, *, corrected: bool
 ) -> Estimate:
-    """(14), or its inverse, averaged over the loadings; the interval is that of a rest position anywhere in the count, and of noise in U."""
+    """(14), or its inverse, averaged over the loadings.
+
+    The interval is that of a rest position anywhere in the count, and of noise in U.
+    """
     T = np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
     if T.size == 0:
         return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
@@ -182,7 +192,10 @@ def _first_count(
 
 
 def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:
-    """Edges of each loading that has two or more, about their weighted means: y and U, each times the root of its weight."""
+    """Edges of each loading that has two or more, about their weighted means.
+
+    y and U, each times the root of its weight.
+    """
     ys, Us = [], []
     for p in pieces:
         if p.edge_y.size > 1:
@@ -193,7 +206,7 @@ def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:
 
 
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
-    """Slope of U over y at the count edges by weighted least squares, its standard error, and its degrees of freedom."""
+    """Slope of U over y at the count edges by weighted least squares, its standard error and degrees of freedom."""
     ys, Us = centred(pieces)
     y, U = np.concatenate(ys), np.concatenate(Us)
     slope = float(y @ U / (y @ y))
@@ -232,7 +245,10 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
-    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting the fitted displacement."""
+    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests.
+
+    They are found by counting the fitted displacement.
+    """
     values = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading

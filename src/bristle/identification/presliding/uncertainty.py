@@ -1,8 +1,8 @@
-"""The 95 % interval of a presliding stiffness three ways: covariance, profile, bootstrap; g0 is known with an error of its own.
+"""The 95 % interval of a presliding stiffness three ways: covariance, profile, bootstrap.
 
-Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its inverse for the estimator by all
-samples, whose line gives that. What g0 may be its own stage says; loading is not let to correct it, for its bend tells
-of g0 only where the model is exact. So with x = (g0 - level) / its error
+g0 is known with an error of its own. Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its
+inverse for the estimator by all samples, whose line gives that. What g0 may be its own stage says; loading is not let
+to correct it, for its bend tells of g0 only where the model is exact. So with x = (g0 - level) / its error
 
     Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2,    u is inside where Q <= F(0.95; 1, freedom) = t**2,
 
@@ -126,14 +126,17 @@ def _pair(ends: Array) -> tuple[float, float]:
 
 
 def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inverse: bool) -> _Line:
-    """The estimator at values of g0 about the level, as far as any edges lie below them; `spread` is what counts add to e."""
+    """The estimator at values of g0 about the level, as far as any edges lie below them.
+
+    `spread` is what counts add to e.
+    """
 
     def at(g0: float) -> tuple[float, float, float]:
         """u, e and degrees of freedom at one g0; no u where nothing is left to estimate from."""
-        own = [of_loading(loading, g0) for loading in loadings]
-        if not inverse and not any(one.edge_y.size > 1 for one in own):
+        pieces = [of_loading(loading, g0) for loading in loadings]
+        if not inverse and not any(one.edge_y.size > 1 for one in pieces):
             return np.nan, np.nan, 1.0
-        value, error, freedom = by_samples(own) if inverse else by_edges(own)
+        value, error, freedom = by_samples(pieces) if inverse else by_edges(pieces)
         return (1 / value, float(np.hypot(error / value**2, spread)), freedom) if inverse else (value, error, freedom)
 
     reach = student(at(level.value)[2])
@@ -161,19 +164,22 @@ def _profile(line: _Line) -> tuple[Array, Array]:
 
 
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
-    """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data; `error` is the estimate's."""
+    """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data.
+
+    `error` is the estimate's.
+    """
     drawn = _by_samples(pieces, seed) if inverse else _by_edges(pieces, seed)
     middle, e = map(float, line.at(0.0))
     steps = drawn.steps[:, 0]
-    own = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
-    data = float(np.sqrt(np.mean(own**2)))
+    errors = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
+    data = float(np.sqrt(np.mean(errors**2)))
     rng = np.random.default_rng([seed, 1])
     g0, rest = rng.standard_normal((2, steps.size))
     other = max(error**2 - e**2, 0.0)  # by g0
     counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
     moved = line.at(g0)[0] - middle
     steps = steps + np.sqrt(counts) * rest
-    studentised = (steps - moved) / np.sqrt(own**2 + counts + other)
+    studentised = (steps - moved) / np.sqrt(errors**2 + counts + other)
     return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
 
 

@@ -1,12 +1,11 @@
-"""Many static data sets that share their velocities, in a few matrix products: estimates, standard errors, and both kinds of interval.
+"""Many static data sets that share their velocities, in a few matrix products.
 
-What v_s changes - the Stribeck column and its slope, each off the linear columns, and their products with the data - is
-tabulated on a grid of log(v_s) once for all sets, and interpolated by polynomials through six neighbours. Each set then
-has a few small sums of its own. Tables and errors in closed form are for speed: a projection or a Jacobian for each set
-would take many times as long.
+Estimates, standard errors, and both kinds of interval. What v_s changes - the Stribeck column and its slope, each off
+the linear columns, and their products with the data - is tabulated on a grid of log(v_s) once for all sets, and
+interpolated by polynomials through six neighbours. Each set then has a few small sums of its own. Tables and errors in
+closed form are for speed: a projection or a Jacobian for each set would take many times as long.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,14 +15,13 @@ from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profile_threshold
-from bristle.identification.static.grid import log_grid, solve
-from bristle.identification.static.problem import Regression, from_points
+from bristle.identification.static.grid import Projected, solve
+from bristle.identification.static.problem import Regression, from_points, log_grid
 from bristle.identification.static.profiles import profiled
-from bristle.identification.static.projection import Projected
-from bristle.model.parameters import Stribeck
 
 GRID = 96
-"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them."""
+"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
+"""
 COARSE = 48
 """As many are enough for the minimum alone."""
 _NEWTON = 4
@@ -39,8 +37,9 @@ _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=T
 
 
 class Tables(NamedTuple):
-    """What depends on v_s: of the Stribeck column s and its slope d by log(v_s), off the linear columns and relative to the length of s there.
+    """What depends on v_s.
 
+    Of the Stribeck column s and its slope d by log(v_s), off the linear columns and relative to the length of s there.
     So scaled, nothing vanishes where hardly a point is left within v_s, and polynomials hold over the whole range.
     """
 
@@ -78,9 +77,8 @@ class Batch:
         projected = Projected(problem)
         values, q = log_grid(v_s_range, grid), projected.q
         shapes, slopes = problem.slopes(values)
-        slopes = slopes * values
-        inside = np.stack([q.T @ shapes, q.T @ slopes])
-        off, steep = shapes - q @ inside[0], slopes - q @ inside[1]
+        (of_shapes, off), (of_slopes, steep) = projected.without(shapes), projected.without(slopes * values)
+        inside = np.stack([of_shapes, of_slopes])
         products = np.hstack([q, off]).T @ torques
         in_q, along = products[: q.shape[1]], products[q.shape[1] :]
         length = np.maximum(np.linalg.norm(off, axis=0), 1e-300)
@@ -99,10 +97,10 @@ class Batch:
         return max(int(self.torques.shape[0]) - len(self.problem.names), 1)
 
     def errors(self, *, robust: bool = False) -> Array:
-        """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets); inf where alpha_1 is zero.
+        """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets).
 
-        Robust ones allow for a variance that differs from point to point (HC3: each residual over one less its
-        leverage).
+        inf where alpha_1 is zero. Robust ones allow for a variance that differs from point to point (HC3: each residual
+        over one less its leverage).
         """
         if robust:
             return self._robust_errors()
@@ -139,7 +137,10 @@ class Batch:
         return self._floored(self.theta - reach), self.theta + reach
 
     def profile_intervals(self) -> tuple[Array, Array]:
-        """Lower and upper ends where the profile crosses its threshold, (p, sets) each; 0 and inf where it does not within the range of v_s."""
+        """Lower and upper ends where the profile crosses its threshold, (p, sets) each.
+
+        0 and inf where it does not within the range of v_s.
+        """
         best = self.cost
         threshold = best * profile_threshold(1.0, self.torques.shape[0], len(self.problem.names))
         ends, broken = zip(*(self._crossing(threshold, last) for last in (0.0, self.grid - 1.0)), strict=True)
@@ -152,7 +153,7 @@ class Batch:
             box=box[:, None],
             looks=_LOOKS,
             cost=best,
-            bounded=np.append(np.isfinite(self.problem.lower), True),
+            bounded=np.isfinite(self.problem.least[:-1]),
         )
         low, high = (
             np.vstack([x.T, self._v_s(end)])
@@ -162,18 +163,13 @@ class Batch:
         high[-2, open_[0] | open_[1]] = np.inf
         alone = self._alone | self._breaks(box) | broken[0] | broken[1] | linear.broken | (best <= 0)
         for k in np.flatnonzero(alone).tolist():
-            own = self._one(k)
-            one = profiled(own, solve(own, self.v_s_range, self.grid)).intervals
-            low[:, k], high[:, k] = np.array([one[name] for name in own.names]).T
+            single = self.problem.with_torque(self.torques[:, k])
+            intervals = profiled(single, solve(single, self.v_s_range, self.grid)).intervals
+            low[:, k], high[:, k] = np.array([intervals[name] for name in single.names]).T
         return self._floored(low), high
 
-    def _one(self, k: int) -> Regression:
-        return replace(self.problem, torque=self.torques[:, k].copy(), memory={})
-
     def _floored(self, low: Array) -> Array:
-        bounded = np.array([name.name in Stribeck._fields for name in self.problem.names])
-        floored: Array = np.where(bounded[:, None], np.maximum(low, 0.0), low)
-        return floored
+        return np.maximum(low, self.problem.least[:, None])
 
     def _v_s(self, x: Array) -> Array:
         values: Array = self._base * np.exp(self._step * x)
@@ -185,8 +181,8 @@ class Batch:
         weights = np.vander((x - first).ravel(), 6, increasing=True) @ _TO_POLYNOMIAL
         weights = weights.reshape(*x.shape, 6)
         near = first[..., None] + _NEIGHBOURS
-        own = self._tables.along[near, np.arange(x.shape[0])[:, None, None]]
-        tables = (*(table[..., near] for table in self._tables[:4]), own)
+        along = self._tables.along[near, np.arange(x.shape[0])[:, None, None]]
+        tables = (*(table[..., near] for table in self._tables[:4]), along)
         return Tables(*(np.einsum("...sqi,sqi->...sq", table, weights) for table in tables))
 
     def _costs(self, at: Tables) -> Array:
@@ -206,18 +202,17 @@ class Batch:
         linear, alpha_1 = self._without - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
         self.theta = np.vstack([linear, alpha_1, self._v_s(self._x)])
         self.cost = np.maximum(self._costs(at)[:, 0], 0.0)
-        lower = np.append(self.problem.lower, 0.0)
-        self._alone = (self.theta[:-1] <= lower[:, None]).any(axis=0) | ~inside_grid
+        self._alone = (self.theta[:-1] <= self.problem.least[:-1, None]).any(axis=0) | ~inside_grid
         for k in np.flatnonzero(self._alone).tolist():
-            one = solve(self._one(k), self.v_s_range, self.grid)
+            one = solve(self.problem.with_torque(self.torques[:, k]), self.v_s_range, self.grid)
             self.theta[:, k], self.cost[k] = one.theta, one.cost
             self._x[k] = np.clip(np.log(one.theta[-1] / self._base) / self._step, 0.0, last)
 
     def _crossing(self, threshold: Array, last: float) -> tuple[Array, Array]:
-        """Where the profile over log(v_s) crosses the threshold between the minimum and that end of the grid, (sets,); and which sets have it twice.
+        """Where the profile over log(v_s) crosses the threshold between the minimum and that end of the grid, (sets,).
 
-        The root of what the profile lies above its minimum is nearly linear: the secant method finds it, or halving
-        where that leaves the bracket.
+        And which sets have it twice. The root of what the profile lies above its minimum is nearly linear: the secant
+        method finds it, or halving where that leaves the bracket.
         """
         room = np.maximum(threshold - self.cost, 1e-300)
         inner, outer, sign = self._x.copy(), np.full_like(self._x, last), np.sign(last - self._x)
@@ -239,7 +234,10 @@ class Batch:
         return np.where(to_end, last, x), twice
 
     def _breaks(self, x: Array) -> NDArray[np.bool_]:
-        """Whether the solution at any of the grid coordinates x, (sets, q), breaks a bound but alpha_1's, so that the profile costs more there."""
+        """Whether the solution at any of the grid coordinates x, (sets, q), breaks a bound but alpha_1's.
+
+        The profile then costs more there.
+        """
         at = self._at(x)
         theta = self._without[..., None] - at.inside[0] * np.maximum(at.along, 0.0)
         broken: NDArray[np.bool_] = (theta < self.problem.lower[:, None, None]).any(axis=(0, 2))
@@ -268,11 +266,12 @@ def solve_batch(
         grid: as in `solve`, >= 8.
 
     Returns:
-        theta, shape (4, sets), in the order alpha_0, alpha_2, alpha_1, v_s; and the cost, shape (sets,). Sets whose minimum lies at the end
-        of the range, or whose free solution breaks a bound, are solved one by one, as `solve` does.
+        theta, shape (4, sets), in the order alpha_0, alpha_2, alpha_1, v_s; and the cost, shape (sets,). Sets whose
+        minimum lies at the end of the range, or whose free solution breaks a bound, are solved one by one, as `solve`
+        does.
     """
-    found = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, v_s_range, grid)
-    return found.theta, found.cost
+    batch = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, v_s_range, grid)
+    return batch.theta, batch.cost
 
 
 def _steepest(along: Array) -> Array:

@@ -1,7 +1,8 @@
-"""The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once, from several starts.
+"""The full nonlinear fit beside the grid.
 
-Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols,
-derivatives are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
+The same data by CasADi + IPOPT, all static parameters at once, from several starts. Nothing of the grid is used but its
+range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives are exact, variables are scaled
+(v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
 from collections.abc import Sequence
@@ -13,11 +14,10 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.results import Crosscheck
-from bristle.identification.static.compression import reduced
-from bristle.identification.static.problem import Regression
-from bristle.identification.static.unknowns import unknowns_of
+from bristle.identification.static.problem import Regression, unknowns_of
+from bristle.identification.static.profiles import reduced
 from bristle.model import law
-from bristle.model.parameters import Direction, ParameterName, Stribeck
+from bristle.model.parameters import WITHOUT_PEAK, Direction, ParameterName, Stribeck
 
 STARTS = 8
 """Random starts of the full fit."""
@@ -31,7 +31,9 @@ OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 def full_fit(
     problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS, seed: int = SEED
 ) -> list[Array]:
-    """All parameters of a static problem at once, by IPOPT: theta, in the order of the problem's `names`, where each random start ended.
+    """All parameters of a static problem at once, by IPOPT.
+
+    theta, in the order of the problem's `names`, where each random start ended.
 
     Args:
         problem: the data.
@@ -71,10 +73,10 @@ def crosscheck(
     ended = full_fit(problem, v_s_range)
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
     same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)
-    values, errors, *found = (
+    values, errors, *minima = (
         dict(zip(problem.names, one.tolist(), strict=True)) for one in (theta, standard_errors, *ended)
     )
-    other = compared(values, cost, errors, found, costs, same)
+    other = compared(values, cost, errors, minima, costs, same)
     verdict = Kind.GRID_LOWER(grid=cost, full=other.cost_full)
     if other.agrees:
         verdict = Kind.ROUTES_AGREE(worst=other.worst, reached=other.reached, starts=STARTS)
@@ -84,15 +86,18 @@ def crosscheck(
 
 
 def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque as a CasADi expression; for smoothed equations, of fewer ones with the same sum of squares up to a constant."""
+    """Measured minus modelled torque as a CasADi expression.
+
+    For smoothed equations, of fewer ones with the same sum of squares up to a constant.
+    """
     few = reduced(problem, v_s_range)
     value = dict(zip(few.names, theta, strict=True))
     known = 2 * len(few.directions)
     extra = ca.vertcat(*(value[name] for name in few.linear_names[known:]))
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, known:]), extra)
     for direction in few.directions:
-        own = {name: value[key] for name in Stribeck._fields if (key := ParameterName(name, direction)) in value}
-        p = Stribeck(**{"alpha_1": 0.0, "v_s": 1.0, **own})
+        given = {name: value[key] for name in Stribeck._fields if (key := ParameterName(name, direction)) in value}
+        p = Stribeck(**{**WITHOUT_PEAK, **given})
         moving = few.velocity != 0
         if len(few.directions) == 2:
             moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0

@@ -15,11 +15,9 @@ from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings
 from bristle.identification.results import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.static.crosscheck import crosscheck
-from bristle.identification.static.fit_warnings import huber_warnings
 from bristle.identification.static.grid import default_range, plain_grid, solve
-from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.stribeck_test import StaticSolution, solve_static
+from bristle.identification.static.solution import StaticSolution, huber, solve_static
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
@@ -61,7 +59,8 @@ def fit_static(
         timings: where the seconds of the grid and of the full fit are written, by name.
 
     Returns:
-        Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
+        Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit
+        `shared`.
     """
     v_s_range = options.v_s_range or default_range(problem.velocity)
     too_few = _too_few(problem)
@@ -86,7 +85,10 @@ def fit_static(
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
-    """The parameters of one direction alone, with their intervals, and nothing that stands beside them: what a study of many data sets repeats."""
+    """The parameters of one direction alone, with their intervals, and nothing that stands beside them.
+
+    What a study of many data sets repeats.
+    """
     core = solve_static(problem, options, kind, options.v_s_range or default_range(problem.velocity))
     return {name.name: e for name, e in core.parameters.items()}
 
@@ -123,6 +125,31 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
     )
 
 
+def _huber_warnings(
+    core: StaticSolution,
+    robust: Mapping[ParameterName, float],
+    errors: Mapping[ParameterName, float],
+    weight: Array,
+    where: PointInfo,
+) -> list[Diagnostic]:
+    """Where least squares and Huber (with its standard errors) differ by over two combined ones, and the points responsible.
+
+    `weight` is each point's Huber weight, (n,).
+    """
+    moved = []
+    for name, estimate in core.parameters.items():
+        if estimate.standard_error and estimate.value is not None:
+            distance = abs(robust[name] - estimate.value) / np.hypot(estimate.standard_error, errors[name])
+            if distance > 2:
+                moved.append((core.problem.text(name), float(distance)))
+    if not moved:
+        return []
+    points = where.segments
+    responsible = [str(points[k]) for k in np.argsort(weight)[:5] if weight[k] < 0.7] if points else []
+    by = Kind.RESPONSIBLE(points=tuple(responsible)) if responsible else ""
+    return [Kind.HUBER_DIFFERS(moved=tuple(moved), points=by)]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Comparisons:
     """The same parameters by other ways, which a fit is shown with."""
@@ -153,7 +180,7 @@ def _comparisons(
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
     warnings = [
-        *huber_warnings(core.problem, core.parameters, robust, errors, weight, tuple(map(str, where.segments))),
+        *_huber_warnings(core, robust, errors, weight, where),
         *core.warnings,
     ]
     without: Mapping[ParameterName, Estimate] = {}
@@ -167,14 +194,10 @@ def _comparisons(
             without = alone.parameters
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
-    residuals, velocity = core.problem.residuals(core.solution.theta)[measured], _equation_velocity(problem)[measured]
+    residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]
     warnings += residual_warnings(residuals, velocity, where.time, where.position)
     three = three_ways(core, v_s_range)
     return _Comparisons(plain=plain, robust=robust, without=without, three=three, warnings=tuple(warnings))
-
-
-def _equation_velocity(problem: Regression) -> Array:
-    return problem.velocity if problem.smooth is None else problem.smooth @ problem.velocity
 
 
 def _static_fit(
@@ -183,7 +206,7 @@ def _static_fit(
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
     problem, theta = core.problem, core.solution.theta
     two = len(problem.directions) == 2
-    velocity = _equation_velocity(problem)
+    velocity = problem.equation_velocity
     residuals = problem.residuals(theta)
     rows = (
         np.ones(residuals.size, dtype=bool)
@@ -202,8 +225,7 @@ def _static_fit(
     order = sorted(parameters, key=lambda name: (*Stribeck._fields, name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names]
     torque = problem.friction(theta) if part != "shared" else problem.torque
-    measured = problem.torque if problem.known is None else problem.torque + problem.known
-    norm = float(np.linalg.norm(measured[rows]))
+    norm = float(np.linalg.norm(problem.measured[rows]))
     return StaticFit(
         direction=part,
         parameters={name: parameters[name] for name in order},

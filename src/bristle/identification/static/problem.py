@@ -1,10 +1,12 @@
 """The static problem as arrays: measured torque against linear columns and one Stribeck column per direction.
 
-    T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors      (9)-(12)
+    T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors
+    (9)-(12)
 
-Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak), where a peak is a direction
-that has a Stribeck term.
-Moving data pass both sides through the same linear smoothing; points at constant velocity pass as they are.
+Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak),
+where a peak is a direction that has a Stribeck term. Moving data pass both sides through the same linear smoothing;
+points at constant velocity pass as they are. What has no use for the grid takes all parameters at once
+(`nonlinear_problem`).
 """
 
 from collections.abc import Sequence
@@ -17,10 +19,10 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.identification.decimation import decimator
-from bristle.identification.moving_runs import extra_columns, inertial, needed
+from bristle.estimation.nonlinear import LeastSquares, Unknowns
+from bristle.identification.moving_runs import decimator, extra_columns, inertial, needed
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
-from bristle.model.parameters import Direction, ParameterName
+from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 
 Tables = tuple[Array, ...]
@@ -48,7 +50,8 @@ class Regression:
     root_weight: Array | None = None
     """Square root of each equation's weight, shape (n,)."""
     memory: dict[tuple[object, str, bytes], Tables] = field(default_factory=dict, repr=False)
-    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same grid."""
+    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same
+    grid."""
     priors: int = 0
     """How many of the last equations are priors, not measurements."""
     known: Array | None = None
@@ -64,9 +67,32 @@ class Regression:
         return name.name if len(self.directions) == 1 else str(name)
 
     @property
+    def least(self) -> Array:
+        """What each parameter may be at least: 0 for friction, -inf for the extra regressors.
+
+        In the order of `names`.
+        """
+        return np.array([0.0 if name.name in Stribeck._fields else -np.inf for name in self.names])
+
+    @property
     def lower(self) -> Array:
-        """Lower bounds of the linear columns: 0 for friction, -inf for the extra regressors."""
-        return np.array([0.0 if name.name.startswith("alpha") else -np.inf for name in self.linear_names])
+        """`least` of the linear columns, (m,)."""
+        return self.least[: len(self.linear_names)]
+
+    @property
+    def logarithmic(self) -> NDArray[np.bool_]:
+        """Which parameters a step moves by their logarithm: v_s; in the order of `names`."""
+        return np.array([name.name == "v_s" for name in self.names])
+
+    @property
+    def measured(self) -> Array:
+        """`torque` with what was taken off it, N*m, (n,)."""
+        return self.torque if self.known is None else self.torque + self.known
+
+    @property
+    def equation_velocity(self) -> Array:
+        """Velocity of each equation, rad/s, (n,)."""
+        return self.velocity if self.smooth is None else self.smooth @ self.velocity
 
     def shapes(self, v_s: Array, direction: int = 0) -> Array:
         """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
@@ -103,8 +129,7 @@ class Regression:
 
     def relative_error(self, theta: Array) -> float:
         """100 * norm(measured - modelled) / norm(measured), percent; nan where nothing was measured but zeros."""
-        measured = self.torque if self.known is None else self.torque + self.known
-        norm = float(np.linalg.norm(measured))
+        norm = float(np.linalg.norm(self.measured))
         return 100 * float(np.linalg.norm(self.residuals(theta))) / norm if norm else float("nan")
 
     def split(self, theta: Array) -> tuple[Array, Array]:
@@ -122,6 +147,10 @@ class Regression:
         """The same problem with each equation multiplied by the square root of its weight, (n,)."""
         root = np.sqrt(weight)
         return replace(self, torque=self.torque * root, linear=self.linear * root[:, None], root_weight=root)
+
+    def with_torque(self, torque: Array) -> "Regression":
+        """The same velocities with another torque, N*m, (n,)."""
+        return replace(self, torque=torque.copy(), memory={})
 
     def rows(self, keep: NDArray[np.bool_]) -> "Regression":
         """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
@@ -157,10 +186,20 @@ class Regression:
         return tuple(row.T for row in rows)
 
 
+def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
+    """Values of v_s spaced evenly in log(v_s), both ends included, (grid,)."""
+    low, high = v_s_range
+    values: Array = low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1)))
+    return values
+
+
 def from_points(
     velocity: Array, torque: Array, directions: tuple[str, ...], extra: dict[str, Array] | None = None
 ) -> Regression:
-    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m. `extra` holds known columns by name."""
+    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m.
+
+    `extra` holds known columns by name.
+    """
     return _build(velocity, torque, directions, extra or {}, None)
 
 
@@ -173,8 +212,9 @@ def from_records(
 ) -> tuple[Regression, tuple[Array, Array], int]:
     """The problem for moving data, as robot identification poses it.
 
-    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order Butterworth, forward and
-    backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end of a stretch without gaps are dropped.
+    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order
+    Butterworth, forward and backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end
+    of a segment between gaps are dropped.
 
     Args:
         records: with velocity, torque, and acceleration or position where a regressor needs them.
@@ -184,16 +224,17 @@ def from_records(
         inertia: where it is known, kg*m**2: its torque is taken off.
 
     Returns:
-        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples dropped at ends.
+        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation;
+        samples dropped at ends.
 
     Raises:
-        InputError: where a stretch is too short for the filter, with the length it needs.
+        InputError: where a segment is too short for the filter, with the length it needs.
     """
     smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
     velocity = np.concatenate([needed(r, "velocity") for r in records])
     torque = np.concatenate([needed(r, "torque") for r in records])
     columns = [extra_columns(regressors, record) for record in records]
-    extra = {name: np.concatenate([own[name] for own in columns]) for name in columns[0]}
+    extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     problem = _build(velocity, torque, directions, extra, smooth)
     if inertia is not None:
         known = smooth @ np.concatenate([inertial(r, inertia) for r in records])
@@ -207,7 +248,10 @@ def from_records(
 def with_prior(
     problem: Regression, name: ParameterName, value: float, standard_error: float, sigma: float
 ) -> Regression:
-    """The problem with one more equation: parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma."""
+    """The problem with one more equation.
+
+    Parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma.
+    """
     weight = sigma / standard_error
     row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
     smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
@@ -254,3 +298,37 @@ def _build(
 
 def _moves(velocity: Array, direction: str) -> Array:
     return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
+
+
+def nonlinear_problem(problem: Regression, v_s_range: tuple[float, float]) -> LeastSquares[ParameterName]:
+    """The problem without the grid.
+
+    Residuals and their exact Jacobian by the scaled parameters, v_s within its range (rad/s).
+    """
+    unknowns = unknowns_of(problem, v_s_range)
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        """Residuals, (n,), and Jacobian, (n, p), at scaled parameters, (p,)."""
+        theta = unknowns.natural(x)
+        return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
+
+    return LeastSquares(unknowns=unknowns, evaluate=linearised, priors=problem.priors)
+
+
+def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns[ParameterName]:
+    """The parameters in the order of the problem's `names`.
+
+    A typical size is the torque over the column's largest entry.
+    """
+    torque, peaks = float(np.abs(problem.torque).max()) or 1.0, len(problem.peaks)
+    columns = np.abs(problem.linear).max(axis=0)
+    columns[columns == 0] = 1.0
+    low, high = np.log(v_s_range)
+    return Unknowns(
+        names=problem.names,
+        logarithmic=problem.logarithmic,
+        scale=np.concatenate([torque / columns, np.full(peaks, torque), np.ones(peaks)]),
+        lower=np.concatenate([problem.lower, np.zeros(peaks), np.full(peaks, low)]),
+        upper=np.concatenate([np.full(columns.size + peaks, np.inf), np.full(peaks, high)]),
+        least=problem.least,
+    )

@@ -1,22 +1,24 @@
-"""The exact profile of every parameter of a static fit: where its cost, minimised over all other parameters, stays below a threshold.
+"""The exact profile of every parameter of a static fit: where its cost, minimised over all others, is below a threshold.
 
 At given v_s the problem is linear, so that the profiles of the others follow no path: see
-`estimation.conditional_profile`; eta is log(v_s).
+`estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few equations: the same static problem, a
+hundred times smaller (`reduced`).
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
+from scipy.interpolate import BSpline
 
 from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
-from bristle.identification.static.compression import reduced
-from bristle.identification.static.grid import Solution
-from bristle.identification.static.problem import Regression
-from bristle.identification.static.projection import Projected, subsets
+from bristle.identification.static.grid import GRID, Projected, Solution, subsets
+from bristle.identification.static.problem import Regression, log_grid
 from bristle.model.parameters import ParameterName
 
 _LOOKS = (
@@ -33,6 +35,10 @@ _AROUND = (0.5, 2.0, 101)
 """Of two peaks, where the other v_s is searched, over its best: from, to, values."""
 _ROUNDING = 1e-13
 """Of what the linear columns leave of the torque: costs this near are the same."""
+_NODES = 1000
+"""Velocities that stand for all of moving data."""
+_SLOWEST = 1e-7
+"""Of the fastest speed: where they begin."""
 
 
 class StaticProfiles(NamedTuple):
@@ -53,7 +59,10 @@ class StaticProfiles(NamedTuple):
         return None if self.linear.better is None else np.exp(self.linear.better)
 
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
-        """A linear parameter's profile about its estimate, from half a width below its interval to half a width above, (2, k)."""
+        """A linear parameter's profile about its estimate, (2, k).
+
+        From half a width below its interval to half a width above.
+        """
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
         ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
@@ -62,10 +71,10 @@ class StaticProfiles(NamedTuple):
 
 
 def profiled(problem: Regression, solution: Solution, variance_inflation: float = 1.0) -> StaticProfiles:
-    """The profiles of a problem's solution; `variance_inflation` is by how much correlated residuals inflate the variance.
+    """The profiles of a problem's solution.
 
-    v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range; alpha_1 goes with it,
-    and has no upper end then.
+    `variance_inflation` is by how much correlated residuals inflate the variance. v_s is open, 0 or inf, where its
+    profile stays below the threshold to the end of the range; alpha_1 goes with it, and has no upper end then.
     """
     threshold = profile_threshold(solution.cost, problem.torque.size, len(problem.names), variance_inflation)
     few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem
@@ -73,7 +82,7 @@ def profiled(problem: Regression, solution: Solution, variance_inflation: float 
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]
     v_s = _of_v_s(few, solution, best, threshold)
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
-    bounded = np.array([name.name.startswith("alpha") for name in names])
+    bounded = np.isfinite(few.least[: len(names)])
     free = Projected(few)
 
     def faces(j: int) -> Iterator[Face]:
@@ -93,12 +102,78 @@ def profiled(problem: Regression, solution: Solution, variance_inflation: float 
         looks=_LOOKS[peaks],
         tolerance=_ROUNDING * free.rest_cost,
     )
-    found = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
+    intervals = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
     for name, (low, high) in v_s.items():
         if low == 0 or not np.isfinite(high):
             alpha_1 = name._replace(name="alpha_1")
-            found[alpha_1] = found[alpha_1][0], np.inf
-    return StaticProfiles(found | v_s, threshold, few, linear)
+            intervals[alpha_1] = intervals[alpha_1][0], np.inf
+    return StaticProfiles(intervals | v_s, threshold, few, linear)
+
+
+def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
+    """The problem in fewer equations and velocities.
+
+    The same sums of squares for every theta with v_s in the range, to about 1e-8 of the torque's. Nothing is left out
+    that the columns or the torque hold, so the costs are the same, not only the minimum. Points that are not smoothed
+    are returned as they are.
+    """
+    if problem.smooth is None:
+        return problem
+    basis = _basis(problem, v_s_range)
+    weight = np.ones(problem.torque.size) if problem.root_weight is None else problem.root_weight
+    two = len(problem.directions) == 2
+    velocities, shares = [], []
+    for sign in (1.0, -1.0) if two else (1.0,):
+        moving = problem.velocity * sign > 0 if two else problem.velocity != 0
+        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ (basis * weight[:, None])).T)
+        velocities.append(sign * nodes)
+        shares.append(sign * sums)
+    return replace(
+        problem,
+        velocity=np.concatenate(velocities),
+        torque=basis.T @ problem.torque,
+        linear=basis.T @ problem.linear,
+        smooth=sparse.csr_array(np.concatenate(shares, axis=1)),
+        root_weight=None,
+        known=None,
+        memory={},
+    )
+
+
+def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
+    """Orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8."""
+    values = log_grid(v_s_range, GRID)
+    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
+    columns = np.column_stack([problem.linear, *shapes, problem.torque])
+    sizes = np.linalg.norm(columns, axis=0)
+    left, lengths, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
+    kept: Array = left[:, lengths > 1e-8 * lengths[0]]
+    return kept
+
+
+def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
+    """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
+
+    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so
+    each sample's share can be handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
+
+    Args:
+        velocity: of the samples, none zero, (N,).
+        shares: of each sample in r sums, (r, N).
+
+    Returns:
+        The nodes, positive, (m,), and their shares, (r, m).
+    """
+    speed = np.abs(velocity)
+    high = float(np.log(speed.max()))
+    low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
+    at = np.linspace(low, max(high, low + 1.0), _NODES)
+    knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
+    on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
+    on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
+    of_splines = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T, dtype=np.float64)
+    nodes: Array = np.exp(at)
+    return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)
 
 
 def _over_log(projected: Projected) -> Face:
@@ -106,7 +181,10 @@ def _over_log(projected: Projected) -> Face:
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
-    """Over which values of the other v_s the profile of a peak's own is minimised, where there are two: near its best, and the grid, (k,)."""
+    """Over which values of the other v_s the profile of a peak's own is minimised, where there are two.
+
+    Near its best, and the grid, (k,).
+    """
     other = float(solution.theta[solution.theta.size - 1 - peak])
     return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)
 
@@ -116,8 +194,8 @@ def _of_v_s(
 ) -> dict[ParameterName, tuple[float, float]]:
     """The interval of v_s of each peak; of two, the other's v_s is searched on the grid and near its best."""
     projected, peaks = Projected(problem), len(problem.peaks)
-    found = {}
+    intervals = {}
     for k, name in enumerate(problem.names[len(problem.names) - peaks :]):
         costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
-        found[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
-    return found
+        intervals[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
+    return intervals

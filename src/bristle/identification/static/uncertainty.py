@@ -1,18 +1,36 @@
-"""The 95 % intervals of a static fit three ways: covariance, profile, bootstrap; and where they part."""
+"""The 95 % intervals of a static fit three ways: covariance, profile, bootstrap; and where they part.
+
+The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes
+by one step. v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import FEW, SHOWN
+from bristle.estimation.bootstrap import (
+    FEW,
+    REFITS,
+    SHOWN,
+    Resampled,
+    block_bootstrap,
+    linear_refit,
+    residual_bootstrap,
+)
 from bristle.identification.results import Uncertainty
-from bristle.identification.static import bootstrap
+from bristle.identification.static.batch import Batch
+from bristle.identification.static.grid import Projected, Solution
+from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import others
-from bristle.identification.static.projection import Projected
-from bristle.identification.static.stribeck_test import StaticSolution
+from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
+SEED = 0
+"""Of the bootstrap."""
 _FEW = 8
 """Points beyond the parameters, below which they are few."""
 _DRAWN, _BEYOND = 61, 0.6
@@ -20,7 +38,7 @@ _DRAWN, _BEYOND = 61, 0.6
 
 
 def three_ways(
-    solved: StaticSolution, v_s_range: tuple[float, float], seed: int = bootstrap.SEED
+    solved: StaticSolution, v_s_range: tuple[float, float], seed: int = SEED
 ) -> dict[ParameterName, Uncertainty]:
     """The intervals of every parameter of a solved and judged problem, by the problem's names.
 
@@ -32,10 +50,8 @@ def three_ways(
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
     few = Kind.POINTS_FOR_PARAMETERS(points=n, parameters=len(names)) if spare < _FEW else None
-    out, drawn = (
-        {},
-        bootstrap.resample(solved.problem, solved.solution, v_s_range, seed=seed, covariance=solved.covariance),
-    )
+    drawn = resample(solved.problem, solved.solution, v_s_range, seed=seed, covariance=solved.covariance)
+    out = {}
     for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn[:3], strict=True):
         at_bound, resampled = name in solved.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
         covariance, profile = solved.student[name], solved.profiled.intervals[name]
@@ -75,3 +91,96 @@ def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
     cost = Projected(problem).profile(values, peak, others(solved.solution, len(problem.peaks), peak))
     room = max(solved.profiled.threshold - solved.solution.cost, 1e-300)
     return np.stack([values, np.maximum(cost - solved.solution.cost, 0.0) / room])
+
+
+class StaticDraws(NamedTuple):
+    """What draws do to p parameters, in their units."""
+
+    low: Array
+    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the
+    parameter; nan: there is none."""
+    high: Array
+    """(p,)."""
+    draws: Array
+    """(p, b)."""
+    wild: bool
+    """Whether signs and sizes of residuals are drawn, not their places."""
+
+
+def resample(
+    problem: Regression,
+    solution: Solution,
+    v_s_range: tuple[float, float],
+    draws: int = REFITS,
+    seed: int = SEED,
+    covariance: Array | None = None,
+) -> StaticDraws:
+    """Intervals of every parameter in the order of the problem's `names`.
+
+    Points of which each stands alone, with at most one peak, are fitted again; parameters of others go one step of
+    Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw.
+
+    Args:
+        problem: the equations.
+        solution: its solution.
+        v_s_range: as it was solved with.
+        draws: resampled sets, >= 40; of moving data there are always as many.
+        seed: of the generator.
+        covariance: of the parameters at no bound; of moving data alone.
+    """
+    keep = np.ones(len(problem.names), dtype=bool)
+    if problem.smooth is None and len(problem.peaks) < 2:
+        drawn, errors = _refitted(problem, solution, v_s_range, draws, seed)
+    else:
+        keep = np.array([name not in solution.at_bound for name in problem.names])
+        drawn, errors = _stepped(problem, solution, keep, seed, covariance)
+    if problem.smooth is not None and drawn.blocks < FEW:
+        keep[:], errors = False, errors[:0]
+    ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
+    best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))
+
+    def moved(steps: Array) -> Array:
+        """All parameters moved by steps, (p, k); nan for what is not stepped."""
+        out = np.full((keep.size, steps.shape[1]), np.nan)
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = np.where(logarithmic, best * np.exp(steps), best + steps)
+        out[keep] = np.maximum(off, floor)
+        return out
+
+    low, high = moved(ends).T
+    return StaticDraws(low, high, moved(drawn.steps.T[: best.size]), drawn.wild)
+
+
+def _refitted(
+    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int, seed: int
+) -> tuple[Resampled, Array]:
+    best, logarithmic = solution.theta[:, None], problem.logarithmic[:, None]
+
+    def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
+        """How far the whole grid's estimates lie off, and their standard errors.
+
+        inf where nothing is seen of a parameter.
+        """
+        torques = (problem.torque - solution.residuals)[:, None] + residuals
+        if not problem.peaks:
+            theta, errors = linear_refit(problem.linear, torques, uneven)
+            return theta - best, errors
+        batch = Batch(problem, torques, v_s_range)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.where(logarithmic, np.log(batch.theta / best), batch.theta - best)
+        size = np.where(logarithmic, np.column_stack([best, batch.theta[:, 1:]]), 1.0)
+        return steps, batch.errors(robust=uneven) / size
+
+    return residual_bootstrap(solution.jacobian, solution.residuals, problem.velocity, refit, draws, seed)
+
+
+def _stepped(
+    problem: Regression, solution: Solution, keep: NDArray[np.bool_], seed: int, covariance: Array | None
+) -> tuple[Resampled, Array]:
+    size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
+    J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
+    if problem.smooth is None or covariance is None:
+        return residual_bootstrap(J, left, problem.velocity, seed=seed)
+    sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
+    drawn = block_bootstrap(-J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed)
+    return drawn, np.sqrt(np.diag(covariance)) / size

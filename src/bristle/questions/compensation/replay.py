@@ -15,7 +15,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
-from bristle.control.packing import flat, symbols
+from bristle.control.control_period import flat, symbols
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import inertia, regressors

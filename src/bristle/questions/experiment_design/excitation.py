@@ -10,7 +10,7 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
-from bristle.data.differentiation import stretches
+from bristle.data.differentiation import between_gaps
 from bristle.identification.fisher import covariance, gram
 from bristle.identification.limits import SAMPLES, Limits
 from bristle.identification.measured import Measured
@@ -115,7 +115,7 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
 
 def measured_motion(measured: Measured, problem: MotionProblem) -> MotionDesign | None:
     """The longest motion measured so far, as if it had taken as long as the planned one; None where there is none."""
-    parts = [(record, part) for record in measured.moving(hold_out=False) for part in stretches(record)]
+    parts = [(record, part) for record in measured.moving(hold_out=False) for part in between_gaps(record)]
     record, part = max(parts, key=lambda x: x[1].stop - x[1].start, default=(None, slice(0)))
     if record is None or record.velocity is None or record.acceleration is None:
         return None

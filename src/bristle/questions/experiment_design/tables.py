@@ -7,7 +7,7 @@ import pandas as pd
 
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre, Stribeck, unit
-from bristle.page import spreadsheet
+from bristle.page import columns
 from bristle.questions.experiment_design.plan import AIMS, Plan
 from bristle.questions.experiment_design.velocities import Design
 
@@ -37,7 +37,7 @@ def references(plan: Plan) -> pd.DataFrame:
 
 def to_csv(plan: Plan) -> str:
     """`references` as CSV; what is not commanded is empty."""
-    return spreadsheet.to_csv(references(plan), "%.10g")
+    return columns.to_csv(references(plan), "%.10g")
 
 
 def velocities(plan: Plan) -> pd.DataFrame:

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from bristle import __version__
 from bristle.identification.known_joint import Known, chosen, moving_estimates, moving_fits, stage_estimates
-from bristle.identification.results import Joint
-from bristle.identification.results_document import Document, adapter
+from bristle.identification.results import Document, Joint, adapter
 
 if TYPE_CHECKING:
     import pandas as pd

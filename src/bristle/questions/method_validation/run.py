@@ -17,8 +17,8 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.batch import solve_batch
-from bristle.identification.static.grid import PLAIN_GRID, log_grid, plain_grid
-from bristle.identification.static.projection import Projected
+from bristle.identification.static.grid import PLAIN_GRID, Projected, plain_grid
+from bristle.identification.static.problem import log_grid
 from bristle.progress import Progress
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import CaseSet

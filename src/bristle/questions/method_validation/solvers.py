@@ -14,11 +14,10 @@ from scipy.optimize import least_squares
 
 from bristle.arrays import Array, result
 from bristle.estimation.ipopt import ends, natural, solver
-from bristle.estimation.problem import Unknowns
+from bristle.estimation.nonlinear import Unknowns
 from bristle.identification.static import grid
 from bristle.identification.static.crosscheck import OPTIONS
-from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.unknowns import unknowns_of
+from bristle.identification.static.problem import Regression, from_points, unknowns_of
 from bristle.model import law
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
 from bristle.model.parameters import ParameterName, Stribeck

@@ -4,9 +4,9 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, FailFast, Field
 
+from bristle.arrays import JsonForm, Matrix
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Estimate
-from bristle.json_form import JsonForm, Matrix
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName
 

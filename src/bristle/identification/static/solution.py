@@ -1,4 +1,7 @@
-"""One static problem solved and judged: which Stribeck terms the data support, and an interval and its warnings on each parameter."""
+"""One static problem solved and judged.
+
+Which Stribeck terms the data support, and an interval and its warnings on each parameter.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,23 +14,24 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
-from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import best_column_p_value
-from bristle.identification.identifiability import SEEN
 from bristle.identification.results import Estimate, Profile
-from bristle.identification.static.fit_warnings import fit_warnings, is_closed
-from bristle.identification.static.grid import Solution, descended, solve
-from bristle.identification.static.huber import huber
+from bristle.identification.static.grid import Projected, Solution, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
-from bristle.identification.static.projection import Projected
-from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
+from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 
 SUPPORTED = 0.05
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
 UNTOUCHED = 0.34
-"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1 is invented."""
+"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
+is invented."""
+TUNING = 1.345
+"""Residuals beyond this many scales count linearly: 95 % efficiency on Gaussian noise (Huber, 1981)."""
+_REFITS = 30
+_SETTLED = 1e-4
 _NEAR = 40
 """Values of v_s around the minimum at which the profile is drawn."""
 
@@ -55,7 +59,10 @@ class StaticSolution:
 def solve_static(
     problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float]
 ) -> StaticSolution:
-    """Solve, drop the Stribeck terms that the data do not support, and put an interval and its warnings on each parameter."""
+    """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
+
+    With each interval go its warnings.
+    """
     solution, again = None, tuple[Diagnostic, ...]()
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
@@ -68,7 +75,7 @@ def solve_static(
         problem = problem.weighted(huber(problem, v_s_range, options.grid)[1])
     if solution is None or dropped or options.loss == "huber":
         solution = solve(problem, v_s_range, options.grid)
-    variance_inflation = inflation(solution.residuals) if problem.smooth is not None else 1.0
+    variance_inflation = _inflation(problem, solution)
     likelihood = profiled(problem, solution, variance_inflation)
     if likelihood.better is not None:
         solution = descended(problem, solution, likelihood.better.tolist(), v_s_range)
@@ -83,7 +90,7 @@ def solve_static(
         d: likelihood.intervals[name]
         for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
     }
-    warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
+    warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
         problem=problem,
@@ -101,13 +108,35 @@ def solve_static(
     )
 
 
+def huber(problem: Regression, v_s_range: tuple[float, float], grid: int) -> tuple[Solution, Array]:
+    """The static problem under Huber's loss, by iteratively reweighted least squares.
+
+    Its scale from the median absolute residual. Returns the solution and each equation's weight in (0, 1], shape (n,);
+    a weight well below one marks an outlier.
+    """
+    weight = np.ones(problem.torque.size)
+    solution = solve(problem, v_s_range, grid)
+    freedom = max(problem.torque.size - solution.theta.size, 1) / problem.torque.size
+    for _ in range(_REFITS):
+        residuals = np.abs(problem.residuals(solution.theta))
+        limit = TUNING * 1.4826 * float(np.median(residuals)) / np.sqrt(freedom)
+        ratio = np.divide(limit, residuals, out=np.ones_like(residuals), where=residuals > 0)
+        new = np.minimum(1.0, ratio) if limit else weight
+        if np.abs(new - weight).max() < _SETTLED:
+            break
+        weight = new
+        solution = solve(problem.weighted(weight), v_s_range, grid)
+    return solution, weight
+
+
 def _student(
     problem: Regression, solution: Solution, covariance: Array, freedom: float
 ) -> dict[ParameterName, tuple[float, float]]:
     """The intervals by Student's t, by name; no friction parameter below zero."""
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(covariance))
-    floor = [0.0 if name.name in Stribeck._fields else -np.inf for name in problem.names]
-    ends = zip(np.maximum(solution.theta - reach, floor).tolist(), (solution.theta + reach).tolist(), strict=True)
+    ends = zip(
+        np.maximum(solution.theta - reach, problem.least).tolist(), (solution.theta + reach).tolist(), strict=True
+    )
     return dict(zip(problem.names, ends, strict=True))
 
 
@@ -115,7 +144,7 @@ def _unsupported(
     problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
 ) -> dict[Direction, Diagnostic]:
     """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
-    variance_inflation = inflation(solution.residuals) if problem.smooth is not None else 1.0
+    variance_inflation = _inflation(problem, solution)
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
     _, v_s = problem.split(solution.theta)
@@ -126,25 +155,23 @@ def _unsupported(
         unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
         ratio = gain / unexplained / variance_inflation
         p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
-        why = None
+        speeds, why = _speeds(problem, direction), None
+        fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SUPPORTED:
             why = Kind.LIKE_NOISE(percent=100 * p)
-        elif v_s[k] * SEEN > _fastest(problem, direction):
-            why = Kind.BEND(v_s=v_s[k], fastest=_fastest(problem, direction), seen=SEEN)
-        elif v_s[k] < UNTOUCHED * _slowest(problem, direction):
-            why = Kind.ONE_SPEED(v_s=v_s[k], slowest=_slowest(problem, direction))
+        elif v_s[k] * STRIBECK_REACH > fastest:
+            why = Kind.BEND(v_s=v_s[k], fastest=fastest, seen=STRIBECK_REACH)
+        elif v_s[k] < UNTOUCHED * slowest:
+            why = Kind.ONE_SPEED(v_s=v_s[k], slowest=slowest)
         if why is not None:
             asked = "" if options.v_s_range is None else Kind.RANGE_ASKED(low=v_s_range[0], high=v_s_range[1])
             dropped[direction] = Kind.NO_STRIBECK(direction=direction, why=why, asked=asked)
     return dropped
 
 
-def _fastest(problem: Regression, direction: str) -> float:
-    return float(_speeds(problem, direction).max())
-
-
-def _slowest(problem: Regression, direction: str) -> float:
-    return float(_speeds(problem, direction).min())
+def _inflation(problem: Regression, solution: Solution) -> float:
+    """By how much correlated residuals inflate the variance; points stand alone."""
+    return inflation(solution.residuals) if problem.smooth is not None else 1.0
 
 
 def _speeds(problem: Regression, direction: str) -> Array:
@@ -183,7 +210,7 @@ def _profiles(
 
 
 def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
-    """Values of v_s, even in log(v_s), from where the profile falls below ten times the threshold's height to where it rises above."""
+    """Values of v_s, even in log(v_s), where the profile is below ten times the threshold's height."""
     low = np.flatnonzero(cost <= best_cost + 10 * (threshold - best_cost))
     near = np.append(low, np.searchsorted(grid, best))
     first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
@@ -233,3 +260,52 @@ def _outcome(
     if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
         return Kind.STATIC_AT_EDGE()
     return Kind.STATIC_AT_BOUND() if solution.at_bound else Kind.STATIC_CONVERGED()
+
+
+def _fit_warnings(
+    problem: Regression,
+    solution: Solution,
+    jacobian: Array,
+    intervals: Mapping[Direction, tuple[float, float]],
+    profiles: Mapping[Direction, Profile],
+    v_s_range: tuple[float, float],
+    variance_inflation: float,
+) -> tuple[Diagnostic, ...]:
+    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p), `intervals` are of v_s."""
+    warnings = [Kind.BOUND(name=problem.text(name)) for name in solution.at_bound]
+    for direction, profile in profiles.items():
+        warnings += _profile_warnings(direction, profile, intervals[direction], v_s_range)
+        speeds = np.abs(problem.velocity) if direction == "both" else _speeds(problem, direction)
+        below = np.count_nonzero(speeds < profile.best)
+        if below < 3:
+            warnings.append(Kind.FEW_BELOW_V_S(below=below, points=speeds.size, direction=direction))
+    condition = uncertainty.condition(jacobian)
+    if condition > 1e3:
+        warnings.append(Kind.ILL_CONDITIONED(condition=condition))
+    if variance_inflation > 2:
+        residuals = problem.residuals(solution.theta)
+        warnings.append(Kind.CORRELATED(lag_one=lag_one(residuals), widened=np.sqrt(variance_inflation)))
+    return tuple(warnings)
+
+
+def _profile_warnings(
+    direction: str, profile: Profile, interval: tuple[float, float], v_s_range: tuple[float, float]
+) -> list[Diagnostic]:
+    warnings = []
+    if interval[0] == 0 and np.isinf(interval[1]):
+        warnings.append(Kind.FLAT_PROFILE(direction=direction))
+    elif not is_closed(interval):
+        side = "below" if interval[0] == 0 else "above"
+        warnings.append(Kind.ONE_SIDED_PROFILE(direction=direction, side=side))
+    if not v_s_range[0] * 1.001 < profile.best < v_s_range[1] / 1.001:
+        warnings.append(Kind.AT_EDGE(direction=direction, low=v_s_range[0], high=v_s_range[1]))
+    inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
+    inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
+    seconds = profile.v_s[inner & (profile.cost <= profile.threshold)]
+    warnings += [Kind.SECOND_MINIMUM(direction=direction, v_s=s) for s in seconds]
+    return warnings
+
+
+def is_closed(interval: tuple[float, float]) -> bool:
+    """Whether an interval of v_s is limited on both sides."""
+    return interval[0] > 0 and bool(np.isfinite(interval[1]))

@@ -1,0 +1,262 @@
+"""Nonlinear least squares.
+
+The problem as residuals and their exact Jacobian over scaled unknowns, and its descent between bounds. Steps are Gauss
+and Newton's in a trust region (Levenberg and Marquardt). A step needs of the Jacobian only J'J and J'r, as many rows as
+unknowns: forming them is cheap beside the Jacobian itself. Squaring its condition makes a step less exact, not the
+minimum, where J'r vanishes.
+
+Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the
+rows of priors. Where blocks settle their own unknowns by themselves (variable projection), what is left is a small
+problem in the shared ones, whose Jacobian is the whole one's with each block's own columns projected out. One stubborn
+block then holds up no other.
+"""
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.errors import InputError
+
+Name = TypeVar("Name", bound=Hashable)
+Evaluate = Callable[[Array], tuple[Array, Array]]
+"""Scaled unknowns, (p,) -> residuals, (n,), and their Jacobian, (n, p); not finite where the unknowns are impossible.
+"""
+_DAMPING = 1e-4
+_MOST_DAMPING = 1e8
+_SETTLED = 1e-6
+"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-3 standard
+errors."""
+_FLAT = 1e-6
+"""Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen.
+"""
+_BLOCK_DAMPING, _MOST_BLOCK_DAMPING = 1e-2, 1e6
+_INNER = 8
+"""Evaluations in which blocks settle, where the shared unknowns moved a little ..."""
+_FIRST = 40
+"""... and the first time."""
+_BLOCK_SETTLED = 1e-7
+"""A block has settled when a step lowers its cost by less than this share."""
+
+
+class Block(NamedTuple):
+    """Rows of the residuals, and the unknowns that no other rows depend on."""
+
+    rows: slice
+    columns: list[int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unknowns(Generic[Name]):
+    """The free unknowns of a problem; a solver sees each as its logarithm, or over a typical size."""
+
+    names: tuple[Name, ...]
+    logarithmic: NDArray[np.bool_]
+    """Which stand as their logarithm, (p,)."""
+    scale: Array
+    """A typical size of each, (p,), > 0; 1 where it stands as its logarithm."""
+    lower: Array
+    """Bounds of the scaled unknowns, (p,), -inf where there is none."""
+    upper: Array
+    """The same from above."""
+    least: Array
+    """What each may be at all, in its unit: 0 or -inf, (p,). A side of an interval that data leave open ends there."""
+
+    def scaled(self, values: Mapping[Name, float]) -> Array:
+        """The unknowns as a solver sees them, (p,)."""
+        natural = np.array([values[name] for name in self.names], dtype=np.float64)
+        logarithms = np.log(natural, out=np.zeros(natural.size), where=self.logarithmic)
+        return np.where(self.logarithmic, logarithms, natural / self.scale)
+
+    def natural(self, x: Array) -> Array:
+        """The unknowns in their units from scaled ones, (p,)."""
+        return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x * self.scale)
+
+    def natural_of(self, which: int, x: Array) -> Array:
+        """One unknown in its unit at scaled values of it, (k,)."""
+        return np.exp(x) if self.logarithmic[which] else x * self.scale[which]
+
+    def slopes(self, x: Array) -> Array:
+        """Derivative of each unknown by its scaled one, (p,)."""
+        return np.where(self.logarithmic, self.natural(x), self.scale)
+
+    def values(self, x: Array) -> dict[Name, float]:
+        """The inverse of `scaled`."""
+        return dict(zip(self.names, self.natural(x).tolist(), strict=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeastSquares(Generic[Name]):
+    """The problem of the least sum of squared residuals between the bounds of its unknowns."""
+
+    unknowns: Unknowns[Name]
+    evaluate: Evaluate
+    blocks: tuple[Block, ...] = ()
+    """Groups of equations that have unknowns of their own, in the order of the rows."""
+    independent: bool = False
+    """Whether blocks err independently of one another, however correlated their own residuals are."""
+    starts: tuple[int, ...] = (0,)
+    """First equation of each segment between gaps; no correlation reaches over one."""
+    priors: int = 0
+    """How many of the last rows are priors, which scatter by `sigma` ..."""
+    sigma: float = 1.0
+    """... as the residuals do."""
+
+    @property
+    def shared(self) -> NDArray[np.intp]:
+        """The unknowns that no block has to itself, ascending."""
+        of_blocks = [k for block in self.blocks for k in block.columns]
+        return np.setdiff1d(np.arange(len(self.unknowns.names)), of_blocks)
+
+
+def projected(jacobian: Array, shared: NDArray[np.intp], blocks: tuple[Block, ...]) -> Array:
+    """Some shared unknowns' columns, (n, len(shared)), with what each block's own can do taken off."""
+    left = jacobian[:, shared]
+    for rows, columns in blocks:
+        basis = np.linalg.qr(jacobian[rows][:, columns])[0]
+        left[rows] -= basis @ (basis.T @ left[rows])
+    return left
+
+
+class Minimum(NamedTuple):
+    """Where a descent ended."""
+
+    x: Array
+    cost: float
+    residuals: Array
+    jacobian: Array
+    """Of the residuals with respect to x, (n, p)."""
+    steps: int
+    """Steps that lowered the cost."""
+    converged: bool
+
+
+def minimise(
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    start: Array,
+    lower: Array,
+    upper: Array,
+    most: int = 100,
+    settled: float = _SETTLED,
+) -> Minimum:
+    """The nearest minimum of the sum of squared residuals, lower <= x <= upper.
+
+    Args:
+        evaluate: x (p,) -> residuals (n,) and their Jacobian (n, p); not finite where x is impossible.
+        start: (p,); moved to the bounds where it lies beyond.
+        lower: bounds, (p,), -inf where there is none.
+        upper: bounds, (p,), inf where there is none.
+        most: steps tried.
+        settled: what lowers the cost by less than this share of the residuals' variance is no step any more.
+
+    Raises InputError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
+    """
+    x = np.clip(start, lower, upper)
+    residuals, jacobian = evaluate(x)
+    cost = float(residuals @ residuals)
+    if not np.isfinite(cost) or not (jacobian.T @ residuals).any():
+        what = "the gradient is zero" if np.isfinite(cost) else "the cost is not finite"
+        raise InputError(
+            f"at the start of the fit {what}; the motion shows none of the parameters, or the start is wrong"
+        )
+    damping, taken, scale, converged = _DAMPING, 0, np.zeros(x.size), False
+    gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
+    for _ in range(most):
+        scale = np.maximum(scale, np.sqrt(gram.diagonal()))
+        free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
+        step, expected = _step(gram, slope, scale, free, damping)
+        if expected <= settled * cost / residuals.size:
+            converged = True
+            break
+        trial = np.clip(x + step, lower, upper)
+        new_residuals, new_jacobian = evaluate(trial)
+        new_cost = float(new_residuals @ new_residuals)
+        gained = (cost - new_cost) / expected if np.isfinite(new_cost) else -1.0
+        if gained > 1e-4:
+            converged = cost - new_cost <= _FLAT * cost
+            x, residuals, jacobian, cost = trial, new_residuals, new_jacobian, new_cost
+            gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
+            taken += 1
+        damping = damping * (0.1 if gained > 0.75 else 1.0 if gained > 0.25 else 10.0)
+        if damping > _MOST_DAMPING:
+            converged = abs(cost - new_cost) <= 1e-9 * cost
+            break
+    return Minimum(x, cost, residuals, jacobian, taken, converged)
+
+
+def _step(gram: Array, slope: Array, scale: Array, free: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
+    """The damped Gauss-Newton step (p,), and by how much it lowers the linearised cost.
+
+    It is zero where an unknown is not free.
+    """
+    size = scale[free]
+    inner, right = gram[np.ix_(free, free)] / np.outer(size, size), slope[free] / size
+    taken = -np.linalg.lstsq(inner + damping * np.eye(size.size), right, rcond=1e-15)[0]
+    step = np.zeros(scale.size)
+    step[free] = taken / size
+    return step, float(-2 * taken @ right - taken @ inner @ taken)
+
+
+def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
+    """As `minimise`, for residuals in blocks; rows after the last block depend on shared unknowns alone."""
+    shared, lower, upper = problem.shared, problem.unknowns.lower, problem.unknowns.upper
+    best, residuals, jacobian = _settle(problem, np.clip(start, lower, upper), _FIRST)
+    if not shared.size:
+        return Minimum(best, float(residuals @ residuals), residuals, jacobian, 1, converged=True)
+    lowest = np.inf
+
+    def outer(p: Array) -> tuple[Array, Array]:
+        """Residuals, (n,), and their projected Jacobian at shared unknowns, with each block settled.
+
+        Remembers the best.
+        """
+        nonlocal best, lowest
+        x = best.copy()
+        x[shared] = p
+        x, rows, slopes = _settle(problem, x, _INNER)
+        cost = float(rows @ rows)
+        if not np.isfinite(cost):
+            return rows, slopes[:, : shared.size]
+        if cost < lowest:
+            best, lowest = x, cost
+        return rows, projected(slopes, shared, problem.blocks)
+
+    minimum = minimise(outer, best[shared], lower[shared], upper[shared], most)
+    residuals, jacobian = problem.evaluate(best)
+    return Minimum(best, float(residuals @ residuals), residuals, jacobian, minimum.steps, minimum.converged)
+
+
+def _settle(problem: LeastSquares[Any], x: Array, most: int) -> tuple[Array, Array, Array]:
+    """Each block's own unknowns at given shared ones: all unknowns, residuals, Jacobian."""
+    blocks, lower, upper = problem.blocks, problem.unknowns.lower, problem.unknowns.upper
+    residuals, jacobian = problem.evaluate(x)
+    if not np.isfinite(residuals @ residuals):
+        return x, residuals, jacobian
+    damping, busy = np.full(len(blocks), _BLOCK_DAMPING), np.ones(len(blocks), dtype=bool)
+    for _ in range(most):
+        trial = x.copy()
+        for k in np.flatnonzero(busy).tolist():
+            rows, columns = blocks[k]
+            slopes = jacobian[rows][:, columns]
+            size = np.maximum(np.sqrt(np.einsum("np,np->p", slopes, slopes)), 1e-300)
+            unit = slopes / size
+            inner = unit.T @ unit + damping[k] * np.eye(len(columns))
+            step = np.linalg.lstsq(inner, unit.T @ residuals[rows], rcond=1e-15)[0] / size
+            trial[columns] = np.clip(x[columns] - step, lower[columns], upper[columns])
+        new_residuals, new_jacobian = problem.evaluate(trial)
+        if not np.isfinite(new_residuals @ new_residuals):
+            damping *= 10
+            continue
+        for k in np.flatnonzero(busy).tolist():
+            rows, columns = blocks[k]
+            old, new = (float(r[rows] @ r[rows]) for r in (residuals, new_residuals))
+            if new <= old:
+                x[columns], residuals[rows], jacobian[rows] = trial[columns], new_residuals[rows], new_jacobian[rows]
+            busy[k] = not (old - new <= _BLOCK_SETTLED * old if new <= old else damping[k] > _MOST_BLOCK_DAMPING)
+            damping[k] *= 0.1 if new <= old else 10.0
+        if not busy.any():
+            break
+    return x, residuals, jacobian

@@ -1,0 +1,164 @@
+"""A static fit from an experiment's runs.
+
+From points at constant velocity, direction by direction or of both, or from moving runs.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.load import Experiment
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+from bristle.identification.measured import Measured
+from bristle.identification.moving_runs import DIRECTIONS, directions, gravity, inertia, refuse_opposing, regressors
+from bristle.identification.results import Crosscheck, StaticFit
+from bristle.identification.static.fit import PointInfo, fit_static
+from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
+from bristle.model.parameters import INERTIA, Stribeck
+
+
+def fit_points(
+    measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+    """Static parameters and the declared regressors from points at constant velocity: fits and cross-checks.
+
+    Raises InputError where a regressor needs what points do not have, or torque opposes velocity.
+    """
+    experiment = measured.experiment
+    asked = tuple(experiment.fit.regressors or ())
+    if measured.moving(hold_out=False):  # which can tell the inertia, as points cannot
+        asked = tuple(r for r in asked if r != "inertia")
+    if "inertia" in asked:
+        raise InputError(
+            f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
+            "leave it out, or give the runs as experiment: tracking"
+        )
+    held = measured.points(hold_out=True)
+    static: dict[str, StaticFit] = {}
+    checks: dict[str, Crosscheck] = {}
+    for d, sign in DIRECTIONS.items() if not asked else ():
+        v, T = (np.array([getattr(s, x) for s in points if s.velocity * sign > 0]) for x in ("velocity", "torque"))
+        refuse_opposing(experiment, v, T, f"at the {v.size} points of direction {d}")
+    for sides, group in _groups(points, asked, symmetric=experiment.fit.directions == "symmetric"):
+        signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
+        by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
+        tests = [(file, points_problem(s, sides, asked)) for file, s in by_file.items() if s]
+        fits, checked = fit_static(
+            points_problem(group, sides, asked),
+            experiment.fit,
+            experiment.joint.kind,
+            _point_info(group),
+            tests,
+            timings,
+        )
+        static |= fits
+        checks |= checked
+    return static, checks
+
+
+def _groups(
+    points: Sequence[Segment], asked: Sequence[str], *, symmetric: bool
+) -> list[tuple[tuple[str, ...], tuple[Segment, ...]]]:
+    """The points of each solve, with the directions that it is of."""
+    if symmetric:
+        return [(("both",), tuple(points))]
+    groups = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
+    present = [(sides, group) for sides, group in groups if group]
+    if asked and len(present) == 2:  # what both directions share comes from one solve
+        return [(tuple(DIRECTIONS), tuple(points))]
+    return [*present]
+
+
+def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str]) -> Regression:
+    """The regression of some points in these directions, with an offset or gravity where asked for.
+
+    Raises InputError where gravity is asked for and a point has no position.
+    """
+    extra: dict[str, Array] = {}
+    if "offset" in asked:
+        extra["offset"] = np.ones(len(points))
+    if "gravity" in asked:
+        if any(s.position is None for s in points):
+            raise InputError(
+                "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
+            )
+        extra |= gravity(np.array([s.position for s in points], dtype=float))
+    velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
+    return from_points(velocity, torque, sides, extra)
+
+
+def _point_info(points: Sequence[Segment]) -> PointInfo:
+    def known(values: list[float | None]) -> Array:
+        """The values, or none of them where any is missing."""
+        return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
+
+    alone = len({s.file for s in points})  # a run of one point has no course over time
+    return PointInfo(
+        segments=tuple(points),
+        time=known([s.time for s in points]) if alone < len(points) else np.zeros(0),
+        position=known([s.position for s in points]),
+    )
+
+
+def fit_moving(
+    experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
+    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
+
+    Fits, cross-checks, warnings. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
+    velocity.
+    """
+    fixed, prior = inertia(experiment)
+    moving, asked = directions(experiment, records), regressors(experiment)
+
+    def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
+        """The regression of some records, time and position of each equation, samples dropped at ends."""
+        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed)
+
+    every, (time, position), _ = problem(records)
+    training, fast = _above(every, experiment.fit.moving_above)
+    where = PointInfo(time=time[fast], position=position[fast[: position.size]])
+    if prior is not None and "inertia" in asked:
+        free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
+        sigma = float(np.std(training.torque - free))
+        training = with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
+    tests = [(r.file, _above(problem([r])[0], experiment.fit.moving_above)[0]) for r in held]
+    fits, checks = fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings)
+    return fits, checks, _left_out(experiment, every, fast, fits)
+
+
+def _above(problem: Regression, speed: float | None) -> tuple[Regression, NDArray[np.bool_]]:
+    """The equations faster than a speed, and which those are, (n,)."""
+    if speed is None:
+        return problem, np.ones(problem.torque.size, dtype=bool)
+    fast = np.abs(problem.equation_velocity) > speed
+    if fast.sum() <= problem.linear.shape[1]:
+        raise InputError(
+            f"fit.moving_above: {int(fast.sum())} of {fast.size} equations are faster than {speed:.3g}, too few for a fit; lower it"
+        )
+    return problem.rows(fast), fast
+
+
+def _left_out(
+    experiment: Experiment, every: Regression, fast: NDArray[np.bool_], fits: Mapping[str, StaticFit]
+) -> tuple[Diagnostic, ...]:
+    """How the fit does on the slow equations that were left out of it."""
+    if fast.all():
+        return ()
+    slow = every.rows(~fast)
+    values = {(name, d): e.value or 0.0 for d, fit in fits.items() for name, e in fit.parameters.items()}
+    extra = {name: value for (name, d), value in values.items() if name not in Stribeck._fields}
+    theta = np.array([values.get(n, extra.get(n.name, 0.0)) or (1.0 if n.name == "v_s" else 0.0) for n in every.names])
+    return (
+        Kind.SLOW_LEFT_OUT(
+            slow=int((~fast).sum()),
+            equations=fast.size,
+            above=experiment.fit.moving_above,
+            error=slow.relative_error(theta),
+        ),
+    )
