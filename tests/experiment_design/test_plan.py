@@ -351,9 +351,9 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
 
 
 def test_a_plan_carries_itself(gripper: Plan, tmp_path: Path) -> None:
-    """Its frame is the table of intervals; written by itself or by `bristle.write_plan`, from a path or a text, its page is the same."""
+    """Its frame is the table of intervals; written to a path or a text, its page is the same."""
     pd.testing.assert_frame_equal(gripper.to_frame(), intervals(gripper))
-    first, second = gripper.write(str(tmp_path / "one")), bristle.write_plan(gripper, tmp_path / "two")
+    first, second = gripper.write(str(tmp_path / "one")), gripper.write(tmp_path / "two")
     assert first.read_bytes() == second.read_bytes()
 
 

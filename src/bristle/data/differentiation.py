@@ -108,7 +108,7 @@ def _without_short_stretches(record: Record) -> Record:
     long = [s for s in pieces if s.stop - s.start >= SHORTEST]
     if not long:
         raise InputError(
-            f"{record.file}: no stretch without a gap has {SHORTEST} samples, too few to differentiate; log velocity, or raise cleaning.gap"
+            f"{record.file}: no segment without a gap has {SHORTEST} samples, too few to differentiate; log velocity, or raise cleaning.gap"
         )
     if len(long) == len(pieces):
         return record
@@ -119,7 +119,7 @@ def _without_short_stretches(record: Record) -> Record:
         if (values := getattr(record, name)) is not None
     }
     lost = record.time.size - kept.size
-    note = f"{lost} row{'' if lost == 1 else 's'} dropped: stretches between gaps shorter than {SHORTEST} samples, which cannot be differentiated."
+    note = f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {SHORTEST} samples, which cannot be differentiated."
     lengths = [s.stop - s.start for s in long]
     starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))
     return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, note))

@@ -28,7 +28,7 @@ def decimator(stretches: Sequence[Array], decimation: int, file: str) -> tuple[s
     centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
     if centres.size == 0:
         raise InputError(
-            f"{file}: no stretch without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
+            f"{file}: no segment without gaps is longer than {2 * half} samples, the transient of the decimation filter; "
             f"log longer, or set fit.decimation below {decimation}"
         )
     columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()
