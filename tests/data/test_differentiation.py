@@ -57,7 +57,7 @@ def test_short_stretches_are_left_out_and_counted() -> None:
     assert (record.time.size, record.starts, record.dropped) == (90, (0, 50), 3)
     assert record.time[50] == 20
     assert any(note.startswith("3 rows dropped") for note in record.notes)
-    with pytest.raises(ValueError, match="no stretch without a gap has 16 samples"):
+    with pytest.raises(ValueError, match="no segment without a gap has 16 samples"):
         estimate_motion(_record(t[:10], t[:10]), 10.0)
 
 

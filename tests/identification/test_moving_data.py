@@ -98,7 +98,7 @@ def test_too_short_a_stretch_names_the_length_it_needs() -> None:
     assert whole.velocity is not None
     assert whole.torque is not None
     short = Record(file="short.csv", time=whole.time[few], velocity=whole.velocity[few], torque=whole.torque[few])
-    with pytest.raises(ValueError, match=r"short\.csv: no stretch without gaps is longer than \d+ samples"):
+    with pytest.raises(ValueError, match=r"short\.csv: no segment without gaps is longer than \d+ samples"):
         from_records([short], ("both",), ("offset",), 10)
 
 
