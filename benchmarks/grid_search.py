@@ -1,7 +1,8 @@
 """The grid search validated: `python benchmarks/grid_search.py [--repetitions 1000] [--starts 100] [--joints 4]`.
 
 Every set of Table 1, at two noise levels and three designs, SIMULATED: does IPOPT from random starts within its bounds ever find a lower cost than
-the refined grid, where do local solvers end in another minimum, how fine must a plain grid be, how often do 95 % intervals cover the truth, and how long does it all take.
+the refined grid, where do local solvers end in another minimum, how fine must a plain grid be, how often do
+95 % intervals cover the truth, and how long does it all take.
 """
 
 import argparse
@@ -37,7 +38,8 @@ def main() -> None:
         print(sentence)
     worst = max(result.cost_deficit for result in validation.cases)
     print(
-        f"asked: IPOPT's cost is never more than {SAME_COST:g} relative below the refined grid's: {'holds' if worst <= SAME_COST else 'FAILS'}, {worst:.1e}"
+        f"asked: IPOPT's cost is never more than {SAME_COST:g} relative below the refined grid's: "
+        f"{'holds' if worst <= SAME_COST else 'FAILS'}, {worst:.1e}"
     )
 
 

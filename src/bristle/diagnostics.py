@@ -660,19 +660,19 @@ class Kind(Enum):
 
     # the joint as a whole
     DIRECTION_UNKNOWN = _CAUTION, "Direction {direction} is not identified: {why}."
-    NONE_KEPT = _CAUTION, "none of its {tried} candidate segments was accepted"
+    NONE_KEPT = _CAUTION, "none of its {tried} candidate segments was kept"
     NOT_MEASURED = _CAUTION, "it was not measured"
     POSITIONS_DISAGREE = (
         _CAUTION,
         (
-            "Position and velocity disagree in {differ} of {kept} accepted segments; the slope of the position is"
+            "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position is"
             " used.{looks}"
         ),
     )
     LOOKS_LIKE = _CAUTION, " It looks like {what}."
     TORQUES_DOUBTED = (
         _CAUTION,
-        "The torque of {doubted} of {kept} accepted segments is questionable; the list of segments says why.",
+        "The torque of {doubted} of {kept} kept segments is questionable; the list of segments says why.",
     )
     OFFSET_LEFT_OUT = (
         _NOTE,

@@ -503,7 +503,7 @@ def test_the_command_without_a_peak_writes_nothing(tmp_path: Path, monkeypatch: 
     assert ran.code == 0
     assert "full fit" in ran.out
     assert "wrist +: nothing to validate: Stribeck term not identifiable" in ran.out
-    assert "Nothing was tried." in ran.out
+    assert str(Kind.NOTHING_TRIED()) in ran.out
     assert tree(tmp_path) == before
 
 

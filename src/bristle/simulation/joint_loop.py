@@ -160,7 +160,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     if asked.amplitude is None or asked.frequency is None:
         q = unit("position", joint.kind)
         assumed.append(
-            f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; give adapt.amplitude and adapt.frequency."
+            f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; set adapt.amplitude and adapt.frequency to override."
         )
     model = known.pair(amplitude, J)
     for d, p in zip(SIGNED, model, strict=True):

@@ -150,7 +150,7 @@ def _interval_lines(plan: Plan) -> Iterator[str]:
 def _half(relative: float) -> str:
     """Half of a 95 % interval in percent of the value, from its relative standard error."""
     percent = 100 * tables.NORMAL * relative
-    return "not identifiable" if not relative < 1 else f"{percent:.0f} %" if percent >= 10 else f"{percent:.2g} %"
+    return "not identifiable" if not relative < 1 else f"{percent:.0f} %" if percent >= 10 else f"{percent:#.2g} %"
 
 
 def _limits(plan: Plan) -> list[tuple[str, str]]:

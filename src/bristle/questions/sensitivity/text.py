@@ -29,10 +29,17 @@ def study_text(study: SensitivityStudy) -> str:
     for name in study.local.ranking:
         shares = columns[Lugre._fields.index(name)]
         lines.append(f"  {name:<8} " + "{:>9.2g} {:>9.2g} {:>12.2g}".format(*shares))
-    lines += findings(study)
+    found = findings(study)
     if study.sobol is not None:
-        lines += sobol_sentences(study.sobol, study.kind)
-    return "\n".join([*lines, *map(with_symbols, study.assumptions)])
+        found += sobol_sentences(study.sobol, study.kind)
+    return "\n".join([*lines, *map(_with_names, found), *study.assumptions])
+
+
+def _with_names(sentence: str) -> str:
+    """A sentence of the page for a terminal: parameters by their names."""
+    for name in (f"{bare}{d}" for d in ("+", "-", "") for bare in Lugre._fields):
+        sentence = sentence.replace(symbol(name), name)
+    return sentence
 
 
 def findings(study: SensitivityStudy) -> list[str]:
