@@ -442,7 +442,7 @@ def test_one_direction_is_a_warning(hostile: tuple[Path, Ran]) -> None:
     assert not ran.said
     assert list(joint["static"]) == ["+"]
     (warning,) = (x["text"] for x in joint["warnings"])
-    assert "Nothing is known of direction -" in warning
+    assert "Direction - is not identified" in warning
     assert warning in html.unescape((folder / "out" / "index.html").read_text(encoding="utf-8"))
 
 
@@ -525,11 +525,11 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
     ran = run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out")
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
-    assert "data.csv, begun at identified, partial: It changes nothing here" in ran.out
+    assert "data.csv, partial law, initialised at the identified model: It changes nothing here" in ran.out
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     shown = Page(page)
     assert not shown.elements & {"script", "link", "iframe"}
-    for words in ("Would adaptation help?", "Friction that drifts", "PID: nobody gave one", "Learning rates:"):
+    for words in ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:"):
         assert words in shown.text
     assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
     first = tree(tmp_path / "out")

@@ -114,8 +114,8 @@ def test_but_changes_a_copy() -> None:
     before = str(made)
     other = made.but(alone=False)
     assert str(asked) in before
-    assert before.endswith("0.02 s, would let it in.")
-    assert str(other).endswith("0.02 s, would answer this reason, not the other.")
+    assert before.endswith("0.02 s, would make it pass.")
+    assert str(other).endswith("0.02 s, would remove this reason, not the other.")
     assert str(made) == before
     assert other != made
     assert other.kind is made.kind

@@ -18,12 +18,8 @@ if TYPE_CHECKING:
         inspect,
         plan,
         sensitivity,
-        trial,
-        write_adaptation,
+        validate,
         write_comparison,
-        write_plan,
-        write_sensitivity,
-        write_trial,
     )
 
 __version__ = "0.1.0"
@@ -36,12 +32,8 @@ __all__ = [
     "inspect",
     "plan",
     "sensitivity",
-    "trial",
-    "write_adaptation",
+    "validate",
     "write_comparison",
-    "write_plan",
-    "write_sensitivity",
-    "write_trial",
 ]
 
 

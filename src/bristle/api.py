@@ -18,7 +18,8 @@ from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_pla
 from bristle.questions.experiment_design.plan import plan as plan_next
 from bristle.questions.method_validation.cases import joint_cases, sweep
 from bristle.questions.method_validation.results import Validation
-from bristle.questions.method_validation.run import REPETITIONS, STARTS, check_request, validate
+from bristle.questions.method_validation.run import REPETITIONS, STARTS, check_request
+from bristle.questions.method_validation.run import validate as validate_cases
 from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
 from bristle.questions.sensitivity.study import SAMPLES, SensitivityStudy, check_samples, study_sensitivity
 from bristle.questions.session_comparison.compare import compare as compare_sessions
@@ -143,14 +144,6 @@ def adapt(
     return study([subject], replays(subject, joint, measured), progress)
 
 
-def write_adaptation(compensated: Study, folder: Path | str) -> Path:
-    """Write what `adapt` returned as a page with figures and tables into a folder; returns the path of index.html.
-
-    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-    """
-    return compensated.write(folder)
-
-
 def compare(first: Path | str, second: Path | str) -> Comparison:
     """Which parameters changed beyond their joint uncertainty between two sessions, from the `results.json` of each.
 
@@ -207,15 +200,7 @@ def sensitivity(
     return study_sensitivity(joint, request, samples, progress)
 
 
-def write_sensitivity(result: SensitivityStudy, folder: Path | str) -> Path:
-    """Write what `sensitivity` returned as a page with figures and tables into a folder; returns the path of index.html.
-
-    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-    """
-    return result.write(Path(folder))
-
-
-def trial(
+def validate(
     experiment: Source | None = None,
     *,
     identified: Results | None = None,
@@ -242,12 +227,7 @@ def trial(
     if experiment is not None and identified is None:
         identified = identify(experiment, progress=progress)
     case_set = joint_cases(identified.joints[0], noise) if identified else sweep(noise)
-    return validate(case_set, repetitions=repetitions, starts=starts, progress=progress)
-
-
-def write_trial(validated: Validation, folder: Path | str) -> Path:
-    """`Validation.write`: what `trial` returned as a page with figures and tables."""
-    return validated.write(folder)
+    return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)
 
 
 def plan(
@@ -269,11 +249,6 @@ def plan(
         progress(f"identifying {loaded.joint.name}", 0, 1)
     measured = measure(loaded)
     return plan_next(measured, identify_joint(measured), velocities, aim, progress)
-
-
-def write_plan(planned: Plan, folder: Path | str) -> Path:
-    """`Plan.write`: what `plan` returned as a page with figures and tables."""
-    return planned.write(folder)
 
 
 def inspect(experiment: Source) -> Measured:

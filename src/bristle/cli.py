@@ -189,14 +189,14 @@ def validate(
 
     Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
-    from bristle import trial
+    from bristle import validate as run
     from bristle.questions.method_validation.run import check_request
 
     folder = _folder(output, experiment, "-validate")
     check_request(repetitions, starts, noise)
     results = _cross_checked(experiment) if experiment else None
     with shown() as progress:
-        validated = trial(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
+        validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
     print_lines([validated.text()])
     if validated.cases:
         print_lines([f"Page: {validated.write(folder)}"], done=True)
@@ -292,13 +292,12 @@ def sensitivity(
         print_lines([formulas().text()])
         return
     from bristle import sensitivity as run
-    from bristle import write_sensitivity
 
     folder = _folder(output, experiment, "-sensitivity")
     with shown() as progress:
         study = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
     print_lines([study.text()])
-    print_lines([f"Page: {write_sensitivity(study, folder)}"], done=True)
+    print_lines([f"Page: {study.write(folder)}"], done=True)
 
 
 @app.command()

@@ -149,6 +149,11 @@ class _Formatter(Formatter):
         words = _CONVERSIONS.get(conversion or "")
         return words(value) if words else super().convert_field(value, conversion)
 
+    def format_field(self, value: Any, format_spec: str) -> Any:
+        """As Python formats it, with a space before the percent sign."""
+        text = super().format_field(value, format_spec)
+        return f"{text[:-1]} %" if format_spec.endswith("%") else text
+
 
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "c": lambda numbers: ", ".join(f"{name} {number:.3g} %" for name, number in numbers),
@@ -158,7 +163,7 @@ _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "l": lambda words: ", ".join(map(str, words)),
     "m": lambda words: "; ".join(map(str, words)),
     "p": lambda numbers: ", ".join(f"{name} ({number:.1f})" for name, number in numbers),
-    "w": lambda alone: "would let it in" if alone else "would answer this reason, not the other",
+    "w": lambda alone: "would make it pass" if alone else "would remove this reason, not the other",
     "x": lambda numbers: ", ".join(f"{name} {number:.2g}" for name, number in numbers),
 }
 """Of named percentages, of a direction, of named intervals, of lists of names and of long things, of named numbers, of whether a reason stands
@@ -189,18 +194,21 @@ class Kind(Enum):
     # segments: why one is rejected
     TOO_SHORT = (
         _NOTE,
-        "Too short: it lasts {duration:.3g} s, and {asked}; a longer hold, or segments.minimum_duration: {option} s, {alone!w}.",
+        ("Too short: {duration:.3g} s; {asked}. A longer hold, or segments.minimum_duration: {option} s, {alone!w}."),
     )
-    DURATION_ASKED = _NOTE, "segments.minimum_duration asks for {asked:.3g} s"
+    DURATION_ASKED = _NOTE, "segments.minimum_duration requires {asked:.3g} s"
     DEPENDENT_TORQUE = _NOTE, "fewer than two of its torque samples are independent"
-    SAMPLES_ASKED = _NOTE, "{asked:.3g} s hold the {count:g} independent samples asked for"
+    SAMPLES_ASKED = _NOTE, "{count:g} independent samples require {asked:.3g} s"
     USUAL_ASKED = (
         _NOTE,
-        "a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is asked for",
+        "a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is required",
     )
     AT_REST = (
         _NOTE,
-        "At rest or below breakaway: its mean speed is {speed:.3g}, and {wanted} is {least:.3g}; more torque{option} {alone!w}.",
+        (
+            "At rest or below breakaway: its mean speed is {speed:.3g}, and {wanted} is {least:.3g}. More "
+            "torque{option} {alone!w}."
+        ),
     )
     NOISE_FLOOR = _NOTE, "the noise floor"
     MINIMUM_VELOCITY = _NOTE, "segments.minimum_velocity"
@@ -208,176 +216,213 @@ class Kind(Enum):
     ACCELERATING = (
         _NOTE,
         (
-            "Accelerating: its velocity drifts by {drift:.3g}, mean {velocity:.3g}, and {allowed:.3g} is allowed; a "
-            "steadier motion{option} {alone!w}."
+            "Accelerating: its velocity drifts by {drift:.3g} about a mean of {velocity:.3g}; {allowed:.3g} is "
+            "allowed. A steadier motion{option} {alone!w}."
         ),
     )
     OR_VELOCITY_TOLERANCE = _NOTE, ", or a segments.velocity_tolerance of {value},"
     HUNTING = (
         _NOTE,
-        "Hunting: it moves backward {backward:.0%} of the time, and 10 % is allowed; a controller that does not oscillate {alone!w}.",
+        (
+            "Hunting: it moves backward {backward:.0%} of the time; 10 % is allowed. A controller that does not "
+            "oscillate {alone!w}."
+        ),
     )
     UNSTEADY = (
         _NOTE,
         (
-            "Stick-slip without a steady mean: the means of its eighths scatter by {scatter:.3g} about {velocity:.3g}, and {allowed:.3g} is allowed; "
-            "a longer hold or a stiffer controller{option} {alone!w}."
+            "Stick-slip without a steady mean: the means of its eighths scatter by {scatter:.3g} about "
+            "{velocity:.3g}; {allowed:.3g} is allowed. A longer hold or a stiffer controller{option} {alone!w}."
         ),
     )
     UNSETTLED = (
         _NOTE,
         (
-            "Below breakaway, or not settled: its torque changes by {drift:.3g}, more than its mean {torque:.4g}; a "
-            "longer hold at this speed {alone!w}."
+            "Below breakaway, or not settled: its torque changes by {drift:.3g}, more than its mean of "
+            "{torque:.4g}. A longer hold at this speed {alone!w}."
         ),
     )
     SATURATED = (
         _NOTE,
         (
-            "Saturated: {share:.0%} of its samples are at {limit}, and 5 % is allowed; a lower speed, or a higher torque_limit, {alone!w}."
+            "Saturated: {share:.0%} of its samples are at {limit}; 5 % is allowed. A lower speed, or a higher "
+            "torque_limit, {alone!w}."
         ),
     )
     LIMIT_GIVEN = _NOTE, "segments.torque_limit, {limit:.4g}"
     LIMIT_SEEN = _NOTE, "the largest torque or voltage of the run"
     SETTLING = (
         _NOTE,
-        "Settling: it is an edge of the plateau in rows {start}-{stop}, which is kept apart; a hold of its own would let it in.",
+        (
+            "Settling: it is the beginning or end of the plateau in rows {start}-{stop}, which is judged "
+            "separately; a hold of its own would make it pass."
+        ),
     )
 
-    POINT_AT_REST = (
-        _NOTE,
-        "At rest: the friction torque of a joint at rest is not a function of its velocity; leave such rows out.",
-    )
+    POINT_AT_REST = _NOTE, "At rest: friction at zero velocity is not a function of velocity; remove such rows."
 
     # segments: what warns about one that is kept
     STICK_SLIP = (
         _CAUTION,
         (
-            "Stick-slip: the velocity deviates by {swing:.0%} of its mean and rests {resting:.0%} of the time; "
-            "its mean torque is not the friction at its mean velocity."
+            "Stick-slip: the velocity deviates by {swing:.0%} of its mean and is zero {resting:.0%} of the time; "
+            "the mean torque is not the friction at the mean velocity."
         ),
     )
     POSITION_DIFFERS = (
         _CAUTION,
         (
-            "The slope of the position, {slope:.4g}, and the mean of the velocity, {logged:.4g}, differ: "
-            "samples may be missing, or a unit or the sampling rate be off."
+            "The slope of the position, {slope:.4g}, and the mean of the logged velocity, {logged:.4g}, differ: "
+            "check for missing samples, a wrong unit or a wrong sampling rate."
         ),
     )
     TORQUE_DRIFTS = (
         _CAUTION,
         (
-            "The torque changes by {drift:.3g} over the segment, mean {torque:.4g}, more than its noise: "
-            "it depends on position, temperature or time, or had not settled."
+            "The torque changes by {drift:.3g} over the segment (mean {torque:.4g}), more than its noise: it "
+            "depends on position, temperature or time, or had not settled."
         ),
     )
-    TORQUE_UNSURE = _NOTE, "The torque holds fewer than two independent samples; its standard error is not known."
+    TORQUE_UNSURE = (
+        _NOTE,
+        "Fewer than two of the torque samples are independent; the standard error of the torque is unknown.",
+    )
 
     # residuals of any fit
     DIRECTIONS_DIFFER = (
         _CAUTION,
         (
-            "Friction differs between the directions (p = {p:.1g}, corrected for {looks} looks): that holds {share:.0%} of the "
-            "residuals' variance; fit them apart (directions: separate)."
+            "Friction differs between the directions (p = {p:.1g}, corrected for {looks} tests): the difference "
+            "explains {share:.0%} of the residuals' variance. Fit the directions separately (directions: "
+            "separate)."
         ),
     )
     RESIDUAL_TREND = (
         _CAUTION,
         (
-            "Residuals have a trend over {over} (p = {p:.1g}, corrected for {looks} looks) that holds {share:.0%} of their variance."
+            "Residuals show a trend vs {over} (p = {p:.1g}, corrected for {looks} tests), which explains "
+            "{share:.0%} of their variance."
         ),
     )
     RESIDUAL_RIPPLE = (
         _CAUTION,
         (
-            "Residuals have a ripple over position, of period {period:.3g}, (p = {p:.1g}, corrected for {looks} looks) "
-            "that holds {share:.0%} of their variance."
+            "Residuals show a ripple vs position of period {period:.3g} (p = {p:.1g}, corrected for {looks} "
+            "tests), which explains {share:.0%} of their variance."
         ),
     )
     CORRELATED = (
         _NOTE,
-        "Residuals are correlated (lag one {lag_one:.2f}): standard errors are widened by {widened:.1f} for it.",
+        ("Residuals are correlated (lag one {lag_one:.2f}); standard errors are multiplied by {widened:.1f} for it."),
     )
 
     # intervals of any fit
-    INTERVALS_DIFFER = _CAUTION, "The intervals part {sides!j} the estimate ({ends!i}): {reason}."
+    INTERVALS_DIFFER = (
+        _CAUTION,
+        ("The 95 % bounds {sides!j} the estimate differ by more than 1.5x between the methods ({ends!i}): {reason}."),
+    )
     COST_STAYS_LOW = (
         _CAUTION,
-        "the cost stays low to the end of the range, so nothing limits the parameter on that side",
+        (
+            "the cost stays below the threshold to the end of the range, so the data do not bound the parameter "
+            "on that side"
+        ),
     )
-    PROFILE_SKEWED = _CAUTION, "the profile is skewed, which a covariance cannot show; believe the profile"
-    FEW_TO_RESAMPLE = _CAUTION, "{few} are few to resample; believe the profile"
+    PROFILE_SKEWED = _CAUTION, "the profile is skewed, which a covariance cannot represent; use the profile"
+    FEW_TO_RESAMPLE = _CAUTION, "{few} are few to resample; use the profile"
     UNEVEN_RESIDUALS = (
         _CAUTION,
         (
-            "the residuals are not as evenly and independently scattered as the covariance and the profile take them to be; believe the widest"
+            "the residuals are less even or less independent than the covariance and the profile assume; use the "
+            "widest interval"
         ),
     )
     POINTS_FOR_PARAMETERS = _NOTE, "{points} points for {parameters} parameters"
     RESIDUAL_BLOCKS = _NOTE, "{blocks} blocks of independent residuals"
     SAMPLE_BLOCKS = _NOTE, "{blocks} blocks of samples"
     EDGE_BLOCKS = _NOTE, "{blocks} blocks of count edges"
-    NO_BOOTSTRAP = _NOTE, "No bootstrap: {few} are too few to draw from; {least} are needed."
+    NO_BOOTSTRAP = _NOTE, "No bootstrap: {few} are too few to resample; at least {least} are needed."
     NO_BLOCKS = (
         _NOTE,
-        "No bootstrap: the residuals are correlated over so long that fewer than {least} blocks are left to draw.",
+        (
+            "No bootstrap: the residuals are correlated over so long that fewer than {least} blocks are left to "
+            "resample."
+        ),
     )
     AT_BOUND = _CAUTION, "At its physical bound of zero: the interval is one-sided."
     INTERVALS_AT_BOUND = _CAUTION, "At its physical bound of zero: the intervals are one-sided."
     NO_BOOTSTRAP_AT_BOUND = (
         _CAUTION,
         (
-            "At its physical bound of zero: the intervals are one-sided, and there is no bootstrap, which knows no bounds."
+            "At its physical bound of zero: the intervals are one-sided; there is no bootstrap, which does not "
+            "respect bounds."
         ),
     )
-    REFITTED_FROM_GRID = _NOTE, "A profile found a lower cost than the grid had: the fit was done again from there."
-    REFITTED = _NOTE, "A profile found a lower cost than the fit had: the fit was done again from there."
-    STILL_LOWER = _CRITICAL, "Profiles still find lower costs after {fits} new fits: distrust this one."
-    NOT_FITTED = _NOTE, "It was not fitted: there is nothing to profile or to draw."
+    REFITTED_FROM_GRID = _NOTE, "A profile found a lower cost than the grid; the fit was repeated from there."
+    REFITTED = _NOTE, "A profile found a lower cost than the fit; the fit was repeated from there."
+    STILL_LOWER = _CRITICAL, "Profiles still find lower costs after {fits} new fits: do not use this fit."
+    NOT_FITTED = _NOTE, "It was not fitted: there is nothing to profile or to resample."
     PROFILE_OPEN = (
         _CAUTION,
         (
-            "No finite interval by the profile: with the others fitted anew, every value that a motion can show, on that side, fits about as well."
+            "No finite interval by the profile: with the other parameters re-optimised, every value on that side "
+            "that a motion can show fits about as well."
         ),
     )
-    PROFILE_UNSEEN = _CAUTION, "Nothing is seen of it: {open}"
-    PROFILE_ROUGH = _NOTE, "The profile is hard to follow here, fits along it ran out of steps: its ends are rough."
+    PROFILE_UNSEEN = _CAUTION, "Not identifiable: {open}"
+    PROFILE_ROUGH = (
+        _NOTE,
+        ("The profile is hard to compute here (fits along it ran out of iterations): its bounds are approximate."),
+    )
     PROFILE_LOST = (
         _CAUTION,
-        "The profile is hard to follow here: the search for an end was given up, so a side that is open may have one.",
+        (
+            "The profile is hard to compute here: the search for a bound was stopped, so a side without a bound "
+            "may have one."
+        ),
     )
 
     # static fits
-    STATIC_CONVERGED = _NOTE, "The best fit lies inside the range searched, away from every bound."
+    STATIC_CONVERGED = _NOTE, "Converged."
     STATIC_AT_BOUND = _CAUTION, "A parameter lies at its physical bound; its interval is one-sided."
     STATIC_AT_EDGE = (
         _CRITICAL,
-        "The best v_s lies at the edge of the range searched; these velocities do not enclose it.",
+        "The best v_s lies at the edge of the range searched; these velocities do not bracket it.",
     )
     STATIC_NO_STRIBECK = (
         _CAUTION,
-        "Stribeck not identifiable from these data: Coulomb and viscous friction alone are fitted.",
+        "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted.",
     )
     STATIC_STICK_SLIP = (
         _CAUTION,
-        "The Stribeck term rests on points that stick and slip; without them it is not identifiable.",
+        "The Stribeck term depends on points that stick and slip; without them it is not identifiable.",
     )
-    STATIC_TOO_FEW = _CRITICAL, "Too few points for the parameters asked for; none is estimated."
-    BOUND = _CAUTION, "{name} lies at its physical bound of zero; the free fit would make it negative."
+    STATIC_TOO_FEW = _CRITICAL, "Too few points for the parameters; nothing is estimated."
+    BOUND = _CAUTION, "{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
     FEW_BELOW_V_S = (
         _CAUTION,
-        "Only {below} of {points} points lie below v_s{direction!d}; measure slower to see the Stribeck region.",
+        (
+            "Only {below} of {points} points lie below v_s{direction!d}; measure slower speeds to identify the "
+            "Stribeck term."
+        ),
     )
     ILL_CONDITIONED = (
         _CAUTION,
         (
-            "Ill conditioned: the scaled Jacobian's condition number is {condition:.2g}; some parameters move only together."
+            "Ill conditioned: the scaled Jacobian's condition number is {condition:.2g}; some parameters are "
+            "strongly correlated."
         ),
     )
-    FLAT_PROFILE = _CRITICAL, "v_s cannot be told from these speeds{direction!d}: the profile is flat."
-    ONE_SIDED_PROFILE = _CAUTION, "The profile of v_s is one-sided{direction!d}: nothing limits v_s {side}."
+    FLAT_PROFILE = _CRITICAL, "v_s is not identifiable from these speeds{direction!d}: its profile is flat."
+    ONE_SIDED_PROFILE = (
+        _CAUTION,
+        "The interval of v_s is one-sided{direction!d}: the data do not bound v_s from {side}.",
+    )
     AT_EDGE = _CRITICAL, "The best v_s lies at the edge of the range searched{direction!d}, {low:.3g} to {high:.3g}."
-    SECOND_MINIMUM = _CAUTION, "A second minimum{direction!d} at v_s = {v_s:.3g} is within the 95 % threshold."
+    SECOND_MINIMUM = (
+        _CAUTION,
+        "The cost has a second minimum{direction!d} at v_s = {v_s:.3g}, below the 95 % threshold.",
+    )
     HUBER_DIFFERS = (
         _CAUTION,
         "Least squares and the Huber refit differ by more than two combined standard errors in {moved!p}.{points}",
@@ -386,28 +431,27 @@ class Kind(Enum):
     TOO_FEW_FOR_PEAK = _CAUTION, "{points} points are too few for a Stribeck term; at least {least} are needed."
     NO_STRIBECK = (
         _CAUTION,
-        "Stribeck not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted.{asked}",
+        ("Stribeck term not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted.{asked}"),
     )
-    LIKE_NOISE = _CAUTION, "noise alone would look as much like a peak in {percent:.0f} % of cases"
+    LIKE_NOISE = _CAUTION, "noise alone would look as much like a Stribeck peak in {percent:.0f} % of cases"
     BEND = (
         _CAUTION,
         (
-            "its v_s of {v_s:.3g} would lie near the fastest speed, {fastest:.3g}, so the term is a bend over the "
-            "whole range and not a drop at low speed "
-            "(speeds beyond {seen:g} v_s would tell)"
+            "its v_s of {v_s:.3g} would lie near the fastest speed, {fastest:.3g}, so the term would bend the "
+            "whole curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
         ),
     )
     ONE_SPEED = (
         _CAUTION,
         (
-            "its v_s of {v_s:.3g} would lie below a third of the slowest speed, {slowest:.3g}, so the term would rest on that one speed "
-            "(slower ones would tell)"
+            "its v_s of {v_s:.3g} would lie below a third of the slowest speed, {slowest:.3g}, so the term would "
+            "depend on that one speed (slower ones would decide)"
         ),
     )
-    RANGE_ASKED = _NOTE, " fit.v_s_range lets v_s be between {low:.3g} and {high:.3g} only."
-    ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 rises with it."
+    RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g} to {high:.3g}."
+    ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
     V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."
-    V_S_OPEN_ABOVE = _CAUTION, "No finite interval: the data allow v_s without an upper limit."
+    V_S_OPEN_ABOVE = _CAUTION, "No finite interval: the data set no upper limit on v_s."
     TOO_FEW_POINTS = (
         _CRITICAL,
         "{points} points for {parameters} linear parameters: at least {least} are needed; measure more speeds.",
@@ -415,18 +459,22 @@ class Kind(Enum):
     INDISTINCT = (
         _CRITICAL,
         (
-            "The points cannot tell the linear parameters apart (one speed only, or a regressor that never changes); measure at more speeds."
+            "The points do not separate the linear parameters (one speed only, or a regressor that never "
+            "changes); measure more speeds."
         ),
     )
-    STICK_SLIP_POINTS = _CAUTION, "{sticking} of {points} points stick and slip; the fit without them is shown beside."
-    NOTHING_WITHOUT = _CAUTION, "Without the points that stick and slip nothing can be fitted. {inner}"
+    STICK_SLIP_POINTS = (
+        _CAUTION,
+        "{sticking} of {points} points stick and slip; the fit without them is shown for comparison.",
+    )
+    NOTHING_WITHOUT = _CAUTION, "Without the points that stick and slip no fit is possible. {inner}"
     WITHOUT_STICK_SLIP = _NOTE, "Without the points that stick and slip: {inner}"
     SLOW_LEFT_OUT = (
         _NOTE,
         (
-            "{slow} of {equations} equations are slower than fit.moving_above, {above:.3g}, and were left out of the "
-            "static fit; there its relative error "
-            "is {error:.0f} %: slow, and through reversals, the torque depends on the bristles' history, which (9) does not hold."
+            "{slow} of {equations} samples are slower than fit.moving_above, {above:.3g}, and were left out of "
+            "the static fit; there its relative error is {error:.0f} %. At low speed and through reversals the "
+            "torque depends on the bristles' history, which (9) does not describe."
         ),
     )
 
@@ -434,8 +482,9 @@ class Kind(Enum):
     FULL_FIT_LOWER = (
         _CRITICAL,
         (
-            "The full nonlinear fit found a lower cost than the grid ({full:.6g} against {grid:.6g}); trust neither before you know why. "
-            "{reached} of {starts} random starts of the full fit ended in its best minimum."
+            "The full nonlinear fit found a lower cost than the grid ({full:.6g} against {grid:.6g}); use neither"
+            " before the cause is known. {reached} of {starts} random starts of the full fit reached its lowest "
+            "cost."
         ),
     )
     GRID_LOWER = (
@@ -445,59 +494,74 @@ class Kind(Enum):
     ROUTES_AGREE = (
         _NOTE,
         (
-            "Grid and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. "
-            "{reached} of {starts} random starts of the full fit ended in its best minimum."
+            "Grid and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. {reached} "
+            "of {starts} random starts of the full fit reached its lowest cost."
         ),
     )
     IPOPT_AGREES = (
         _NOTE,
         (
-            "Gauss-Newton on the rollout and IPOPT on the whole chain agree: the largest difference is {worst:.2g} standard errors. "
-            "{reached} of {starts} starts of the second reached the lowest cost."
+            "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is "
+            "{worst:.2g} standard errors. {reached} of {starts} IPOPT starts reached the lowest cost."
         ),
     )
     IPOPT_LOWER = (
         _CRITICAL,
         (
-            "IPOPT found a lower cost ({lowest:.6g} against {cost:.6g}); distrust the fit. "
-            "{reached} of {starts} starts of the second reached the lowest cost."
+            "IPOPT found a lower cost ({lowest:.6g} against {cost:.6g}): do not use this fit. {reached} of "
+            "{starts} IPOPT starts reached the lowest cost."
         ),
     )
     IPOPT_HIGHER = (
         _NOTE,
         (
-            "IPOPT found no such low cost ({lowest:.6g} against {cost:.6g}); distrust the fit. "
-            "{reached} of {starts} starts of the second reached the lowest cost."
+            "IPOPT did not reach as low a cost ({lowest:.6g} against {cost:.6g}), so it does not confirm the fit."
+            " {reached} of {starts} IPOPT starts reached its lowest cost."
         ),
     )
 
     # all parameters from a motion
-    CONVERGED = _NOTE, "The fit converged inside every bound."
+    CONVERGED = _NOTE, "The fit converged."
     CONVERGED_AT_BOUND = _CAUTION, "The fit converged, with {names!l} at a bound."
-    NOT_CONVERGED = _CRITICAL, "The fit did not converge; its numbers are not to be trusted."
+    NOT_CONVERGED = _CRITICAL, "The fit did not converge; do not use its numbers."
     UNSEEN_WIDE = _CAUTION, "Not identifiable from this motion: its standard error is {share:.0%} of its value."
-    UNSEEN_FAR = _CAUTION, "Not identifiable from this motion: its standard error is over ten times its value."
-    UNSEEN_COMPANION = _CAUTION, "Not identifiable from this motion: what it goes with is not."
+    UNSEEN_FAR = _CAUTION, "Not identifiable from this motion: its standard error is more than ten times its value."
+    UNSEEN_COMPANION = (
+        _CAUTION,
+        ("Not identifiable from this motion: it means nothing without another parameter, which is not identifiable."),
+    )
     UNSEEN_BEND = (
         _CAUTION,
         (
-            "Not identifiable from this motion: with v_s near the fastest speed the term would be a bend over the whole range "
-            "and not a drop at low speed."
+            "Not identifiable from this motion: v_s lies near the fastest speed, so the term would bend the whole"
+            " curve instead of dropping at low speed."
         ),
     )
     UNSEEN = _CAUTION, "Not identifiable from this motion: {names!l}."
-    ONLY_SUM_SEEN = _CAUTION, "If v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen."
+    ONLY_SUM_SEEN = (
+        _CAUTION,
+        "If v_s lies beyond these speeds, this is alpha_0 + alpha_1: only their sum is identifiable.",
+    )
     ONLY_SUM_SEEN_OF_FIT = (
         _CAUTION,
-        "Of alpha_0 and alpha_1: if v_s lies beyond these speeds this is alpha_0 + alpha_1: only their sum is seen.",
+        ("If v_s lies beyond these speeds, the value of alpha_0 is alpha_0 + alpha_1: only their sum is identifiable."),
     )
-    DID_NOT_MOVE = _CAUTION, "The fit did not move from its start; it may lie on a bound or in a flat place."
-    OUT_OF_STEPS = _CRITICAL, "The fit ran out of steps before it settled."
+    DID_NOT_MOVE = (
+        _CAUTION,
+        "The fit did not move from its initial values: it may be at a bound, or where the cost is flat.",
+    )
+    OUT_OF_STEPS = _CRITICAL, "The fit reached its limit of iterations before it converged."
     FEW_STARTS = _CAUTION, "Only {reached} of {starts} starts reached the lowest cost."
-    NOTHING_SEEN = _CAUTION, "Nothing is seen of {name}: the torque does not depend on it in this motion."
-    HARDLY_SEEN = _CAUTION, "The data hardly see {name}."
-    ONLY_AGAINST = _CAUTION, "The data see {up!j} only against one another: raising them together changes nothing."
-    ONLY_AS_SUM = _CAUTION, "The data see {all!j} only as a sum: raising {up!j} and lowering {down!j} changes nothing."
+    NOTHING_SEEN = _CAUTION, "{name} is not identifiable: the torque does not depend on it in this motion."
+    HARDLY_SEEN = _CAUTION, "{name} is hardly identifiable from these data."
+    ONLY_AGAINST = (
+        _CAUTION,
+        ("{up!j} are identifiable only relative to one another: raising them together hardly changes the torque."),
+    )
+    ONLY_AS_SUM = (
+        _CAUTION,
+        ("{all!j} are identifiable only as a sum: raising {up!j} and lowering {down!j} hardly changes the torque."),
+    )
     NOT_PASSIVE = (
         _CAUTION,
         "Not passive{direction!d}: alpha_2 = {alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {least:.3g}.",
@@ -506,67 +570,73 @@ class Kind(Enum):
     TORQUE_DELAYED = (
         _CAUTION,
         (
-            "The torque fits better when taken {seconds:.2g} s ({samples:.2g} samples) {when} than now, which would "
-            "explain {share:.0%} of what is left: "
-            "check the time stamps, or add {delay:.2g} s to the delay of its signal and look again "
-            "(a voltage held until the next sample is half a sample early, its delay negative)."
+            "The torque fits better when taken {seconds:.2g} s ({samples:.2g} samples) {when}, which would "
+            "explain {share:.0%} of the residuals: check the time stamps, or add {delay:.2g} s to the delay of "
+            "its signal and fit again (a voltage held until the next sample is half a sample early: its delay is "
+            "negative)."
         ),
     )
     INERTIA_DOUBTED = (
         _CAUTION,
         (
-            "The inertia that was given is doubted: with {more:+.3g} +/- {error:.2g} {unit} on top of it the moving runs fit better; "
-            "leave inertia out to have it fitted."
+            "The given inertia may be wrong: with {more:+.3g} +/- {error:.2g} {unit} added the moving runs fit "
+            "better; omit inertia to have it fitted."
         ),
     )
     COUNT_BIAS = (
         _CAUTION,
         (
-            "Encoder counts biased {names!l} by more than a standard error; the bias was taken off, but a finer encoder is better, "
-            "or fit.predict: position, which simulates the motor and differentiates nothing."
+            "Encoder counts bias {names!l} by more than a standard error. The bias was subtracted, but a finer "
+            "encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
         ),
     )
     STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
     STAGES_DO_NOT_FIT = (
         _CRITICAL,
         (
-            "The joint fit explains the moving runs much worse than they can be explained, {joint:.3g} % against {alone:.3g} %: "
-            "the stages do not fit together."
+            "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
+            "{joint:.3g} % instead of {alone:.3g} %): the stages contradict each other."
         ),
     )
-    STAGE_UNSEEN = _NOTE, "The moving data do not show it."
+    STAGE_UNSEEN = _NOTE, "Not identifiable from the tracking runs."
     STAGE_AGREES = _NOTE, "They agree."
-    STAGE_DIFFERS = _CAUTION, "They differ by more than chance, and neither is much surer: see the warnings of both."
+    STAGE_DIFFERS = (
+        _CAUTION,
+        "They differ by more than chance, and neither is much more precise: see the warnings of both.",
+    )
     DISTRUST_MOVING = (
         _CAUTION,
-        "They differ by more than chance; distrust the moving data first, which knows it less well.",
+        "They differ by more than chance; check the moving data first, which are less precise.",
     )
     DISTRUST_STAGE = (
         _CAUTION,
-        "They differ by more than chance; distrust the {stage} stage first, which knows it less well.",
+        "They differ by more than chance; check the {stage} stage first, which is less precise.",
     )
 
     # slow loading
     NO_SIGMA_0 = (
         _CAUTION,
-        "No sigma_0{direction!d}: it needs the torque at which the joint slides; add ramp runs, or load up to breakaway once.",
+        "No sigma_0{direction!d}: it needs the breakaway torque; add ramp runs, or load up to breakaway once.",
     )
     FEW_COUNTS = (
         _CAUTION,
-        "Few encoder counts: {edges} edges in {loadings} loadings; a finer encoder, or torque nearer to breakaway, would help.",
+        ("Few encoder counts: {edges} edges in {loadings} loadings; use a finer encoder, or load closer to breakaway."),
     )
     YIELDS = (
         _CRITICAL,
-        "The joint moves much further than its first counts let expect: it slides, or this is no slow loading below breakaway.",
+        (
+            "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
+            "below breakaway."
+        ),
     )
     ABOVE_G0 = (
         _CAUTION,
         (
-            "The torque reaches {reached:.3g} without sliding, above g0 = {g0:.3g} ({source}): g0 may be too low. "
-            "Samples above {reach:g} g0 are left out."
+            "The torque reaches {reached:.3g} without sliding, above g0 = {g0:.3g} ({source}): g0 may be too low."
+            " Samples above {reach:g} g0 are not used."
         ),
     )
-    SINGLE_RUN = _CAUTION, "One run only: no error can be given."
+    SINGLE_RUN = _CAUTION, "One run only: its error is unknown."
     OUTLIER = (
         _CAUTION,
         "{file} is an outlier: it breaks away at {torque:.4g}; the median of {runs} runs{direction!d} is {median:.4g}.",
@@ -579,27 +649,29 @@ class Kind(Enum):
     OPEN_CYCLES = (
         _CAUTION,
         (
-            "{open} of {cycles} hysteresis cycles do not close, by up to {most:+.0%} of their range, and are no loop: "
-            "the two directions' friction differs at these peaks, or the first cycle began from rest."
+            "{open} of {cycles} hysteresis cycles not closed, by up to {most:+.0%} of their range, and left out: "
+            "friction differs between the directions at these peaks, or the first cycle started from rest."
         ),
     )
-    NO_SIGMA_1 = _NOTE, "Absent: (15) needs J and sigma_0, and {why}."
+    NO_SIGMA_1 = _NOTE, "No estimate: (15) needs J and sigma_0, but {why}."
     NO_STIFFNESS = _NOTE, "there is no sigma_0"
-    NO_INERTIA = _NOTE, "no positive inertia is known: give inertia in the experiment file, or moving runs"
+    NO_INERTIA = _NOTE, "no positive inertia is known: give inertia in the experiment file, or add moving runs"
     PRIOR = (
         _CAUTION,
         (
-            "A prior, not an estimate: (15) assumes a damping ratio of {ratio:g} (J: {source}); its error holds none of that assumption's."
+            "A prior, not an estimate: (15) assumes a damping ratio of {ratio:g} (J: {source}); the error does "
+            "not include that of the assumption."
         ),
     )
-    NO_COUNTS = _NOTE, "No encoder counts are seen: (14) and the count edges need them."
-    COUNTS_BIAS = _CAUTION, "Counts bias this estimate by about {share:.1%}, more than its standard error."
-    NOT_POSITIVE = _CRITICAL, "Not positive: the displacement does not grow with the torque."
+    NO_COUNTS = _NOTE, "No encoder counts are visible; (14) and the count edges need them."
+    COUNTS_BIAS = _CAUTION, "Encoder counts bias this estimate by about {share:.1%}, more than its standard error."
+    NOT_POSITIVE = _CRITICAL, "Not positive: the displacement does not increase with the torque."
     NOTHING_BELOW_G0 = _NOTE, "No displacement was measured below g0."
     WHOLE_COUNT = (
         _NOTE,
         (
-            "Takes a whole count for the way to the first edge, of which any part may be true; the interval is that of an unknown rest position."
+            "Assumes that the joint moves a whole count to the first edge; it may be any part of one. The "
+            "interval allows for an unknown rest position."
         ),
     )
     WITHIN_NOISE = (
@@ -613,82 +685,85 @@ class Kind(Enum):
     EDGES = _NOTE, "{edges} count edges"
 
     # the joint as a whole
-    DIRECTION_UNKNOWN = _CAUTION, "Nothing is known of direction {direction}: {why}."
+    DIRECTION_UNKNOWN = _CAUTION, "Direction {direction} is not identified: {why}."
     NONE_KEPT = _CAUTION, "none of its {tried} candidate segments was kept"
     NOT_MEASURED = _CAUTION, "it was not measured"
     POSITIONS_DISAGREE = (
         _CAUTION,
         (
-            "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position counts.{looks}"
+            "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position is"
+            " used.{looks}"
         ),
     )
     LOOKS_LIKE = _CAUTION, " It looks like {what}."
     TORQUES_DOUBTED = (
         _CAUTION,
-        "{doubted} of {kept} kept segments have a torque in question; each says why in the list of segments.",
+        "The torque of {doubted} of {kept} kept segments is questionable; the list of segments says why.",
     )
     OFFSET_LEFT_OUT = (
         _NOTE,
-        "With separate directions an offset cannot be told from the two Coulomb terms; it is left out.",
+        "With separate directions an offset cannot be separated from the two Coulomb terms; it is not fitted.",
     )
     HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
-    TRUTH_UNDECLARED = _CAUTION, "A truth is given, but the data are not declared simulated."
+    TRUTH_UNDECLARED = _CAUTION, "True parameters are given (truth), but the data are not declared simulated."
 
     # validation of the grid search
     POINTS_SIMULATED = (
         _NOTE,
         (
-            "SIMULATED: torques are those of the model at the velocities named, with white Gaussian noise; "
-            "no run is simulated, and no velocity is in error."
+            "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run"
+            " is simulated, and the velocities have no error."
         ),
     )
     DIRECTIONS_ALONE = (
         _NOTE,
-        "Each direction stands alone: what directions share (inertia, gravity, offset) is taken as known.",
+        ("Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known."),
     )
-    NO_STRIBECK_TERM = _NOTE, "nothing to try: {outcome}"
+    NO_STRIBECK_TERM = _NOTE, "nothing to validate: {outcome}"
     POINTS_WITHOUT_NOISE = (
         _NOTE,
-        "nothing to try: the points lie on the model without noise; choose a noise level with --noise",
+        "nothing to validate: the points lie on the model without noise; choose a noise level with --noise",
     )
-    NO_GRID_FIT = _NOTE, "nothing to try: no friction over velocity was fitted by the grid."
-    NOTHING_TRIED = _NOTE, "Nothing was tried."
+    NO_GRID_FIT = _NOTE, "nothing to validate: the grid fitted no friction curve."
+    NOTHING_TRIED = _NOTE, "Nothing was validated."
     NEVER_UNDERCUT = (
         _NOTE,
         (
-            "{fits} fits by IPOPT from random starts within the grid's bounds ({starts} of them on the first data set of each case): "
-            "none undercuts the refined grid's cost by more than {same:g}, relative (at most {deficit:.1g})."
+            "{fits} IPOPT fits from random starts within the grid's bounds ({starts} of them on the first data "
+            "set of each case): none has a cost below the refined grid's by more than {same:g} relative (at most "
+            "{deficit:.1g})."
         ),
     )
     UNDERCUT = (
         _CRITICAL,
         (
-            "{fits} fits by IPOPT from random starts within the grid's bounds ({starts} of them on the first data set of each case): "
-            "the refined grid was undercut by up to {deficit:.2g}, relative; do not trust it before you know why."
+            "{fits} IPOPT fits from random starts within the grid's bounds ({starts} of them on the first data "
+            "set of each case): the lowest cost is up to {deficit:.2g} relative below the refined grid's; do not "
+            "use the grid before the cause is known."
         ),
     )
     DESIGN_VALIDATED = (
         _NOTE,
         (
-            "{design}: random starts that end in another minimum: {other!c}; "
-            "with v_s free, {outside:.3g} % find a lower cost outside the grid's range; "
-            "no method can know v_s in {unknowable} of {cases} cases; in {coarse} of the others a plain grid of {values} is too coarse."
+            "{design}: random starts that end in another minimum: {other!c}; with v_s free, {outside:.3g} % find "
+            "a lower cost outside the grid's range; v_s is not identifiable by any method in {unknowable} of "
+            "{cases} cases; in {coarse} of the others a plain grid of {values} is too coarse."
         ),
     )
     V_S_KNOWABLE = (
         _NOTE,
         (
-            "v_s can be known here ({below} of {speeds} speeds below v_s): it scatters by {spread:.3g} % of the truth; "
-            "no finite interval is returned in {declined:.3g} % of the repetitions."
+            "v_s is identifiable here ({below} of {speeds} speeds lie below it): its estimates scatter by "
+            "{spread:.3g} % of the true value; no estimate returned in {declined:.3g} % of the repetitions."
         ),
     )
     V_S_UNKNOWABLE = (
         _CRITICAL,
         (
-            "No method can know v_s here ({below} of {speeds} speeds below v_s): "
-            "no finite interval is returned in {declined:.3g} % of the repetitions, "
-            "and the best fit's v_s is off by {bias:.3g} % of the truth in the median and scatters by {spread:.3g} %. "
-            "A solver that returns a number all the same returns noise."
+            "v_s is not identifiable here by any method ({below} of {speeds} speeds lie below it): no estimate "
+            "returned in {declined:.3g} % of the repetitions, and the best fit's v_s has a median error of "
+            "{bias:.3g} % of the true value and scatters by {spread:.3g} %. A solver that returns a number all "
+            "the same returns noise."
         ),
     )
     IPOPT_NEVER_LOWER = (
@@ -697,80 +772,93 @@ class Kind(Enum):
     )
     IPOPT_UNDERCUTS = (
         _CRITICAL,
-        "IPOPT finds a cost below the refined grid's, by {deficit:.2g} relative; do not trust the grid before you know why.",
+        (
+            "IPOPT finds a cost below the refined grid's, by {deficit:.2g} relative; do not use the grid before "
+            "the cause is known."
+        ),
     )
     POLISHING_STAYS = (
         _NOTE,
-        "IPOPT initialised at the grid's answer stays there, within {shift:.1g} standard errors: the full fit adds nothing.",
+        (
+            "IPOPT initialised at the grid's estimate stays there, within {shift:.1g} standard errors: the full "
+            "fit adds nothing."
+        ),
     )
     POLISHING_MOVES = (
         _CAUTION,
-        "IPOPT initialised at the grid's answer moves by up to {shift:.2g} standard errors, along a valley of one cost.",
+        (
+            "IPOPT initialised at the grid's estimate moves by up to {shift:.2g} standard errors, at nearly the "
+            "same cost."
+        ),
     )
     STARTS_PART = (
         _NOTE,
         (
-            "Random starts that end in another minimum, or short of one: {other!c}; without a Stribeck term: {flat!c}. "
-            "The grid has no start."
+            "Random starts that end in another minimum, or before they reach one: {other!c}; without a Stribeck "
+            "term: {flat!c}. The grid needs no start."
         ),
     )
     STARTS_AGREE = (
         _NOTE,
-        "Every random start of {solvers!l} ends in the grid's minimum: here the grid has no advantage but time.",
+        (
+            "Every random start of {solvers!l} ends in the grid's minimum: here the grid's only advantage is its "
+            "computing time."
+        ),
     )
     PLAIN_GRID_ERROR = (
         _NOTE,
         (
-            "The paper's plain grid of {values} has an error of v_s of {share:.3g} % of its standard error; "
-            "{enough} (a step over √12 predicts {predicted}). The refined grid has none."
+            "The paper's plain grid of {values} adds an error of v_s of {share:.3g} % of its standard error; "
+            "{enough} (a step divided by √12 predicts {predicted}). The refined grid adds none."
         ),
     )
-    FINE_GRID = _NOTE, "the first of the resolutions tried to keep below {most:.3g} % is {values}"
-    NO_FINE_GRID = _NOTE, "none of the resolutions tried keeps below {most:.3g} %"
+    FINE_GRID = _NOTE, "the smallest of the grids tried that stays below {most:.3g} % has {values} values"
+    NO_FINE_GRID = _NOTE, "none of the grids tried stays below {most:.3g} %"
     LOWER_OUTSIDE_RANGE = (
         _CAUTION,
         (
-            "With v_s free, {count} of {starts} starts find a lower cost outside the grid's range, at v_s from {low:.3g} to {high:.3g}: "
-            "there the range decides, not the data."
+            "With v_s free, {count} of {starts} starts find a lower cost outside the grid's range, at v_s from "
+            "{low:.3g} to {high:.3g}: there the range determines v_s, not the data."
         ),
     )
-    FIT_TIMES = _NOTE, "Time of one fit, over the refined grid's: {times!x}."
-    PLAIN_GRID_ENOUGH = _NOTE, "Faster than the refined grid, and fine enough here: a plain grid of {values}."
+    FIT_TIMES = _NOTE, "Computing time of one fit relative to the refined grid: {times!x}."
+    PLAIN_GRID_ENOUGH = _NOTE, "A plain grid of {values} is faster than the refined grid, and fine enough here."
 
     # a plan of measurements
     PLAN_LOCAL = (
         _NOTE,
         (
-            "The design is local: errors are those of the estimates, to first order; velocities are averaged over what v_s may be, "
-            "the motion over {others} other joints that may be."
+            "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
+            " the plausible values of v_s, the motion over {others} other plausible joints."
         ),
     )
     REFERENCES_FOLLOWED = (
         _NOTE,
-        "Each reference is followed exactly; friction is LuGre, the same everywhere and at any time.",
+        "Each reference is followed exactly; friction is LuGre, independent of position and time.",
     )
     RUN_IN = (
         _NOTE,
         (
-            "A run-in of at least {settle:g} s, or {deflections:g} bristle deflections of travel, precedes each hold: "
-            "the bristle forgets over one."
+            "Each hold starts with a run-in of at least {settle:g} s, or {deflections:g} bristle deflections of "
+            "travel; the bristle forgets its state over one deflection."
         ),
     )
-    ENCODER_COUNT = _NOTE, "Encoder: {count:.3g} {unit} a count."
-    ENCODER_FINE = _NOTE, "Encoder: no count is known; loading is planned as if it were fine."
-    STILL_UNSEEN = _CAUTION, "Even after this plan {names!l} would not be seen within these limits."
+    ENCODER_COUNT = _NOTE, "Encoder: {count:.3g} {unit} per count."
+    ENCODER_FINE = _NOTE, "Encoder: the count is unknown; loading is planned as if the encoder were fine."
+    STILL_UNSEEN = _CAUTION, "Even after this plan {names!l} would not be identifiable within these limits."
     SLOWEST_TOO_FAST = (
         _CAUTION,
         (
-            "The slowest constant speed, {slowest:.3g} {unit}, is {ratio:.2g} times v_s{direction!d}: slower runs would show the Stribeck region "
-            "far better; a stiffer controller may hold them, then lower plan.minimum_velocity."
+            "The slowest constant speed, {slowest:.3g} {unit}, is {ratio:.2g} times v_s{direction!d}: slower runs"
+            " would show the Stribeck term far better. If a stiffer controller can hold them, lower "
+            "plan.minimum_velocity."
         ),
     )
     FEW_VELOCITIES = (
         _CAUTION,
         (
-            "The planned velocities{direction!d} are too few different ones for a fit of their own: they add to what was measured; "
-            "identify them together with the runs so far."
+            "The planned velocities{direction!d} have too few different values for a separate fit: identify them "
+            "together with the runs so far."
         ),
     )
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-import bristle
 from bristle.errors import InputError
 from bristle.questions.compensation import ablation, parameter_studies
 from bristle.questions.compensation.study import Study, study
@@ -40,14 +39,15 @@ def test_its_text_has_a_line_for_each_error_and_each_adapted_parameter(compensat
     factors = compensated.adapted.factors
     assert len(lines) == len(plain) + len(factors)
     for line, row in zip(lines, plain, strict=False):
-        assert f"{row.identified / row.without:.3f} with compensation" in line
+        assert f"RMS error {1e3 * row.without:.3g} mrad without, {1e3 * row.identified:.3g} mrad" in line
+        assert f"({100 * row.identified / row.without:.2g} %) with and" in line
     for line, factor in zip(lines[len(plain) :], factors, strict=True):
         assert f"{factor.law}: {factor.parameter} from {factor.initial:g} to {factor.final:.3f}" in line
 
 
 def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path: Path) -> None:
-    """`write` and `write_adaptation` leave the same files, among them the table of `to_frame`; no file where the folder cannot be used."""
-    one, other = compensated.write(tmp_path / "a"), bristle.write_adaptation(compensated, str(tmp_path / "b"))
+    """`write` leaves the same files, from a path or a text, among them the table of `to_frame`; no file where the folder cannot be used."""
+    one, other = compensated.write(tmp_path / "a"), compensated.write(str(tmp_path / "b"))
     names = sorted(p.relative_to(one.parent) for p in one.parent.rglob("*") if p.is_file())
     assert one == tmp_path / "a" / "index.html"
     assert names == sorted(p.relative_to(other.parent) for p in other.parent.rglob("*") if p.is_file())

@@ -147,7 +147,7 @@ def test_what_is_not_seen_has_no_error_bound() -> None:
     assert info.standard_errors[1:].tolist() == [np.inf] * 3
     assert np.isfinite(info.standard_errors[0])
     assert np.isfinite(info.correlation).all()
-    assert info.unseen[0] == "Nothing is seen of d."
+    assert info.unseen[0] == "d is not identifiable."
     assert "b" in info.unseen[1]
     assert "c" in info.unseen[1]
     assert "only as a sum" in info.unseen[1]

@@ -67,7 +67,7 @@ def test_a_draw_is_a_joint_however_little_is_known() -> None:
     fit = tracked(values_of(GRIPPER))
     values = np.array([fit.parameters[name].value for name in fit.names], float)
     own = joint(replace(fit, covariance=np.diag((1e3 * values) ** 2)))
-    for pair, inertia in draws_of(own, WAY, J):
+    for pair, inertia in draws_of(own, known_joint(own), WAY, J):
         assert np.exp(-5.001) <= inertia / J <= np.exp(5.001)
         for drawn, estimated in zip(pair, GRIPPER, strict=True):
             ratios = np.array([getattr(drawn, n) / getattr(estimated, n) for n in ("alpha_0", "v_s", "sigma_0")])

@@ -39,9 +39,9 @@ def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path)
     section = text[text.index('<section id="gripper-rotation--tracking">') :]
     section = section[: section.index("</section>")]
     for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "began from the other stages",
-                  "1701 equations\nin 2 stretches",
+                  "1701 samples,\n2 segments",
                   "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", str(IPOPT), str(DIFFER), str(NOT_SHOWN),
-                  "from 4.75 to 7.75 s", "stretch 2 of 2", "thinned to 400 points"):  # fmt: skip  # words
+                  "from 4.75 to 7.75 s", "segment 2 of 2", "thinned to 400 points"):  # fmt: skip  # words
         assert words in section
     assert "0.0001 N·m/rad" not in section
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
@@ -127,7 +127,7 @@ def test_a_fit_that_predicts_the_position_says_so(moved: Joint, tmp_path: Path) 
         "rms residual 0.0004 rad",
         "simulated in 34 windows",
         "Measured position",
-        "start alone was fitted",
+        "only the initial values were fitted",
     ):
         assert said in words
     assert "torque" not in words

@@ -169,8 +169,9 @@ def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path:
     section = section[: section.index("</section>")]
     for words in (*METHODS.values(), "Use the edges", "-2.4 % where the joint rests",
                   "-51 % on average, with a spread of 28 %",
-                  "from the static fit", "Prior of", "assumed damping ratio", "median torque", "is an outlier", "differ because the loop is wide",
-                  "loss per cycle (J)", "1 more stand in the table"):  # fmt: skip  # words
+                  "from the static fit", "Prior of", "assumed damping ratio", "median breakaway torque",
+                  "is an outlier", "differ because the loop is wide",
+                  "loss per cycle (J)", "1 more are in the table"):  # fmt: skip  # words
         assert words in section
     captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
     assert [caption.startswith("<strong>SIMULATED") for caption in captions] == [True, True]

@@ -103,7 +103,7 @@ def test_what_is_asked_for_is_taken(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("absent", "said"),
     [
-        ("gains", "PID: nobody gave one"),
+        ("gains", "PID: default"),
         ("gamma", "Learning rates: "),
         ("amplitude", "Reference: "),
         ("frequency", "Reference: "),
@@ -154,7 +154,7 @@ def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path) -> Non
     assert negative.sigma_0 == pytest.approx(GRIPPER.negative.sigma_0)
     assert negative.sigma_1 == pytest.approx(0.2 * np.sqrt(J * negative.sigma_0))
     for name in ("sigma_0 (+)", "sigma_1 (+)", "sigma_1 (-)"):
-        assert len([s for s in one.assumptions if s.startswith(f"{name}: these data do not show it; ")]) == 1
+        assert len([s for s in one.assumptions if s.startswith(f"{name}: not identifiable from these data; ")]) == 1
     assert not [s for s in one.assumptions if s.startswith("sigma_0 (-)")]
     for (p, n), inertia in one.draws:
         assert p.sigma_0 == pytest.approx(p.alpha_0 / 0.4e-3)
@@ -268,14 +268,14 @@ def test_the_refusal_of_a_slow_controller_says_the_longest_period(tmp_path: Path
 @pytest.mark.parametrize("parameters", ["alpha_0, alpha_2", "v_s", "alpha_1, sigma_1", "sigma_0"])
 @pytest.mark.parametrize("amplitude", ["20 deg", "2 rad"])
 def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, parameters: str, amplitude: str) -> None:
-    """A rate that nobody gave is finite, also where a gradient vanishes over most of a sine; zero, and said, where sliding shows nothing."""
+    """A default rate is finite, also where a gradient vanishes over most of a sine; zero, and said, where sliding shows nothing."""
     if law == "printed" and parameters != "alpha_0, alpha_2":
         return
     given = {"law": law, "parameters": f"[{parameters}]", "amplitude": amplitude, "frequency": "1 Hz"}
     one = of_experiment(experiment(tmp_path, options(given)), joint())
     assert np.isfinite(one.adaptation.gamma).all()
     assert max(one.adaptation.gamma) < 1e10
-    assert any("zero where steady sliding" in s for s in one.assumptions) == (0.0 in one.adaptation.gamma)
+    assert any("zero where a parameter" in s for s in one.assumptions) == (0.0 in one.adaptation.gamma)
     assert parameters != "alpha_0, alpha_2" or law == "printed" or 0.0 not in one.adaptation.gamma
 
 

@@ -158,7 +158,7 @@ def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
         return
     if cleaning.non_finite == "refuse":
         raise InputError(
-            f"{_count(bad.size)} (first: row {bad[0] + 1}) not finite (inf, nan or empty); mend the log, or declare cleaning: {{non_finite: drop}}"
+            f"{_count(bad.size)} (first: row {bad[0] + 1}) not finite (inf, nan or empty); correct the log, or declare cleaning: {{non_finite: drop}}"
         )
     if bad.size == table.rows:
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
@@ -207,7 +207,7 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     if wide.any():
         rows.notes.append(
             f"{int(wide.sum())} gap{'s' if wide.sum() > 1 else ''} longer than {gap:g} intervals ({gap * step:.4g} s), "
-            f"the longest {intervals.max():.4g} s; each segment between gaps is treated on its own."
+            f"the longest {intervals.max():.4g} s; each segment between gaps is treated separately."
         )
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide)))
 

@@ -121,7 +121,7 @@ def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, 
     for line, row in cells[len(cells) if named is None else named + 1 :]:
         if len(row) == width and any(_numeric([cell]) and cell != "1" for cell in row if cell):
             raise InputError(
-                f"line {line + 1} stands between names and numbers, and is neither: {short(', '.join(row))}; mend it, or take it out"
+                f"line {line + 1} stands between names and numbers, and is neither: {short(', '.join(row))}; correct or remove it"
             )
     if len(cells) < 2 and not any(_numeric([cell]) for _, row in cells for cell in row if cell):
         return ""

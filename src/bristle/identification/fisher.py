@@ -165,7 +165,7 @@ def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]
     They are those of information F (p, p), each parameter in units of what it is seen by itself.
     """
     size = np.sqrt(np.diag(matrix))
-    sentences = [f"Nothing is seen of {name}." for name, s in zip(names, size, strict=True) if s == 0]
+    sentences = [f"{name} is not identifiable." for name, s in zip(names, size, strict=True) if s == 0]
     kept = np.flatnonzero(size > 0)
     values, vectors = np.linalg.eigh(_scaled(matrix, size)[np.ix_(kept, kept)])
     for value, vector in zip(values, vectors.T, strict=True):

@@ -171,24 +171,24 @@ class KnownJoint:
             values |= WITHOUT_PEAK
         return {name: x for name, x in values.items() if x is not None}
 
-    def filled(self, direction: Direction, way: float, J: float) -> Lugre[float]:
+    def filled(self, direction: Direction, travel: float, J: float) -> Lugre[float]:
         """A direction's whole set, with a bristle where none was seen.
 
-        Bent by `DEFLECTION` of `way` (rad) in slow sliding, damped by (15). `J` is the inertia, kg*m**2. Raises
+        Bent by `DEFLECTION` of `travel` (rad) in slow sliding, damped by (15). `J` is the inertia, kg*m**2. Raises
         InputError where nothing is known of the friction over velocity.
         """
         values, missing = self.values(direction), self.missing(direction)
         if not self.has_law(direction):
             raise InputError(f"{self.name}: nothing is known of the friction over velocity in direction {direction}")
         if "sigma_0" in missing:
-            values["sigma_0"] = assumed_stiffness(values["alpha_0"], way)
+            values["sigma_0"] = assumed_stiffness(values["alpha_0"], travel)
         if "sigma_1" in missing:
             values["sigma_1"] = assumed_damping(values["sigma_0"], J)
         return Lugre(**values)
 
-    def pair(self, way: float, J: float) -> Pair[float]:
+    def pair(self, travel: float, J: float) -> Pair[float]:
         """Both directions, each as in `filled`."""
-        return Pair(*(self.filled(d, way, J) for d in SIGNED))
+        return Pair(*(self.filled(d, travel, J) for d in SIGNED))
 
 
 def known_joint(joint: Joint) -> KnownJoint:
@@ -247,9 +247,9 @@ def guessed_inertia(alpha_0: float, acceleration: float) -> float:
     return INERTIAL * alpha_0 / acceleration
 
 
-def assumed_stiffness(alpha_0: float, way: float) -> float:
-    """sigma_0 where nothing shows it, N*m/rad: bent by `DEFLECTION` of `way` (rad) under alpha_0 (N*m)."""
-    return alpha_0 / (DEFLECTION * way)
+def assumed_stiffness(alpha_0: float, travel: float) -> float:
+    """sigma_0 where nothing shows it, N*m/rad: bent by `DEFLECTION` of `travel` (rad) under alpha_0 (N*m)."""
+    return alpha_0 / (DEFLECTION * travel)
 
 
 def assumed_damping(sigma_0: float, J: float) -> float:
@@ -257,13 +257,13 @@ def assumed_damping(sigma_0: float, J: float) -> float:
     return float(evaluate(functions.presliding_damping_function(), sigma_0, J, DAMPING_RATIO)[0])
 
 
-def draws_of(joint: Joint, known: KnownJoint, way: float, J: float) -> tuple[tuple[Pair[float], float], ...]:
+def draws_of(joint: Joint, known: KnownJoint, travel: float, J: float) -> tuple[tuple[Pair[float], float], ...]:
     """Joints from the covariance of the fit of moving runs, each with its inertia; none without such a fit.
 
     Args:
         joint: identified.
         known: what is known of it.
-        way: as in `KnownJoint.filled`.
+        travel: as in `KnownJoint.filled`.
         J: inertia where that was not fitted, kg*m**2.
     """
     fit = joint.moving
@@ -289,5 +289,5 @@ def draws_of(joint: Joint, known: KnownJoint, way: float, J: float) -> tuple[tup
         sample = dict(zip(names, draw, strict=True))
         estimates = {name: replace(fit.parameters[name], value=x) for name, x in sample.items()}
         inertia = sample.get(INERTIA) or J
-        joints.append((replace(known, estimates={**known.estimates, **estimates}).pair(way, inertia), inertia))
+        joints.append((replace(known, estimates={**known.estimates, **estimates}).pair(travel, inertia), inertia))
     return tuple(joints)

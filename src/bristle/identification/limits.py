@@ -96,7 +96,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
         rate=asked.rate,
     )
     if "rate" not in asked.model_fields_set:
-        choice.sentences.append(f"Rate of the references: {asked.rate:g} Hz, a default; give plan.rate.")
+        choice.sentences.append(f"Rate of the references: {asked.rate:g} Hz, a default; set plan.rate to override.")
     return limits, tuple(choice.sentences)
 
 
@@ -112,7 +112,9 @@ class _Choice:
         if declared is not None:
             return declared
         seen = float(f"{seen:.3g}")
-        self.sentences.append(f"{what}: {seen:g} {unit(si, self.kind) if si else 's'}, {source}; give plan.{name}.")
+        self.sentences.append(
+            f"{what}: {seen:g} {unit(si, self.kind) if si else 's'}, {source}; set plan.{name} to override."
+        )
         return seen
 
 
@@ -162,7 +164,7 @@ def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Li
         capped = f", at which {caps[cap]}" if cap < FREQUENCY else ""
         return reachable, (
             f"Highest frequency of the motion: {reachable.frequency:.3g} Hz{capped}, "
-            "which the controller must be able to follow; give plan.frequency.",
+            "which the controller must be able to follow; set plan.frequency to override.",
         )
     if asked.frequency <= cap:
         return reachable, ()
@@ -195,11 +197,11 @@ def _span(measured: Measured, wanted: float, sentences: list[str]) -> tuple[floa
     positions: list[Array] = [run.record.position for run in measured.runs if run.record.position is not None]
     if not positions:
         sentences.append(
-            f"Positions: 0 to {wanted:.3g} {q}, what the fastest hold asks for: no run has positions; give plan.position."
+            f"Positions: 0 to {wanted:.3g} {q}, which the fastest hold needs: no run has positions; set plan.position to override."
         )
         return 0.0, float(f"{wanted:.3g}")
     low, high = min(float(x.min()) for x in positions), max(float(x.max()) for x in positions)
     sentences.append(
-        f"Positions: {low:.3g} to {high:.3g} {q}, as far as the measured runs went, counted as they do; give plan.position."
+        f"Positions: {low:.3g} to {high:.3g} {q}, as far as the measured runs went, in their coordinates; set plan.position to override."
     )
     return low, high

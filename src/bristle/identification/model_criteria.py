@@ -147,7 +147,7 @@ def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept
         why += f" ({near}{_called(rest[0])} has {gap:.1f} more)"
     other = min((r for r in allowed if r.aicc is not None), key=lambda r: r.aicc or 0.0, default=best)
     if other is not best:
-        why += f"; AICc would rather have {_called(other)}"
+        why += f"; AICc prefers {_called(other)}"
     return f"Use {_called(best)}: {why}{_refused(rows, static, kept=kept)}."
 
 

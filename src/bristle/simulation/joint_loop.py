@@ -25,7 +25,7 @@ from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
 _BANDWIDTH = 30.0
-"""Of a controller that nobody gave, rad/s: K_p = J w**2, K_d = 2 J w, K_i = 0.2 J w**3 ..."""
+"""Bandwidth of the default controller, rad/s: K_p = J w**2, K_d = 2 J w, K_i = 0.2 J w**3 ..."""
 _SLOWEST = 0.02
 """... but w no more than this over the control period."""
 _BEYOND = 30.0
@@ -33,13 +33,13 @@ _BEYOND = 30.0
 _COARSE = 0.02
 """The control period is at most this share of the reference's."""
 _FREQUENCY = 0.5
-"""Of a reference that nobody gave, Hz."""
+"""Of the default reference, Hz."""
 _PHASES = 64
 """Of a quarter of a sine, over which rates are found."""
 _NOTHING = 1e-3
 """Of the torque: a parameter that makes no more of it in steady sliding, where its law has a gradient, is not seen there."""
 _HALF = 0.5
-"""Share of a parameter's error that is mended in a second, where no rates are given."""
+"""Share of a parameter's error that is corrected in a second, where no rates are given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,7 +160,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     if asked.amplitude is None or asked.frequency is None:
         q = unit("position", joint.kind)
         assumed.append(
-            f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; give adapt.amplitude and adapt.frequency."
+            f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; set adapt.amplitude and adapt.frequency to override."
         )
     model = known.pair(amplitude, J)
     for d, p in zip(SIGNED, model, strict=True):
@@ -190,11 +190,11 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
 def _filled(p: Lugre[float], name: str, direction: str, kind: Kind) -> str:
     """What is said of a parameter that was filled in."""
     by_deflection, by_ratio = (
-        f"{DEFLECTION:g} of the amplitude in deflection",
-        f"(15) with a damping ratio of {DAMPING_RATIO:g}",
+        f"from a deflection of {DEFLECTION:g} of the amplitude",
+        f"from (15) with a damping ratio of {DAMPING_RATIO:g}",
     )
     how = by_deflection if name == "sigma_0" else by_ratio
-    return f"{name} ({direction}): these data do not show it; {getattr(p, name):.3g} {unit(name, kind)}, {how}."
+    return f"{name} ({direction}): not identifiable from these data; assumed {getattr(p, name):.3g} {unit(name, kind)}, {how}."
 
 
 def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
@@ -228,7 +228,7 @@ def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
 
 
 def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[str]) -> Adaptation:
-    """The adaptation with rates that mend half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
+    """The adaptation with rates that correct half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
 
     A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
     gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
@@ -246,9 +246,9 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
         seen = worth > _NOTHING * float(np.mean(G[k]) * np.mean(np.abs(T)))
         rates.append(_HALF * K_p / worth if seen else 0.0)
     listed = ", ".join(f"{rate:.3g}" for rate in rates)
-    still = "" if all(rates) else "; zero where steady sliding shows nothing of a parameter"
+    still = "" if all(rates) else "; zero where a parameter has no effect in steady sliding"
     assumed.append(
-        f"Learning rates: {listed} for {', '.join(names)}, which mend about half of an error in a second{still}; give adapt.gamma."
+        f"Learning rates: {listed} for {', '.join(names)}, which halve the error in about 1 s{still} (set adapt.gamma to override)."
     )
     return replace(plain, gamma=tuple(rates))
 
@@ -260,7 +260,7 @@ def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gai
     gains = Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0)
     q = unit("sigma_0", kind)
     assumed.append(
-        f"PID: nobody gave one; K_p {gains.K_p:.3g} {q}, K_i and K_d to match, for {w:g} rad/s at this inertia; give adapt.gains."
+        f"PID: default, K_p {gains.K_p:.3g} {q}, K_i and K_d to match, for {w:g} rad/s at this inertia (set adapt.gains to override)."
     )
     return gains
 

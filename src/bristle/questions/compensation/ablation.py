@@ -70,7 +70,7 @@ class AblationRow(NamedTuple):
 
 
 def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
-    """All of them; the joint goes forth and back twice, then is held at rest."""
+    """All of them; the joint moves back and forth twice, then is held at rest."""
     reference, moving = _back_and_forth(loop)
     circumstances = [(bits, share) for bits in BITS for share in SHARES]
     cases = [

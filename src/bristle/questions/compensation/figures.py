@@ -108,7 +108,7 @@ def gains_figure(study: Study) -> Figure:
     """Fig. 9: the adapted parameters over time by each law, with what the paper reports as lines across."""
     shown, a = study.adapted, study.adapted.adaptation
     figure, axes = _panels(study, len(a.parameters), 2.6)
-    own = "the true one" if study.loops[0].simulated else "the identified"
+    own = "the true value" if study.paper else "the identified value"
     for k, (ax, name) in enumerate(zip(axes, a.parameters, strict=True)):
         begun = study.adapting.start.get(name, 1.0)
         for law, run in shown.runs.items():
@@ -125,7 +125,7 @@ def gains_figure(study: Study) -> Figure:
                 ha="right",
                 fontsize=8.5,
             )
-        ax.set_ylabel(f"{symbol(name)}, share of {own}")
+        ax.set_ylabel(f"{symbol(name)}, ratio to\n{own}")
     axes[-1].set_xlabel(axis("time", study.loops[0].kind))
     axes[-1].legend(loc="lower right", ncols=2)
     return figure
@@ -140,7 +140,7 @@ def adapted_figure(study: Study) -> Figure:
 
 @styled
 def adaptation_map_figure(study: Study) -> Figure:
-    """Where the adapted parameters end, as heat maps with numbers: rate over frequency, and amplitude over frequency."""
+    """Where the adapted parameters end, as heat maps with numbers: rate vs frequency, and amplitude vs frequency."""
     m, kind = study.adaptation_map, study.loops[0].kind
     parameters = study.adapting.adaptation.parameters
     figure = new_figure(0.8 + 2.7 * len(parameters), width=6.6)
@@ -157,7 +157,7 @@ def adaptation_map_figure(study: Study) -> Figure:
             ax.set_xlabel("Frequency (Hz)")
             ax.set_ylabel(label)
             ax.annotate(
-                f"{symbol(name)}, adapted share",
+                f"{symbol(name)}, final ratio",
                 (0.0, 1.0),
                 (0, 3),
                 xycoords="axes fraction",
@@ -188,7 +188,7 @@ def _heat(ax: Axes, values: Array, across: Array, up: Array) -> None:
 
 @styled
 def gradients_figure(study: Study) -> Figure:
-    """What each law's gradient is over speed, in steady sliding, relative to the total derivative's."""
+    """Each law's gradient vs speed, in steady sliding, relative to the total derivative's."""
     loop = study.adapting
     v, found = study.gradients
     name = loop.adaptation.parameters[0]
@@ -215,7 +215,7 @@ def gradients_figure(study: Study) -> Figure:
 
 @styled
 def ablation_figure(study: Study) -> Figure:
-    """RMS error over that without compensation: each compensator by share, encoder (rows of panels) and delay (columns), marked."""
+    """RMS error relative to that without compensation: each compensator by share, encoder (rows of panels) and delay (columns), marked."""
     tried = [x for x in study.ablation if x.compensator != "none"]
     rows = list(dict.fromkeys(x.compensator for x in tried))
     bits_of, delays = (list(dict.fromkeys(k)) for k in ((x.bits for x in tried), (x.delay for x in tried)))
@@ -258,7 +258,7 @@ def ablation_figure(study: Study) -> Figure:
                 textcoords="offset points",
                 fontsize=8,
             )
-    axes[-1, len(delays) // 2].set_xlabel("Share of the identified friction that is compensated (%)")
+    axes[-1, len(delays) // 2].set_xlabel("Compensated part of the identified friction (%)")
     return figure
 
 
@@ -296,7 +296,7 @@ def band_figure(study: Study) -> Figure | None:
 
 
 def replay_figure(at: int) -> Callable[[Study], Figure | None]:
-    """What draws one replay: torque measured, predicted with gains of 1 and adapted, and the shares over time; None where there is no such replay."""
+    """What draws one replay: torque measured, predicted with gains of 1 and adapted, and the ratios vs time; None where there is no such replay."""
 
     @styled
     def draw(study: Study) -> Figure | None:
@@ -320,7 +320,7 @@ def replay_figure(at: int) -> Callable[[Study], Figure | None]:
         above.set_ylim(low, high + 0.25 * (high - low))
         above.set_ylabel(axis("torque", kind, "friction"))
         above.legend(loc="upper right", ncols=3)
-        below.set_ylabel("Share")
+        below.set_ylabel("Ratio to identified")
         middle, half = float(np.mean(replay.theta)), max(0.55 * float(np.ptp(replay.theta)), 0.02)
         below.set_ylim(min(float(replay.theta.min()), middle - half), max(float(replay.theta.max()), middle + half))
         below.ticklabel_format(axis="y", useOffset=False)

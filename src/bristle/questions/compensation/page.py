@@ -15,6 +15,7 @@ from bristle.page.page import Section, element, html, tables_of, versions, write
 from bristle.page.style import styled
 from bristle.page.wording import number, pretty
 from bristle.questions.compensation import figures, tables
+from bristle.questions.compensation.replay import Replay
 from bristle.questions.compensation.study import Study
 
 _PACKAGE = "bristle.questions.compensation"
@@ -82,6 +83,8 @@ def context(study: Study) -> dict[str, Any]:
         "gamma": ", ".join(number(g, 3) for g in study.adapting.adaptation.gamma),
         "assumptions": loop.assumptions,
         "table_2": shown(tables.table_2(study)),
+        "worth": _worth(study),
+        "ends": " and ".join(f"{x.final:.3f}" for x in study.adapted.factors if x.law == study.adapted.adaptation.law),
         "counts": {
             "tried": len(study.ablation), "cycling": sum(x.limit_cycle for x in study.ablation),
             "leading": sum(x.over_compensated for x in study.ablation), "diverging": sum(x.diverges for x in study.ablation),
@@ -91,10 +94,21 @@ def context(study: Study) -> dict[str, Any]:
         "replays": shown(tables.replay(study)) if study.replays else None,
         "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
         "of_replay": [
-            (x.file, f"{x.begun}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
+            (x.file, f"{_start(x)}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
         ],
         **_tables(study),
     }  # fmt: skip  # a table
+
+
+def _worth(study: Study) -> str:
+    """What LuGre feed-forward does to the first error, in numbers: that of the slow reference, without inertia feed-forward."""
+    row, q = study.errors[0], pretty(unit("position", study.loops[0].kind))
+    does = "reduces" if row.identified < row.without else "increases"
+    with_compensation = _beside(row.identified, row.without, q)
+    return (
+        f"LuGre feed-forward {does} the RMS error of {row.joint} at {row.frequency:g} Hz "
+        f"from {_milli(row.without, q)} to {with_compensation}."
+    )
 
 
 def _tables(study: Study) -> dict[str, Table]:
@@ -104,7 +118,8 @@ def _tables(study: Study) -> dict[str, Table]:
         "errors": _table(
             tables.compensation_errors(study).drop(columns=["torque_without", "torque_with", "true_share"]),
             {
-                "joint": "of", "frequency": "f (Hz)", "true_model": "true", "identified_model": "identified",
+                "joint": "of", "frequency": "f (Hz)", "without": f"without (m{q})", "true_model": f"true (m{q})",
+                "identified_model": f"identified (m{q})", "adaptive": f"adaptive (m{q})",
                 "identified_share": "identified / without", "adaptive_share": "adaptive / without",
             },
             "without", "true_model", "identified_model", "adaptive",
@@ -112,16 +127,16 @@ def _tables(study: Study) -> dict[str, Table]:
         "drift": _table(
             tables.drift(study),
             {
-                "joint": "of", "frequency": "frequency (Hz)", "rms_error": f"RMS error (m{q})", "over_known": "over known",
-                "largest_gain": "farthest gain",
+                "joint": "of", "frequency": "frequency (Hz)", "rms_error": f"RMS error (m{q})", "over_known": "ratio to the known model",
+                "largest_gain": "largest gain", "way": "scheme",
             },
             "rms_error",
         ),
         "ablation": _table(
             tables.ablation(study),
             {
-                "encoder_bits": "encoder (bits)", "rms_error": f"RMS error (m{q})", "over_none": "over none", "chatter": f"chatter ({T}/s)",
-                "limit_cycle": "limit cycle", "over_compensated": "over-compensated",
+                "encoder_bits": "encoder (bits)", "rms_error": f"RMS error (m{q})", "over_none": "ratio to uncompensated",
+                "share": "compensated part", "chatter": f"chatter ({T}/s)", "limit_cycle": "limit cycle", "over_compensated": "over-compensated",
             },
             "rms_error",
         ),
@@ -141,14 +156,34 @@ def _tables(study: Study) -> dict[str, Table]:
 
 def lines(study: Study) -> Iterator[str]:
     """The study in words, a line each."""
+    first = study.loops[0]
+    q, value = unit("position", first.kind), "true" if study.paper else "identified"
     for row in study.errors:
         if not row.inertia:
-            shares = f"{row.identified / row.without:.3f} with compensation, {row.adaptive / row.without:.3f} adaptive"
-            yield f"{row.joint}, {row.frequency:g} Hz: RMS error {row.without:.4g} without compensation; of it {shares}."
+            identified, adaptive = (_beside(x, row.without, q) for x in (row.identified, row.adaptive))
+            yield (
+                f"{row.joint}, {row.frequency:g} Hz: RMS error {_milli(row.without, q)} without, "
+                f"{identified} with and {adaptive} with adaptive compensation."
+            )
     for x in study.adapted.factors:
-        yield f"{study.loops[0].name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f}."
+        yield f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {value} value."
     for replay in study.replays:
-        yield f"{replay.file}, begun at {replay.begun}, {replay.adaptation.law}: {replay.verdict}"
+        yield f"{replay.file}, {replay.adaptation.law} law, initialised at {_start(replay)}: {replay.verdict}"
+
+
+def _milli(x: float, q: str) -> str:
+    """A position error, rad (m), in mrad (mm)."""
+    return f"{1e3 * x:.3g} m{q}"
+
+
+def _beside(x: float, without: float, q: str) -> str:
+    """A position error and its ratio to that without compensation, percent."""
+    return f"{_milli(x, q)} ({100 * x / without:.2g} %)"
+
+
+def _start(replay: Replay) -> str:
+    """What a replayed model is initialised at."""
+    return "the identified model" if replay.begun == "identified" else replay.begun
 
 
 def _table(frame: pd.DataFrame, names: Mapping[str, str], *thousandths: str) -> Table:

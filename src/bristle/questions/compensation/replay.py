@@ -1,8 +1,8 @@
 """Adaptation off line on measured motion: what the gains would have done, and what the torque predicted with them is worth.
 
-The measured velocity drives the model, as in the feedback scheme. The error that teaches is one of torque, made an error of position by the loop's
+The measured velocity drives the model, as in the feedback scheme. The gains learn from an error of torque, converted to one of position by the loop's
 proportional gain: e = (T_model - T_measured) / K_p, rad, which has the sign of y - y_ref: a model that gives too little leaves the joint behind.
-So the rates are those of the loop. A run with gaps is replayed stretch by stretch, the gains going on from one to the next.
+So the rates are those of the loop. A run with gaps is replayed segment by segment, the gains continuing from one to the next.
 """
 
 from collections.abc import Sequence
@@ -77,20 +77,20 @@ class Replay:
         gains = self.theta[:, -1] / self.start
         if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
             return (
-                f"A gain ended at its limit ({ends}; {after:.3g} % of the torque left unexplained instead of {before:.3g} %): widen adapt.limits "
-                "if friction may have changed so far, else leave it off, or lower gamma."
+                f"A gain ended at its limit ({ends}; {after:.3g} % of the torque is left unexplained instead of {before:.3g} %): widen adapt.limits "
+                "if friction may have changed that much; otherwise leave it off, or lower gamma."
             )
         if self.begun == "identified" and before > _STRANGE:
             return (
                 f"The identified model leaves {before:.3g} % of this run unexplained ({after:.3g} % adapted): "
-                "check its units, its sign and its columns before its gains say anything."
+                "check units, sign and columns of the run; until then its gains mean nothing."
             )
         little = max(_LITTLE, 0.02 * before)
         if after < before - little:
-            return f"It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
+            return f"It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios {ends}."
         if after <= before + little:
-            return f"It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with it, at shares {ends}."
-        return f"Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at shares {ends}."
+            return f"It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with it, at ratios {ends}."
+        return f"Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios {ends}."
 
 
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:

@@ -187,7 +187,7 @@ def intervals_figure(plan: Plan) -> Figure:
     _logarithmic(ax.xaxis)
     if max(np.max(first), np.max(last)) > _CEILING:
         ax.axvline(_CEILING, color="#555555", linewidth=0.8, linestyle=":")
-        ax.set_xlabel(f"Standard error (% of the value; at {_CEILING:g} or beyond, not seen)")
+        ax.set_xlabel(f"Standard error (% of the value; at {_CEILING:g} or more: not identifiable)")
     else:
         ax.set_xlabel("Standard error (% of the value)")
     ax.set_yticks(y, [symbol(name) for name in names])
@@ -198,7 +198,7 @@ def intervals_figure(plan: Plan) -> Figure:
 
 @styled
 def loading_figure(plan: Plan) -> Figure:
-    """The standard error of sigma_0 to expect over where the loading turns, for several rises.
+    """The standard error of sigma_0 to expect vs where the loading turns, for several rises.
 
     The chosen one is marked.
     """
@@ -217,13 +217,13 @@ def loading_figure(plan: Plan) -> Figure:
         ax.set_ylabel("Error of σ₀ (%)")
         ax.annotate(direction(loading.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     axes[0].legend(loc="upper right", ncols=3, title="rise", title_fontsize=9)
-    axes[-1].set_xlabel("Peak torque over breakaway (1)")
+    axes[-1].set_xlabel("Peak torque / breakaway torque")
     return figure
 
 
 @styled
 def motion_figure(plan: Plan) -> Figure:
-    """The tracking motion: position and velocity over time, with their limits."""
+    """The tracking motion: position and velocity vs time, with their limits."""
     run, limits = plan.references[-1], plan.limits
     time = np.arange(run.position.size) / limits.rate
     figure = new_figure(5.0)
@@ -265,7 +265,7 @@ def motions_figure(plan: Plan) -> Figure:
 
 @styled
 def whole_figure(plan: Plan) -> Figure:
-    """All references over time: position, velocity and torque, by experiment."""
+    """All references vs time: position, velocity and torque, by experiment."""
     frame = references(plan)
     figure = new_figure(6.2)
     axes = figure.subplots(3, sharex=True)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from bristle.model.parameters import Direction, Kind, Stribeck, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
-from bristle.page.wording import in_symbols, number, pretty, symbol
+from bristle.page.wording import in_symbols, measured, number, pretty, symbol
 from bristle.questions.experiment_design import figures, tables
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
@@ -39,7 +39,7 @@ def draw(plan: Plan) -> Mapping[str, tuple[Callable[[], Figure | None], str]]:
         "comparison": (figures.comparison_figure, f"planned and spaced velocities of {name}"),
         "robustness": (figures.robustness_figure, f"error of the Stribeck velocity of {name}"),
         "intervals": (figures.intervals_figure, f"errors of {name} before and after"),
-        "loading": (figures.loading_figure, f"error of the stiffness of {name} over the peak torque"),
+        "loading": (figures.loading_figure, f"error of the stiffness of {name} vs the peak torque"),
         "motion": (figures.motion_figure, f"tracking motion of {name}"),
         "motions": (figures.motions_figure, f"errors of {name} after three motions"),
         "whole": (figures.whole_figure, f"all references of {name}"),
@@ -86,7 +86,8 @@ def _headings(kind: Kind) -> dict[str, str]:
         **{name: f"{symbol(name)} (%)" for name in Stribeck._fields},
         **{column: f"{heading} ({pretty(unit(quantity, kind))})" for column, (heading, quantity) in units.items()},
         "in percent": "with motion (%)",
-        "share_of_breakaway": "over breakaway",
+        "share_of_breakaway": "ratio to breakaway",
+        "way": "source",
         "rise": "rise (s)",
         "viscous_share": "viscous share",
         "frequency": "frequency (Hz)",
@@ -104,23 +105,27 @@ def text(plan: Plan) -> str:
     for x in plan.velocities:
         where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
         speeds = tables.listed(x.chosen, "{:.4g}")
-        lines.append(f"  constant velocities, {where}, {velocity}: {speeds}; {plan.limits.hold:.3g} s averaged at each")
+        lines.append(
+            f"  constant velocities, {where}: {speeds} {velocity}; each averaged over {plan.limits.hold:.3g} s"
+        )
     for load in plan.loadings:
         seen = (
-            f"+/- {load.error:.2g} {stiffness}: {load.noise_error:.2g} by noise, and the viscous share that its "
-            f"estimate neglects, {100 * load.viscous_share:.2g} %, beside it"
+            f"expected to +/- {load.error:.2g} {stiffness} (by noise {load.noise_error:.2g} {stiffness}; the estimate "
+            f"neglects a viscous torque of {100 * load.viscous_share:.2g} %)"
             if np.isfinite(load.error)
-            else "not seen: too few encoder counts"
+            else "not identifiable: too few encoder counts"
         )
         lines.append(
             f"  slow loading, direction {load.direction}: to {load.peak:.3g} {torque} ({load.share:.2g} of breakaway) in {load.rise:.3g} s, twice; "
             f"sigma_0 {seen}"
         )
-    sines = ", ".join(f"{x.amplitude:.2g} at {x.frequency:.2g}" for x in tables.lines(plan).itertuples(index=False))
+    sines = ", ".join(
+        f"{x.amplitude:.2g} {position} at {x.frequency:.2g} Hz" for x in tables.lines(plan).itertuples(index=False)
+    )
     return "\n".join(
         [
             *lines,
-            f"  tracking, {plan.motions[0].duration:.3g} s: {sines} (amplitude {position}, frequency Hz)",
+            f"  tracking, {plan.motions[0].duration:.3g} s: {sines}",
             *_interval_lines(plan),
             *(f"  {warning}" for warning in plan.warnings),
             *(f"  assumed: {assumption}" for assumption in plan.assumptions),
@@ -131,12 +136,21 @@ def text(plan: Plan) -> str:
 def _interval_lines(plan: Plan) -> Iterator[str]:
     """Half of each 95 % interval by stage, as rows."""
     yield "  half of each 95 % interval, in percent of the value:"
-    yield f"    {'':<12}{'estimate':>12}" + "".join(f"{stage:>18}" for stage in plan.standard_errors)
+    yield f"    {'':<12}{'estimate +/- standard error':<34}" + "".join(f"{stage:>17}" for stage in plan.standard_errors)
+    now = plan.standard_errors["now"]
     for k in plan.free:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
         relative = [errors[k] / abs(value) for errors in plan.standard_errors.values()]
-        cells = "".join(f"{f'{100 * tables.NORMAL * x:.3g}' if x < 1 else 'not seen':>18}" for x in relative)
-        yield f"    {name!s:<12}{value:>12.4g}{cells}{'  (the estimate is a guess)' if name in plan.start.guessed else ''}"
+        cells = "".join(f"{_half(x):>17}" for x in relative)
+        error = float(now[k]) if relative[0] < 1 else None
+        estimate = f"{measured(value, error).replace('±', '+/-')} {unit(name.name, plan.joint.kind)}"
+        yield f"    {name!s:<12}{estimate:<34}{cells}{'  (the estimate is a guess)' if name in plan.start.guessed else ''}"
+
+
+def _half(relative: float) -> str:
+    """Half of a 95 % interval in percent of the value, from its relative standard error."""
+    percent = 100 * tables.NORMAL * relative
+    return "not identifiable" if not relative < 1 else f"{percent:.0f} %" if percent >= 10 else f"{percent:#.2g} %"
 
 
 def _limits(plan: Plan) -> list[tuple[str, str]]:

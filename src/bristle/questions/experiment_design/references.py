@@ -1,6 +1,6 @@
 """The runs of a plan within its limits: which holds make a run at constant velocity, in which order, and each run as samples to play.
 
-Each hold begins with a run-in that is not averaged. Runs forth and back are ordered so that the position stays within its limits, with moves between
+Each hold begins with a run-in that is not averaged. Runs back and forth are ordered so that the position stays within its limits, with moves between
 them where it would not.
 """
 
@@ -96,7 +96,7 @@ def fastest(deflection: float, limits: Limits) -> float:
 
 
 def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
-    """Every pass with the position at which it starts, rad: forth and back in turn, as near as can be to where the last one ended."""
+    """Every pass with the position at which it starts, rad: back and forth in turn, as near as can be to where the last one ended."""
     forth = sorted((h for h in holds if h.velocity > 0), key=lambda h: abs(h.travel))
     back = sorted((h for h in holds if h.velocity < 0), key=lambda h: abs(h.travel))
     found, at = [], (limits.position[0] + limits.position[1]) / 2

@@ -96,7 +96,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     for d, other in zip(directions, reversed(directions), strict=True):
         if "alpha_0" not in estimates[d]:
             estimates[d] = {name: Estimate(value=e.value, unit=e.unit) for name, e in estimates[other].items()}
-            assumptions.append(f"Nothing is known of direction {d}: it is taken to be as direction {other}.")
+            assumptions.append(f"Direction {d} is not identified: it is assumed to be as direction {other}.")
     J = inertia_of(measured.experiment, joint)
     if J is None:
         J = guessed_inertia(max(seen["alpha_0"].value or 0.0 for seen in estimates.values()), limits.acceleration)
@@ -190,7 +190,7 @@ def _guess(parameter: ParameterName, value: float, joint: Joint) -> str:
     name, direction = parameter
     why = {
         "alpha_1": f"{_PEAK:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
-        "v_s": "amid the speeds, and anywhere among them in the design",
+        "v_s": "in the middle of the speeds; the design allows any value among them",
         "sigma_0": f"a bristle that bends by {DEFLECTION:g} of the travel",
         "sigma_1": f"(15), a damping ratio of {DAMPING_RATIO:g}",
         "alpha_2": "0.1 of alpha_0 at the fastest speed",
@@ -211,13 +211,13 @@ def _noises(
         variance_inflation = inflation(moving.residuals)
         equation = moving.rms * float(np.sqrt(variance_inflation))
         assumptions.append(
-            f"Noise: an equation of a moving run, one in {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far, "
-            f"and counts for 1/{variance_inflation:.2g}: residuals are correlated."
+            f"Noise: a sample of a moving run, one every {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far, "
+            f"and counts as 1/{variance_inflation:.2g} of an independent one: residuals are correlated."
         )
         if not noise:
             noise = dict.fromkeys(sets, equation * float(np.sqrt(step / limits.hold)))
             assumptions.append(
-                f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, as those equations averaged over it."
+                f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, that of those samples averaged over it."
             )
         return noise, equation, step
     if not noise:
@@ -249,7 +249,7 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[s
             f"Noise{_where(d)}: a hold's mean torque scatters by {scatters[d]:.2g} {T}, as the points did about their fit"
             + ("." if fit is own_fit else f" of {fit.direction}.")
             + (
-                f" Their root mean square is {rms / scatters[d]:.2g} times that: a few points lie far off, and do not count here."
+                f" Their root mean square is {rms / scatters[d]:.2g} times that: a few points are outliers, and do not count here."
                 if rms > _FAR * scatters[d]
                 else ""
             )

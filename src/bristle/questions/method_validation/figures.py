@@ -1,4 +1,4 @@
-"""A validation as figures: cost over v_s, error over resolution, success over start, and each method's v_s."""
+"""A validation as figures: cost vs v_s, error vs resolution, success vs start, and each method's v_s."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -28,7 +28,7 @@ _PLAIN = (16, 125, PLAIN_GRID)
 """Plain grids whose answers are drawn."""
 _BINS = 6
 _MOST_FAILED = 0.2
-"""A method that fails more often than this does not stretch the axis."""
+"""A method that fails more often than this does not widen the axis."""
 _LARGE = 3.0
 """Ratios beyond this are drawn on a logarithmic axis."""
 _NARROW = 0.1
@@ -39,7 +39,7 @@ _WIDE = 500.0
 
 @styled
 def cost_figure(result: CaseResult, kind: Kind) -> Figure:
-    """Cost over v_s, minimised over all else, over its least.
+    """Cost vs v_s, all else re-optimised, relative to its minimum.
 
     Where the refined grid and each solver's starts end; beneath, plain grids near it.
     """
@@ -49,7 +49,7 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
     curve, starts = result.cost_curve, result.starts
     _titled(ax, result.case.label, rows=5)
     lowest, limit = starts.best_cost, curve.threshold / starts.best_cost
-    for part, label in ((ax, "cost (least over all else)"), (near, None)):
+    for part, label in ((ax, "cost (all else re-optimised)"), (near, None)):
         part.plot(curve.v_s, curve.cost / lowest, "-", color="#000000", label=label)
         part.axhline(limit, color="#666666", linestyle="--", linewidth=1, label="95 % region, below" if label else None)
     for name in starts.solvers:
@@ -70,7 +70,7 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
     _ratio_axis(ax)
     near.set_xlabel(axis("velocity", kind, "Stribeck"))
     for part in (ax, near):
-        part.set_ylabel("Cost over the\nrefined grid's")
+        part.set_ylabel("Cost relative to\nthe refined grid")
     _above(ax, columns=2)
     return figure
 
@@ -83,7 +83,7 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 
 @styled
 def starts_figure(result: CaseResult, kind: Kind) -> Figure:
-    """Where each random start ends, over where it begins; beneath, the share that ends in the best minimum."""
+    """Where each random start ends vs where it begins; beneath, the share that ends in the best minimum."""
     figure = new_figure(5.2)
     figure.subplots_adjust(left=0.19, hspace=0.12)
     ax, below = figure.subplots(2, height_ratios=(3, 2), sharex=True)
@@ -113,7 +113,7 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
 
 @styled
 def resolution_figure(validation: Validation) -> Figure | None:
-    """Error of v_s by a plain grid, over the statistical one, over the number of its values.
+    """Error of v_s by a plain grid relative to the statistical one, vs the number of its values.
 
     None where v_s can be known nowhere.
     """
@@ -137,8 +137,8 @@ def resolution_figure(validation: Validation) -> Figure | None:
     decimal_log(ax)
     _decimal(ax)
     ax.set_xticks(knowable[0].resolution.counts, [str(n) for n in knowable[0].resolution.counts])
-    ax.set_xlabel("Values in the plain grid over vₛ")
-    ax.set_ylabel("Grid error of vₛ\nover its standard error")
+    ax.set_xlabel("Values of vₛ in the plain grid")
+    ax.set_ylabel("Grid error of vₛ /\nits standard error")
     _above(ax, columns=1 if many else 2)
     return figure
 

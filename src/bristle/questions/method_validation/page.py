@@ -21,6 +21,13 @@ FEW = 6
 """Cases at most of which each has its own verdict in the text, and its own section on the page."""
 
 
+_WORDS = {
+    " elsewhere": ", other minimum", "declined": "no estimate returned", "lower_beyond": "lower outside the range",
+    "ipopt_lead": "IPOPT below the grid (relative)", f"plain_{PLAIN_GRID}_error": f"error of the plain grid of {PLAIN_GRID}",
+}  # fmt: skip  # a table
+"""What the page calls parts of the columns of tables."""
+
+
 def write_validation(validation: Validation, folder: Path) -> Path:
     """Write a validation as a page with figures and tables.
 
@@ -29,13 +36,13 @@ def write_validation(validation: Validation, folder: Path) -> Path:
     kind, drawn = validation.case_set.kind, figures.showcase(validation, FEW)
     names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
     draw: dict[str, Any] = {
-        "resolution": (lambda: figures.resolution_figure(validation), "error of the plain grid over its resolution")
+        "resolution": (lambda: figures.resolution_figure(validation), "error of the plain grid vs its resolution")
     }
     for name, result in zip(names, drawn, strict=True):
         label = result.case.label
         draw |= {
-            f"{name}-cost": (lambda x=result: figures.cost_figure(x, kind), f"cost over v_s of {label}"),
-            f"{name}-starts": (lambda x=result: figures.starts_figure(x, kind), f"success over start of {label}"),
+            f"{name}-cost": (lambda x=result: figures.cost_figure(x, kind), f"cost vs v_s of {label}"),
+            f"{name}-starts": (lambda x=result: figures.starts_figure(x, kind), f"success vs start of {label}"),
             f"{name}-methods": (lambda x=result: figures.methods_figure(x), f"v_s by each method of {label}"),
         }
     torque = pretty(unit("torque", kind))
@@ -43,7 +50,7 @@ def write_validation(validation: Validation, folder: Path) -> Path:
         {
             "name": name,
             "case": result.case,
-            "noise": f"{result.case.noise:.3g} {torque}",
+            "noise": f"{result.case.noise:.2g} {torque}",
             "verdict": verdict(result),
             "methods": _rounded(tables.v_s_by_method(result)),
         }
@@ -69,17 +76,19 @@ def write_validation(validation: Validation, folder: Path) -> Path:
 
 def text(validation: Validation) -> str:
     """What the command line prints; with the verdict on each case where these are few."""
-    title = validation.case_set.title
+    title, torque = validation.case_set.title, unit("torque", validation.case_set.kind)
     lines = [f"{title} {direction}: {reason}" for direction, reason in validation.case_set.skipped.items()]
     for result in validation.cases if len(validation.cases) <= FEW else ():
         case = result.case
-        lines.append(f"{case.label}, SIMULATED, {case.design}, noise {case.noise:.3g}:")
+        lines.append(f"{case.label}, SIMULATED, {case.design}, noise {case.noise:.2g} {torque}:")
         lines += [f"  {diagnostic}" for diagnostic in verdict(result)]
     return "\n".join([*lines, *map(str, overall(validation))])
 
 
 def _heading(column: str) -> str:
     """A column's name as the page has it."""
+    for name, words in _WORDS.items():
+        column = column.replace(name, words)
     return column.replace("_percent", " (%)").replace("_", " ")
 
 

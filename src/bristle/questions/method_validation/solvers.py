@@ -1,4 +1,4 @@
-"""The methods on trial: grids, and local solvers from a start, for velocity-torque points of one direction.
+"""The methods compared: grids, and local solvers from a start, for velocity-torque points of one direction.
 
 Each takes torques (n, sets) that share their velocities and returns theta (4, sets), in the order of `NAMES`, which is `Regression.names`'.
 Local solvers see the same scaled variables, v_s by its logarithm, and stay within the grid's bounds: alpha >= 0, v_s in its range.

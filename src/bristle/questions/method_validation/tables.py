@@ -79,19 +79,19 @@ def resolution(validation: Validation) -> pd.DataFrame:
 
 
 def v_s_by_method(result: CaseResult) -> pd.DataFrame:
-    """The methods of one case: v_s relative to the truth, and times over the refined grid's."""
+    """The methods of one case: v_s relative to the truth, and times relative to the refined grid's."""
     v_s, base = result.case.truth.v_s, result.methods[REFINED].seconds
     rows = [
         {
-            "way": method.name,
+            "method": method.name,
             "sets": method.repetitions,
             "bias of v_s (%)": 100 * float(method.bias[3]) / v_s,
             "spread of v_s (%)": 100 * float(method.spread[3]) / v_s,
             **{f"covers {name} (%)": 100 * float(x) for name, x in zip(NAMES, method.coverage, strict=True)},
             "fails (%)": 100 * method.failed,
-            "elsewhere (%)": None if method.other_minimum is None else 100 * method.other_minimum,
+            "other minimum (%)": None if method.other_minimum is None else 100 * method.other_minimum,
             "ms": 1e3 * method.seconds,
-            "over refined": method.seconds / base,
+            "time ratio to refined grid": method.seconds / base,
         }
         for method in result.methods.values()
     ]

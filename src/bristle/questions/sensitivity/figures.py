@@ -98,7 +98,7 @@ def _starred(study: SensitivityStudy, name: str) -> str:
 
 @styled
 def shares_figure(study: SensitivityStudy) -> Figure:
-    """RMS of each derivative over the RMS of the friction torque as bars: total and at fixed z, largest total first."""
+    """RMS of each derivative relative to the RMS of the friction torque as bars: total and at fixed z, largest total first."""
     total, partial = study.local.shares(), study.local.shares(partial=True)
     order = [Lugre._fields.index(name) for name in study.local.ranking]
     figure = new_figure(3.7)
@@ -122,7 +122,7 @@ def shares_figure(study: SensitivityStudy) -> Figure:
     ax.grid(visible=False, axis="y")
     ax.invert_yaxis()
     ax.legend(loc="lower right")
-    ax.set_xlabel(f"RMS of p · dT/dp over RMS {output_name('torque', study.kind)}")
+    ax.set_xlabel(f"RMS of p · dT/dp / RMS {output_name('torque', study.kind)}")
     return figure
 
 
@@ -176,7 +176,7 @@ def _border(ax: Axes, inside: NDArray[np.bool_]) -> None:
 
 
 def _map_axes(ax: Axes, study: SensitivityStudy, every: int = 1) -> None:
-    """Amplitude over frequency, one cell for each, every so many of them with a label."""
+    """Amplitude vs frequency, one cell for each, every so many of them with a label."""
     frequencies, amplitudes = study.map.frequencies, study.map.amplitudes
     ax.set_xticks(range(0, frequencies.size, every), [number(float(f), 2) for f in frequencies[::every]])
     ax.set_yticks(range(0, amplitudes.size, every), [number(float(a), 2) for a in amplitudes[::every]])

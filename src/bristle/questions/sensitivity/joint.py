@@ -160,7 +160,7 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
     directions = known.directions
     sentences = []
     if len(directions) == 1 and directions != (Direction.BOTH,):
-        sentences.append(f"Only direction {directions[0]} is known; it is taken for both.")
+        sentences.append(f"Only direction {directions[0]} is known; it is used for both.")
     identified = inertia_of(measured.experiment, joint)
     J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
     sets, estimates, assumed = [], dict[ParameterName, Estimate](), list[ParameterName]()
@@ -170,7 +170,7 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
         own = d if len(directions) > 1 else Direction.BOTH
         assumed += [ParameterName(name, own) for name in missing]
         sentences += [
-            f"{ParameterName(name, own)}: these data do not show it; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}."
+            f"{ParameterName(name, own)}: not identifiable from these data; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}."
             for name, how in _how(missing, None if identified else J, joint.kind).items()
         ]
         for parameter, e in known.estimates.items():
@@ -183,7 +183,7 @@ def _how(missing: Sequence[str], guessed_J: float | None, kind: Kind) -> dict[st
     """How each parameter that the data do not show was found; `guessed_J` is the inertia (kg*m**2) where that is a guess."""
     J = "" if guessed_J is None else f" and a guessed inertia of {guessed_J:.2g} {unit('inertia', kind)}"
     guesses = {
-        "sigma_0": f"{DEFLECTION:g} of the travel in deflection",
-        "sigma_1": f"(15) with a damping ratio of {DAMPING_RATIO:g}{J}",
+        "sigma_0": f"from a deflection of {DEFLECTION:g} of the travel",
+        "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}{J}",
     }
     return {name: guesses.get(name, "as it was held in the fit") for name in missing}

@@ -23,7 +23,7 @@ from bristle.questions.sensitivity.tables import (
 from bristle.questions.sensitivity.text import findings, sobol_sentences, with_symbols
 
 _COLUMNS = {
-    "standard_error": "expected standard error", "percent": "of the value (%)", "own_standard_error": "of the joint's fit",
+    "standard_error": "expected standard error", "percent": "of the value (%)", "own_standard_error": "standard error of the joint's fit",
     "seen": "identifiable?",
 }  # fmt: skip  # a table of words
 
@@ -33,8 +33,8 @@ def write_sensitivity(study: SensitivityStudy, folder: Path) -> Path:
     drawn: dict[str, Any] = {
         "time": (figures.time_figure, "derivatives over time"),
         "shares": (figures.shares_figure, "shares of the torque"),
-        "first": (figures.first_figure, "first parameter over amplitude and frequency"),
-        "map": (figures.map_figure, "shares over amplitude and frequency"),
+        "first": (figures.first_figure, "first parameter vs amplitude and frequency"),
+        "map": (figures.map_figure, "shares vs amplitude and frequency"),
         "tornado": (figures.tornado_figure, "tornado charts"),
     }
     draw: dict[str, Any] = {

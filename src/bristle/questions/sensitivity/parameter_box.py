@@ -98,14 +98,13 @@ def box_of(
         if bare not in Lugre._fields or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:
-            notes.append(f"{name}: without a finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
+            notes.append(f"{name}: no finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
             continue
         low, high = e.interval
         if low < 0 or (low == 0 and bare in _POSITIVE):
             low = _SMALL * min(e.value, high) if bare in _POSITIVE else 0.0
             notes.append(
-                f"{name}: its interval reaches down to what cannot be; "
-                f"it is drawn from {low:.3g} {e.unit} on (assumed)."
+                f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
             )
         box[name] = (low, high)
     return box, tuple(notes)

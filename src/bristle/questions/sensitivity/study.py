@@ -100,7 +100,7 @@ class SensitivityStudy:
 
         return share_table(self)
 
-    def write(self, folder: Path) -> Path:
+    def write(self, folder: Path | str) -> Path:
         """Write a page with figures and tables into a folder; returns the path of index.html.
 
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
@@ -108,7 +108,7 @@ class SensitivityStudy:
         """
         from bristle.questions.sensitivity.page import write_sensitivity
 
-        return write_sensitivity(self, folder)
+        return write_sensitivity(self, Path(folder))
 
 
 def check_samples(samples: int) -> None:
@@ -215,7 +215,7 @@ def _expected(
     names = tuple(full.names[k] for k in kept)
     information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
     if held:
-        noise += f" Held as known, because the joint's own fit has none: {', '.join(map(str, held))}."
+        noise += f" Taken as known, because the joint's own fit has none: {', '.join(map(str, held))}."
     return Expected(what, information, errors, noise)
 
 
@@ -225,14 +225,14 @@ def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[
     if fit is not None and fit.quantity == "torque" and fit.rms > 0:
         steps = np.diff(fit.time)
         between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
-        source = f"Noise: as the moving runs' fit leaves it, {fit.rms:.3g} {torque_unit}"
-        source += f" in an equation every {between:.3g} s"
+        source = f"Noise: residuals of the moving runs' fit, {fit.rms:.2g} {torque_unit}"
+        source += f" per sample every {between:.3g} s"
         if variance_inflation > 1:
-            source += f", and {np.sqrt(variance_inflation):.1f} times that for its correlation"
+            source += f", times {np.sqrt(variance_inflation):.1f} for their correlation"
         return fit.rms * float(np.sqrt(variance_inflation * between / period)), f"{source}."
     noise = _NOISE * float(np.mean([one.alpha_0 for one in ([p] if isinstance(p, Lugre) else p)]))
-    source = f"Noise: assumed white, {noise:.3g} {torque_unit} ({_NOISE:.0%} of alpha_0) at 1 kHz"
-    return noise * float(np.sqrt(1e-3 / period)), f"{source}; standard errors go in proportion."
+    source = f"Noise: assumed white, {noise:.2g} {torque_unit} ({100 * _NOISE:.0f} % of alpha_0) at 1 kHz"
+    return noise * float(np.sqrt(1e-3 / period)), f"{source}; standard errors are proportional to it."
 
 
 def _constant_velocities_tell(joint: Joint) -> Expected | None:
@@ -258,5 +258,5 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
     point = np.concatenate(list(sets.values()))
     information = Information(names=names, point=point, matrix=matrix)
     return _expected(
-        "the constant velocities", information, errors, "Noise: the scatter that the static fit leaves.", held
+        "the constant velocities", information, errors, "Noise: the scatter of the points about the static fit.", held
     )

@@ -20,20 +20,26 @@ _SMALL_INDEX = 0.05
 
 def study_text(study: SensitivityStudy) -> str:
     """The shares as a table, what was found in sentences, and what is assumed; a line each."""
-    torque_unit = unit("torque", study.kind).replace("**", "^")
     simulated = " (SIMULATED data)" if study.simulated else ""
     lines = [
-        f"{study.name}{simulated}: RMS of p dT/dp over the RMS of T ({torque_unit}), by parameter",
-        f"  {'':<8} {'total':>9} {'fixed z':>9} {'settled':>9}",
+        f"{study.name}{simulated}: RMS of p dT/dp relative to the RMS of T, by parameter",
+        f"  {'':<8} {'total':>9} {'fixed z':>9} {'last period':>12}",
     ]
     columns = np.column_stack([study.local.shares(), study.local.shares(partial=True), study.settled])
     for name in study.local.ranking:
         shares = columns[Lugre._fields.index(name)]
-        lines.append(f"  {name:<8} " + " ".join(f"{share:>9.2g}" for share in shares))
-    lines += findings(study)
+        lines.append(f"  {name:<8} " + "{:>9.2g} {:>9.2g} {:>12.2g}".format(*shares))
+    found = findings(study)
     if study.sobol is not None:
-        lines += sobol_sentences(study.sobol, study.kind)
-    return "\n".join([*lines, *map(with_symbols, study.assumptions)])
+        found += sobol_sentences(study.sobol, study.kind)
+    return "\n".join([*lines, *map(_with_names, found), *study.assumptions])
+
+
+def _with_names(sentence: str) -> str:
+    """A sentence of the page for a terminal: parameters by their names."""
+    for name in (f"{bare}{d}" for d in ("+", "-", "") for bare in Lugre._fields):
+        sentence = sentence.replace(symbol(name), name)
+    return sentence
 
 
 def findings(study: SensitivityStudy) -> list[str]:
@@ -44,14 +50,14 @@ def findings(study: SensitivityStudy) -> list[str]:
     holds = "holds" if claimed(total) else "does not hold"
     claim = (
         f"The paper's claim that α₀ and α₂ matter most {holds} for {amplitude} at "
-        f"{number(study.motion.frequency, 3)} Hz: RMS of p · dT/dp over that of T is {_largest(total)} (total)."
+        f"{number(study.motion.frequency, 3)} Hz: RMS of p · dT/dp relative to that of T: {_largest(total)} (total)."
     )
     if ranked(study.settled)[:_NAMED] != order:
-        claim += f" In its last period, when the bristle's first deflection is over: {_largest(study.settled)}."
+        claim += f" In its last period, after the bristle's first deflection: {_largest(study.settled)}."
     sentences = [claim]
     if (order_at_fixed_z := ranked(fixed_z)[:_NAMED]) != order:
         listed = ", ".join(map(symbol, order_at_fixed_z))
-        sentences.append(f"At fixed z the order would be {listed}: what the bristle does with a parameter counts.")
+        sentences.append(f"At fixed z the order would be {listed}: the bristle's response to a parameter matters.")
     return [*sentences, _claim_over_map(study), *map(_told_by, study.expected)]
 
 
@@ -77,11 +83,11 @@ def _claim_over_map(study: SensitivityStudy) -> str:
             parts.append(f"{at} from {number(float(amplitudes[broken[-1] + 1]), 2)} {position_unit} up")
     first = ", ".join(symbol(Lugre._fields[k]) for k in np.unique(study.map.first))
     holds = f"Of {claim.size} motions on the map it holds for {int(claim.sum())}: {', '.join(parts)}."
-    return f"{holds} First in rank somewhere: {first}."
+    return f"{holds} Parameters that rank first somewhere: {first}."
 
 
 def _told_by(expected: Expected) -> str:
-    """Which parameters a measurement sees, and which of its directions it hardly does."""
+    """Which parameters a measurement identifies, and which combinations it hardly does."""
     names = expected.information.names
     lost = [symbol(name) for name, seen in zip(names, expected.seen, strict=True) if not seen]
     tells = f"all of {', '.join(map(symbol, names))} are identifiable."
@@ -115,10 +121,10 @@ def sobol_sentences(sobol: Global, kind: Kind) -> tuple[str, ...]:
     reference = f"{number(sobol.amplitude, 3)} {pretty(unit('position', kind))} at {number(sobol.frequency, 3)} Hz"
     return (
         *(_variance_shares(output, kind) for output in sobol.outputs),
-        "Drawn uniformly unless said otherwise, and independently, which the parameters of a fit are not: "
-        f"{drawn}. Seed {sobol.seed}.",
+        "Parameters are drawn uniformly unless stated otherwise, and independently, although those of a fit are "
+        f"correlated: {drawn}. Seed {sobol.seed}.",
         f"SIMULATED: a sine of {reference}; in the loop the compensator keeps the nominal parameters while the plant "
-        f"is drawn. ± of an index is {100 * LEVEL:.0f} % by a bootstrap, wider than these evenly spread samples need.",
+        f"is drawn. ± of an index is its {100 * LEVEL:.0f} % bootstrap interval, which is conservative for these samples.",
     )
 
 
@@ -131,5 +137,5 @@ def _variance_shares(output: Output, kind: Kind) -> str:
     named = [e for k, e in enumerate(largest_first) if k == 0 or e.total >= _SMALL_INDEX]
     listed = ", ".join(f"{symbol(e.parameter)} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)" for e in named)
     interactions = 1 - sum(e.first for e in indices.effects)
-    more = f"; interactions make {interactions:.2f}" if interactions >= _SMALL_INDEX else ""
+    more = f"; interactions account for {interactions:.2f}" if interactions >= _SMALL_INDEX else ""
     return f"{start}: total index {listed}{more}; {indices.samples} samples, {indices.evaluations} evaluations."

@@ -1,7 +1,8 @@
-"""The grid search validated: `python benchmarks/trial.py [--repetitions 1000] [--starts 100] [--joints 4]`.
+"""The grid search validated: `python benchmarks/grid_search.py [--repetitions 1000] [--starts 100] [--joints 4]`.
 
-Every set of Table 1, at two noise levels and three designs, SIMULATED: does IPOPT from random starts within its bounds ever undercut the refined
-grid, where do local solvers end elsewhere, how fine must a plain grid be, how often do 95 % intervals cover the truth, and how long does it all take.
+Every set of Table 1, at two noise levels and three designs, SIMULATED: does IPOPT from random starts within its bounds ever find a lower cost than
+the refined grid, where do local solvers end in another minimum, how fine must a plain grid be, how often do
+95 % intervals cover the truth, and how long does it all take.
 """
 
 import argparse
@@ -37,7 +38,8 @@ def main() -> None:
         print(sentence)
     worst = max(result.cost_deficit for result in validation.cases)
     print(
-        f"asked: IPOPT never beats the refined grid by more than {SAME_COST:g}, relative: {'holds' if worst <= SAME_COST else 'FAILS'}, {worst:.1e}"
+        f"asked: IPOPT's cost is never more than {SAME_COST:g} relative below the refined grid's: "
+        f"{'holds' if worst <= SAME_COST else 'FAILS'}, {worst:.1e}"
     )
 
 
@@ -45,12 +47,12 @@ def of_cases(cases: tuple[CaseResult, ...]) -> None:
     """A row per case."""
     solvers = cases[0].starts.solvers
     print(
-        "\nof random starts, % that end elsewhere; IPOPT's lead over the grid, relative; % lower beyond the range; % declined by bristle;"
+        "\n% of random starts in another minimum; IPOPT's cost below the grid's, relative; % lower outside the range; % no estimate returned;"
     )
     print(
-        f"error of v_s by a plain grid of {PLAIN_GRID}, in % of the statistical one, and how many values make that a tenth (of those tried)"
+        f"error of v_s by a plain grid of {PLAIN_GRID}, in % of the standard error, and how many values make that a tenth (of those tried)"
     )
-    heads = "".join(f"{name:>11}" for name in (*solvers, "lead", "beyond", "declined", "error", "needed"))
+    heads = "".join(f"{name:>11}" for name in (*solvers, "below", "outside", "no value", "error", "needed"))
     print(f"{'set':<22}{'noise':>7}{heads}")
     design = ""
     for result in sorted(cases, key=lambda t: [c.case.design for c in cases].index(t.case.design)):
@@ -68,13 +70,13 @@ def of_cases(cases: tuple[CaseResult, ...]) -> None:
 
 
 def of_methods(cases: tuple[CaseResult, ...]) -> None:
-    """A row per method, over the cases in which v_s can be known."""
+    """A row per method, over the cases in which v_s is identifiable."""
     known = [result for result in cases if not result.not_identifiable]
     print(
-        f"\nmethods, over the {len(known)} cases in which v_s can be known: medians of |bias| and spread of v_s (% of it), mean coverage,"
+        f"\nmethods, in the {len(known)} cases in which v_s is identifiable: medians of |bias| and spread of v_s (% of it), mean coverage,"
     )
     print(
-        "share that fails (ends where even the right model is refused), share above the lowest cost, median time and its ratio to the refined grid's"
+        "% that fail (end where even the true model is rejected), % above the lowest cost, median time and its ratio to the refined grid's"
     )
     print(f"{'':<28}{'bias':>8}{'spread':>8}{'covers':>9}{'fails':>9}{'above':>9}{'ms':>9}{'ratio':>9}")
     for name in known[0].methods:
