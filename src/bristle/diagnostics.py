@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
 from string import Formatter
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -98,6 +98,14 @@ def _read(x: WrittenDiagnostic) -> Diagnostic:
     return Diagnostic(Kind[x.kind], {name: _from_json(value) for name, value in x.numbers.items()})
 
 
+def _read_older(x: WrittenDiagnostic | str) -> Diagnostic:
+    return Kind.UNKNOWN(text=x) if isinstance(x, str) else _read(x)
+
+
+OnceText = Annotated[Diagnostic, JsonForm(WrittenDiagnostic, _written, _read_older, older=str)]
+"""A diagnostic that older files have as a bare sentence, which is kept."""
+
+
 def _from_json(value: Any) -> Value:
     match value:
         case {"kind": str(kind), "text": str(text), "numbers": dict(numbers)}:
@@ -125,8 +133,11 @@ class _Formatter(Formatter):
 
 
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
+    "b": lambda direction: f" ({direction})" if direction in {"+", "-"} else "",
     "c": lambda numbers: ", ".join(f"{name} {number:.3g} %" for name, number in numbers),
     "d": in_direction,
+    "e": lambda count: "" if count == 1 else "s",
+    "g": lambda numbers: ", ".join(f"{number:.3g}" for number in numbers),
     "i": lambda ends: ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends),
     "j": lambda words: " and ".join(map(str, words)),
     "l": lambda words: ", ".join(map(str, words)),
@@ -135,8 +146,8 @@ _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "w": lambda alone: "would let it in" if alone else "would answer this reason, not the other",
     "x": lambda numbers: ", ".join(f"{name} {number:.2g}" for name, number in numbers),
 }
-"""Of named percentages, of a direction, of named intervals, of lists of names and of long things, of named numbers, of whether a reason stands
-alone, and of named ratios."""
+"""Of a direction in brackets, of named percentages, of a direction, the ending of what is counted, of numbers, of named intervals, of lists of names
+and of long things, of named numbers, of whether a reason stands alone, and of named ratios."""
 _FORMATTER = _Formatter()
 _CRITICAL, _CAUTION, _NOTE = Severity.CRITICAL, Severity.CAUTION, Severity.NOTE
 
@@ -747,6 +758,54 @@ class Kind(Enum):
             "identify them together with the runs so far."
         ),
     )
+
+    # what was counted, assumed and done where a file was read
+    HEADER_LINES = _CAUTION, "Taken as header, not as data: line{count!e} {lines!l}{more}."
+    HEADER_LINE = _NOTE, "{line} ({text})"
+    MORE_LINES = _NOTE, ", and {count} more"
+    DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
+    RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
+    ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: row {first})."
+    ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: row {first})."
+    ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: row {first})."
+    ROWS_OF_SHORT_STRETCHES = (
+        _CAUTION,
+        (
+            "{rows} row{rows!e} dropped: stretches between gaps shorter than {least} samples, "
+            "which cannot be differentiated."
+        ),
+    )
+    SAMPLING = (
+        _NOTE,
+        "Sampling interval {step:.4g} s (median, {rate:.6g} Hz); jitter: at most {jitter:.2g} % off.",
+    )
+    GAPS = (
+        _CAUTION,
+        (
+            "{gaps} gap{gaps!e} longer than {intervals:g} intervals ({seconds:.4g} s), "
+            "the longest {longest:.4g} s; each stretch between gaps is treated on its own."
+        ),
+    )
+    UNWRAPPED = _NOTE, "Position wraps at {period:.6g} {unit}: unwrapped {turns} time{turns!e}."
+    TAKEN_EARLIER = _NOTE, "{signal} taken {delay:.4g} s earlier than logged: the declared delay."
+    TAKEN_LATER = _NOTE, "{signal} taken {delay:.4g} s later than logged: the declared delay."
+    MOTION_FROM_POSITION = (
+        _NOTE,
+        (
+            "Velocity and acceleration from position: Butterworth low pass of order {order}, forward and backward, "
+            "cut-off {cutoff:g} Hz{lowered}; then the derivatives of a quintic spline."
+        ),
+    )
+    ACCELERATION_FROM_VELOCITY = (
+        _NOTE,
+        (
+            "Acceleration from velocity: Butterworth low pass of order {order}, forward and backward, "
+            "cut-off {cutoff:g} Hz{lowered}; then the derivatives of a quintic spline."
+        ),
+    )
+    CUTOFF_LOWERED = _CAUTION, ", lowered from {asked:g} Hz, which is not below the Nyquist frequency"
+    TORQUE_FROM_CURRENT = _NOTE, "Torque from current: k_t = {k_t:g} {unit}."
+    TORQUE_FROM_VOLTAGE = _NOTE, "Torque from voltage by (8): k_t = {k_t:g} {unit}, R = {R:g} ohm."
 
 
 NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})

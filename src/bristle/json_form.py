@@ -26,7 +26,9 @@ class JsonForm:
     """The type of what is written, or a function that gives it."""
     write: Callable[[Any], Any]
     read: Callable[[Any], Any]
-    """Of what satisfies the form; may raise ValueError."""
+    """Of what satisfies the form, or `older`; may raise ValueError."""
+    older: Any = None
+    """The type of what may be read instead, as files had it once; None: nothing."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """The schema of the form, with `read` after it is checked and `write` before it is written."""
@@ -34,6 +36,8 @@ class JsonForm:
 
         inner = handler.generate_schema(self.form() if isinstance(self.form, FunctionType) else self.form)
         writer = core_schema.plain_serializer_function_ser_schema(self.write, return_schema=inner)
+        if self.older is not None:
+            inner = core_schema.union_schema([inner, handler.generate_schema(self.older)])
         return core_schema.no_info_after_validator_function(self.read, inner, serialization=writer)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, short
 
 _SAMPLE, _MOST = 2**18, 3 * 2**20
@@ -39,7 +40,7 @@ class Layout(NamedTuple):
     encoding: str
     first: tuple[str, ...]
     """The first row of numbers, as text; empty where there is none."""
-    note: str = ""
+    note: Diagnostic | None = None
     """What is said of a header that is more than one line of names."""
 
 
@@ -69,7 +70,7 @@ def text_layout(path: Path) -> Layout:
     fitting = [k for k, (_, row) in enumerate(cells[:start]) if abs(len(row) - width) <= 1]
     named = next((k for k in fitting if len(cells[k][1]) > 1), fitting[0] if fitting else None)
     names = None if named is None else cells[named][1]
-    note = _header_note(cells[:start], named, width) if start < len(cells) else ""
+    note = _header_note(cells[:start], named, width) if start < len(cells) else None
     if names is None and comment:
         said = (
             split(line.lstrip().lstrip("#%/").strip(), delimiter)
@@ -83,7 +84,7 @@ def text_layout(path: Path) -> Layout:
     return Layout(delimiter, tuple(names or ()), width, skip, decimal, ends_rows, encoding, first, note)
 
 
-def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> str:
+def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Diagnostic | None:
     """What is said of lines before the first row of numbers that are more than one line of names; refuses a row of data among them.
 
     Below the names nothing but units is expected, `1` among them: another number there is one that was logged.
@@ -94,10 +95,10 @@ def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, 
                 f"line {line + 1} stands between names and numbers, and is neither: {short(', '.join(row))}; mend it, or take it out"
             )
     if len(cells) < 2 and not any(_numeric([cell]) for _, row in cells for cell in row if cell):
-        return ""
-    lines = ", ".join(f"{line + 1} ({short(', '.join(row))})" for line, row in cells[:3])
-    more = f", and {len(cells) - 3} more" if len(cells) > 3 else ""
-    return f"Taken as header, not as data: line{'' if len(cells) == 1 else 's'} {lines}{more}."
+        return None
+    lines = tuple(Kind.HEADER_LINE(line=line + 1, text=short(", ".join(row))) for line, row in cells[:3])
+    more = Kind.MORE_LINES(count=len(cells) - 3) if len(cells) > 3 else ""
+    return Kind.HEADER_LINES(count=len(cells), lines=lines, more=more)
 
 
 def split(line: str, delimiter: str) -> list[str]:

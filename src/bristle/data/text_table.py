@@ -16,6 +16,7 @@ from bristle.arrays import Array
 from bristle.data import binary_tables
 from bristle.data.columns import Key, reading
 from bristle.data.layout import LONGEST, Layout, text_layout
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class RawTable:
     columns: Mapping[Key, Array]
     rows: int
     sha256: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
 
 
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
@@ -51,7 +52,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
     Raises InputError in one sentence, opening with `shown` (or the path), where the file or a column cannot be read as numbers.
     """
     name = shown or str(path)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
     with naming(name):
         check_regular(path, name)
         binary = path.suffix.lower() in BINARY
@@ -102,7 +103,7 @@ def _digest(path: Path, *, text: bool) -> str:
     return digest.hexdigest()
 
 
-def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple[str, ...]]:
+def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple[Diagnostic, ...]]:
     import pandas as pd
 
     layout = text_layout(path)
@@ -131,7 +132,7 @@ def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple
                 ) from error
     notes = (
         *([layout.note] if layout.note else []),
-        *(["Numbers have a decimal comma."] if layout.decimal == "," else []),
+        *([Kind.DECIMAL_COMMA()] if layout.decimal == "," else []),
     )
     return {key: _numbers(frame[place], key) for key, place in where.items()}, notes
 

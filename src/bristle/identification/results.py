@@ -9,7 +9,7 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
-from bristle.diagnostics import Diagnostic
+from bristle.diagnostics import Diagnostic, OnceText
 from bristle.json_form import UNWRITTEN, Interval, JsonForm, Matrix, Number
 from bristle.model.parameters import Kind, Lugre, ParameterName, Stribeck, in_direction
 
@@ -315,9 +315,9 @@ class ModelComparison:
     hold_out_by: str
     """What `hold_out` is about; empty where nothing was held out."""
     rows: tuple[ModelRow, ...]
-    sentence: str
+    sentence: OnceText
     """Which to use, and why."""
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[OnceText, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -328,7 +328,7 @@ class Input:
     sha256: str
     rows: int
     dropped: int
-    notes: tuple[str, ...] = ()
+    notes: tuple[OnceText, ...] = ()
     labels: Mapping[str, str] = field(default_factory=dict)
 
 
