@@ -759,6 +759,31 @@ class Kind(Enum):
         ),
     )
 
+    # friction models side by side
+    USE_MODEL = _NOTE, "Use {model}: {why!m}."
+    NO_MODEL = (
+        _CAUTION,
+        "None of the models with the terms that the fit supports can be fitted to so few points.",
+    )
+    LOWEST_BIC = _NOTE, "it has the lowest BIC{next}"
+    LOWEST_BIC_OF_SUPPORTED = (
+        _NOTE,
+        "of the models with the terms that the fit supports it has the lowest BIC{next}",
+    )
+    NEXT_MODEL = _NOTE, " ({model} has {gap:.1f} more)"
+    NEXT_HARDLY_WORSE = _NOTE, " (hardly worse: {model} has {gap:.1f} more)"
+    AICC_PREFERS = _NOTE, "AICc prefers {model}"
+    PEAK_NOT_SUPPORTED = _NOTE, "the Stribeck term is not identifiable from these data, as the fit found{gain}"
+    PEAK_LOWERS_BIC = _NOTE, ", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)"
+    PEAK_OF_STICK_SLIP = _CAUTION, "but its Stribeck term rests on points that stick and slip"
+    BRISTLE_NOT_SHOWN = _NOTE, "the motion does not show LuGre's bristle"
+    LUGRE_IS_ITS_CURVE = _NOTE, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart."
+    LUGRE_UNSETTLED = (
+        _CAUTION,
+        "{model}, {directions}: the fit had not settled; its numbers can still improve.",
+    )
+    TOO_FEW_FOR_MODELS = _NOTE, "Too few points, or too much alike, for {models!m}."
+
     # what was counted, assumed and done where a file was read
     HEADER_LINES = _CAUTION, "Taken as header, not as data: line{count!e} {lines!l}{more}."
     HEADER_LINE = _NOTE, "{line} ({text})"

@@ -9,6 +9,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
@@ -60,7 +61,7 @@ def compare_on_points(
     """
     candidates, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
     held = bool(pose(("both",), ())[1])
-    left_out = (*left, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart.")
+    left_out = (*left, Kind.LUGRE_IS_ITS_CURVE())
     return rank_models("points", candidates, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, left_out)
 
 
@@ -100,14 +101,8 @@ def compare_on_motion(
 
     candidates, left = _static_candidates(experiment, variants, pose, press=False)
     candidates += _lugre(experiment, records, held, alone, variants)
-    left = (
-        *left,
-        *(
-            f"{LUGRE}, {c.directions}: the fit had not settled; its numbers can still improve."
-            for c in candidates
-            if not c.settled
-        ),
-    )
+    unsettled = (Kind.LUGRE_UNSETTLED(model=LUGRE, directions=c.directions) for c in candidates if not c.settled)
+    left = (*left, *unsettled)
     variance_inflation = inflation(min((c.residuals for c in candidates), key=power_of, default=np.zeros(0)))
     return rank_models(
         "moving runs", candidates, HELD if held else "", variance_inflation, _measured(pose), static, alone, left
@@ -143,7 +138,7 @@ def _measured(pose: Pose) -> float:
 
 def _static_candidates(
     experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, press: bool
-) -> tuple[list[Candidate], tuple[str, ...]]:
+) -> tuple[list[Candidate], tuple[Diagnostic, ...]]:
     """The static models that there are equations enough for; and which there are not."""
     candidates, few = list[Candidate](), list[str]()
     for called, directions in variants.items():
@@ -155,7 +150,7 @@ def _static_candidates(
                 continue
             tests = [_reduced(test, model) for test in held]
             candidates.append(_solved(experiment, problem, tests, model, called, press=press))
-    return candidates, (f"Too few points, or too much alike, for {'; '.join(few)}.",) if few else ()
+    return candidates, (Kind.TOO_FEW_FOR_MODELS(models=tuple(few)),) if few else ()
 
 
 def _reduced(problem: Regression, model: str) -> Regression:
