@@ -759,6 +759,238 @@ class Kind(Enum):
         ),
     )
 
+    # limits of a plan that nobody declared
+    LIMIT_SPEED = _NOTE, "Fastest speed: {value:g} {unit}, the fastest measured; give plan.velocity."
+    LIMIT_SLOWEST = (
+        _NOTE,
+        (
+            "Slowest constant speed: {value:g} {unit}, the slowest measured that did not stick and slip; "
+            "give plan.minimum_velocity."
+        ),
+    )
+    LIMIT_SLOWEST_GUESSED = (
+        _CAUTION,
+        (
+            "Slowest constant speed: {value:g} {unit}, {share:g} of the fastest: no run at constant velocity shows where the drive "
+            "begins to stick and slip; give plan.minimum_velocity."
+        ),
+    )
+    LIMIT_HOLD = _NOTE, "Averaged over: {value:g} {unit}, the usual hold so far; give plan.hold."
+    LIMIT_HOLD_GUESSED = _CAUTION, "Averaged over: {value:g} {unit}, a guess; give plan.hold."
+    LIMIT_POSITIONS = (
+        _NOTE,
+        (
+            "Positions: {low:.3g} to {high:.3g} {unit}, as far as the measured runs went, counted as they do; "
+            "give plan.position."
+        ),
+    )
+    LIMIT_POSITIONS_GUESSED = (
+        _CAUTION,
+        (
+            "Positions: 0 to {high:.3g} {unit}, what the fastest hold asks for: no run has positions; "
+            "give plan.position."
+        ),
+    )
+    LIMIT_ACCELERATION = (
+        _NOTE,
+        "Largest acceleration: {value:g} {unit}, the largest measured; give plan.acceleration.",
+    )
+    LIMIT_ACCELERATION_GUESSED = (
+        _CAUTION,
+        "Largest acceleration: {value:g} {unit}, {seconds:g} s from rest to the fastest speed; give plan.acceleration.",
+    )
+    LIMIT_TORQUE = _NOTE, "Largest torque: {value:g} {unit}, the largest measured; give plan.torque."
+    LIMIT_RATE = _CAUTION, "Rate of the references: {rate:g} Hz, a default; give plan.rate."
+    LIMIT_FREQUENCY = (
+        _CAUTION,
+        (
+            "Highest frequency of the motion: {frequency:.3g} Hz{capped}, which the controller must be able to follow; "
+            "give plan.frequency."
+        ),
+    )
+    AT_WHICH = _NOTE, ", at which {why}"
+    FREQUENCY_LOWERED = (
+        _CAUTION,
+        "Highest frequency of the motion: {frequency:.3g} Hz, not the declared {declared:g} Hz: at {frequency:.3g} Hz {why}.",
+    )
+    CAPPED_BY_RATE = _NOTE, "plan.rate, {rate:g} Hz, gives {samples:g} samples to a period"
+    CAPPED_BY_DECIMATION = (
+        _NOTE,
+        "fit.decimation, {decimation}, leaves one equation in {step:.3g} s, {least:g} to a period",
+    )
+    CAPPED_BY_SAMPLING = (
+        _NOTE,
+        "the sampling of the moving runs leaves one equation in {step:.3g} s, {least:g} to a period",
+    )
+
+    # what a plan starts from
+    DIRECTION_TAKEN = _CAUTION, "Nothing is known of direction {direction}: it is taken to be as direction {other}."
+    INERTIA_GUESSED = (
+        _CAUTION,
+        "Inertia: a guess, {J:.2g} {unit}: {share:g} of alpha_0 at the largest acceleration; give inertia.",
+    )
+    INERTIA_EXACT = _NOTE, "Inertia: {J:.4g} {unit}, given as exact; intervals are those of the others."
+    GUESSED = _CAUTION, "{name}{direction!b}: a guess, {value:.3g} {unit}, {why}."
+    PEAK_TO_LOOK_FOR = (
+        _NOTE,
+        "{share:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
+    )
+    AMID_THE_SPEEDS = _NOTE, "amid the speeds, and anywhere among them in the design"
+    BENT_BRISTLE = _NOTE, "a bristle that bends by {share:g} of the travel"
+    BY_DAMPING_RATIO = _NOTE, "(15), a damping ratio of {ratio:g}"
+    VISCOUS_SHARE = _NOTE, "{share:g} of alpha_0 at the fastest speed"
+    NOISE_OF_EQUATIONS = (
+        _NOTE,
+        (
+            "Noise: an equation of a moving run, one in {step:.3g} s, scatters by {rms:.2g} {unit} as so far, "
+            "and counts for 1/{inflation:.2g}: residuals are correlated."
+        ),
+    )
+    NOISE_AVERAGED = (
+        _NOTE,
+        "Noise: a hold's mean torque scatters by {scatter:.2g} {unit}, as those equations averaged over it.",
+    )
+    NOISE_OF_HOLDS_GUESSED = (
+        _CAUTION,
+        "Noise: a hold's mean torque scatters by {scatter:.2g} {unit}, {share:g} of alpha_0: a guess.",
+    )
+    NOISE_OF_MOTION_GUESSED = (
+        _CAUTION,
+        "Noise of a moving run: white, and such that its mean over {hold:.3g} s scatters by {scatter:.2g} {unit}: a guess.",
+    )
+    NOISE_OF_POINTS = (
+        _NOTE,
+        "Noise{direction!b}: a hold's mean torque scatters by {scatter:.2g} {unit}, as the points did about their fit.{far}",
+    )
+    NOISE_OF_OTHER_POINTS = (
+        _CAUTION,
+        (
+            "Noise{direction!b}: a hold's mean torque scatters by {scatter:.2g} {unit}, "
+            "as the points did about their fit of {other}.{far}"
+        ),
+    )
+    FAR_POINTS = (
+        _NOTE,
+        " Their root mean square is {ratio:.2g} times that: a few points lie far off, and do not count here.",
+    )
+
+    # a joint in its loop
+    EXTRAPOLATED = (
+        _CAUTION,
+        "The reference is {ratio:.2g} times as fast as anything measured: the model is extrapolated.",
+    )
+    REFERENCE_TAKEN = (
+        _NOTE,
+        "Reference: {amplitude:.3g} {unit} at {frequency:.3g} Hz; give adapt.amplitude and adapt.frequency.",
+    )
+    DEFAULT_PID = (
+        _CAUTION,
+        (
+            "Default PID: K_p {K_p:.3g} {unit}, K_i and K_d to match, for {bandwidth:g} rad/s at this inertia "
+            "(set adapt.gains to override)."
+        ),
+    )
+    RATES_TAKEN = (
+        _NOTE,
+        "Learning rates: {rates!g} for {names!l}, which halve the error in about 1 s{still}; give adapt.gamma.",
+    )
+    RATE_OF_ZERO = _NOTE, "; zero where steady sliding shows nothing of a parameter"
+    BRISTLE_FILLED = _CAUTION, "{name}{direction!b}: these data do not show it; {value:.3g} {unit}, {how}."
+    DEFLECTION_OF_AMPLITUDE = _NOTE, "{share:g} of the amplitude in deflection"
+    WITH_DAMPING_RATIO = _NOTE, "(15) with a damping ratio of {ratio:g}{inertia}"
+    PLANT_IS_MODEL = (
+        _CAUTION,
+        "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations.",
+    )
+    DRIVE_WITHOUT_LIMIT = (
+        _CAUTION,
+        "The drive gives the {quantity} that it is asked for, every {period:g} s, without limit.",
+    )
+    PAPER_REFERENCE = (
+        _CAUTION,
+        (
+            "Reference: 1 rad sin(2 π f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
+            "the paper gives neither amplitude nor frequency."
+        ),
+    )
+    PAPER_CONTROL = (
+        _CAUTION,
+        (
+            "Control in torque: the PID's output is taken in N·m and its error in rad; "
+            "the paper gives no unit of its control signal and no motor."
+        ),
+    )
+    PAPER_INERTIA = (
+        _CAUTION,
+        "Inertia: (15) inverted, J = (σ₁ / 0.2)² / σ₀, the mean of the two directions; the paper gives none.",
+    )
+    PAPER_RATES = (
+        _CAUTION,
+        (
+            "Learning rates: 20 for both gains, with e in rad; "
+            "the paper's [0, 1] fits an error in degrees (20 per rad is 0.35 per degree)."
+        ),
+    )
+    PAPER_SAMPLING = (
+        _CAUTION,
+        (
+            "Sampling: controller, compensator and adaptation at 1 kHz; the paper ran continuous blocks. "
+            "The position is measured as it is, unless an encoder is named."
+        ),
+    )
+    PAPER_TABLE_2 = (
+        _CAUTION,
+        (
+            "Table 2: the paper says wrist, its numbers are the gripper's; "
+            "plant and model have its (+) parameters in both directions."
+        ),
+    )
+    PAPER_FEED_FORWARD = _NOTE, "No inertia feed-forward, unless it is named."
+
+    # what sensitivity is explored of
+    ONE_DIRECTION_KNOWN = _CAUTION, "Only direction {direction} is known; it is taken for both."
+    BRISTLE_ASSUMED = _CAUTION, "{name}: these data do not show it; assumed {value:.3g} {unit}, {how}."
+    DEFLECTION_OF_TRAVEL = _NOTE, "{share:g} of the travel in deflection"
+    WITH_GUESSED_INERTIA = _NOTE, " and a guessed inertia of {J:.2g} {unit}"
+    AS_HELD = _NOTE, "as it was held in the fit"
+    GRIPPER_FRICTION = (
+        _NOTE,
+        "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
+    )
+    GRIPPER_INTERVALS = (
+        _CAUTION,
+        (
+            "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these numbers; "
+            "the paper gives none."
+        ),
+    )
+    GRIPPER_NOISE = _CAUTION, "Noise: of the same simulated logs."
+    GRIPPER_REFERENCE = (
+        _CAUTION,
+        "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion.",
+    )
+    BOX_HELD = _CAUTION, "{name}: without a finite 95 % interval; it is held at {value:.3g} {unit}."
+    BOX_CUT = (
+        _CAUTION,
+        "{name}: its interval reaches down to what cannot be; it is drawn from {low:.3g} {unit} on (assumed).",
+    )
+    SOBOL_NOT_ASKED = _NOTE, "Sobol indices were not asked for (samples: 0)."
+    SOBOL_WITHOUT_INTERVALS = _NOTE, "No Sobol indices: no parameter has a finite interval."
+    NO_SOBOL = _NOTE, "No Sobol indices: {why}."
+    NO_FORMULAS = _NOTE, "No formulas: {why}."
+    NOISE_OF_FIT = (
+        _NOTE,
+        "Noise: as the moving runs' fit leaves it, {rms:.3g} {unit} in an equation every {step:.3g} s{correlated}.",
+    )
+    TIMES_FOR_CORRELATION = _NOTE, ", and {ratio:.1f} times that for its correlation"
+    NOISE_ASSUMED = (
+        _CAUTION,
+        "Noise: assumed white, {noise:.3g} {unit} ({share:.0%} of alpha_0) at 1 kHz; standard errors go in proportion.",
+    )
+    NOISE_OF_STATIC_FIT = _NOTE, "Noise: the scatter that the static fit leaves."
+    HELD_AS_KNOWN = _CAUTION, "Held as known, because the joint's own fit has none: {names!l}."
+    NOTHING_SEEN_OF = _CAUTION, "Nothing is seen of {name}."
+
     # friction models side by side
     USE_MODEL = _NOTE, "Use {model}: {why!m}."
     NO_MODEL = (
