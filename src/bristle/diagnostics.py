@@ -1016,6 +1016,103 @@ class Kind(Enum):
     )
     TOO_FEW_FOR_MODELS = _NOTE, "Too few points, or too much alike, for {models!m}."
 
+    # two sessions compared: what became of a parameter
+    ROSE = _NOTE, "Rose beyond the joint uncertainty."
+    FELL = _NOTE, "Fell beyond the joint uncertainty."
+    NO_CHANGE = _NOTE, "No change beyond the joint uncertainty."
+    NOT_COMPARABLE = _NOTE, "Not comparable: {why}."
+    IN_OTHER_DIRECTIONS = (
+        _NOTE,
+        "the {which} session has it in other directions; identify both with the same fit.directions",
+    )
+    NOT_IN_SESSION = _NOTE, "the {which} session does not have it"
+    NOT_IDENTIFIABLE_IN = _NOTE, "it is not identifiable in {where}"
+    OF_OTHER_STAGES = _NOTE, "the sessions have it from different stages"
+    OPEN_IN = _NOTE, "its interval is open, or one-sided, in {where}"
+    ONE_SESSION = _NOTE, "the {which} session"
+    BOTH_SESSIONS = _NOTE, "both sessions"
+
+    # two sessions compared: all in all
+    NOTHING_COMPARED = (
+        _CAUTION,
+        "Nothing can be compared: no parameter has a closed interval from the same stage in both sessions.",
+    )
+    PARAMETERS_CHANGED = (
+        _NOTE,
+        ("{moved} of {compared} parameters changed beyond their joint uncertainty: {changes!l}.{sets}{rest}"),
+    )
+    CHANGED_BY = _NOTE, "{name} ({percent:+.1f} %)"
+    CHANGED_BY_POWERS = _NOTE, "{name} ({percent:+.1e} %)"
+    SETS_CHANGED_TOO = _NOTE, " As a set, though none alone, so did those of the fit {fits!m}."
+    ONLY_SETS_CHANGED = (
+        _NOTE,
+        (
+            "None of {compared} parameters changed beyond its joint uncertainty alone, but as a set those of {fits!m} did: "
+            "the friction changed, and which of them is not told apart.{rest}"
+        ),
+    )
+    NONE_CHANGED = _NOTE, "None of {compared} parameters changed beyond its joint uncertainty.{rest}"
+    MORE_NOT_COMPARABLE = _NOTE, " {count} more cannot be compared."
+
+    # two sessions compared: what a change may come from
+    TORQUE_SCALE = (
+        _NOTE,
+        (
+            "{joint}: friction and inertia changed by one share; "
+            "that may be the torque's scale (motor constant, drive gain), not the friction."
+        ),
+    )
+    ALPHA_0_ROSE = (
+        _NOTE,
+        "{joint}: alpha_0 rose{everywhere}; wear, dirt, a tighter preload or a colder joint may do that.",
+    )
+    ALPHA_0_FELL = _NOTE, "{joint}: alpha_0 fell{everywhere}; running in, a warmer joint or a lost preload may do that."
+    ALPHA_2_ROSE = _NOTE, "{joint}: alpha_2 rose{everywhere}; a colder or stiffer lubricant may do that."
+    ALPHA_2_FELL = _NOTE, "{joint}: alpha_2 fell{everywhere}; a warmer or thinner lubricant may do that."
+    SIGMA_0_ROSE = _NOTE, "{joint}: sigma_0 rose{everywhere}; a tighter preload may do that."
+    SIGMA_0_FELL = _NOTE, "{joint}: sigma_0 fell{everywhere}; wear or a lost preload may do that."
+    INERTIA_ROSE = (
+        _NOTE,
+        (
+            "{joint}: inertia rose{everywhere}; another load, or another scale of the torque (motor constant, drive gain), "
+            "which would scale the friction alike, may do that."
+        ),
+    )
+    INERTIA_FELL = (
+        _NOTE,
+        (
+            "{joint}: inertia fell{everywhere}; another load, or another scale of the torque (motor constant, drive gain), "
+            "which would scale the friction alike, may do that."
+        ),
+    )
+    IN_BOTH_DIRECTIONS = _NOTE, " in both directions"
+
+    # two sessions compared: what limits it
+    IN_ONE_SESSION = _CAUTION, "In the {which} session alone: {names!l}."
+    FILES_ALL_SHARED = (
+        _CAUTION,
+        (
+            "{joint}: the sessions share data and are not independent: all of the files are the same in both. "
+            "Errors of differences are overstated, and changes missed."
+        ),
+    )
+    FILES_SHARED = (
+        _CAUTION,
+        (
+            "{joint}: the sessions share data and are not independent: {same} of {files} of the files are the same in both. "
+            "Errors of differences are overstated, and changes missed."
+        ),
+    )
+    ONE_SIMULATED = _CAUTION, "{joint}: one session is SIMULATED, the other measured."
+    FIT_DISTRUSTED = _CAUTION, "{joint}: the {source} fit is used only for what no other fit knows: {why}"
+    MODELS_DIFFER = (
+        _CAUTION,
+        (
+            "{joint}: {terms!l} is known of the {which} session alone by its {source} fit: the two models differ, and so may "
+            "the other parameters without any change of the joint."
+        ),
+    )
+
     # what was counted, assumed and done where a file was read
     HEADER_LINES = _CAUTION, "Taken as header, not as data: line{count!e} {lines!l}{more}."
     HEADER_LINE = _NOTE, "{line} ({text})"
