@@ -529,7 +529,7 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     shown = Page(page)
     assert not shown.elements & {"script", "link", "iframe"}
-    for words in ("Would adaptation help?", "Friction that drifts", "PID: nobody gave one", "Learning rates:"):
+    for words in ("Would adaptation help?", "Friction that drifts", "Default PID: ", "Learning rates:"):
         assert words in shown.text
     assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
     first = tree(tmp_path / "out")

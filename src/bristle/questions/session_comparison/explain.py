@@ -154,8 +154,8 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagn
         yield Kind.ONE_SIMULATED(joint=joint)
     for pair in pairs(a, b):
         source = pair.first.source
-        if pair.why_distrusted:
-            yield Kind.FIT_DISTRUSTED(joint=joint, source=source, why=pair.why_distrusted)
+        if pair.distrusted:
+            yield Kind.FIT_DISTRUSTED(joint=joint, source=source, why=pair.distrusted)
         known = [{n for n, e in fit.parameters.items() if e.value is not None} for fit in pair]
         for which, more in (("first", known[0] - known[1]), ("second", known[1] - known[0])):
             terms = tuple(sorted(str(n) for n in more if n.name.startswith(("alpha", "offset"))))

@@ -56,14 +56,9 @@ class FitPair(NamedTuple):
     second: Fit
 
     @property
-    def why_distrusted(self) -> Diagnostic | None:
-        """Why the first of them is not to be trusted, else the second; None where both are."""
+    def distrusted(self) -> Diagnostic | None:
+        """Why the first of them is not to be trusted, else why the second is not; None where both are."""
         return self.first.distrusted or self.second.distrusted
-
-    @property
-    def distrusted(self) -> bool:
-        """Whether either is not to be trusted."""
-        return bool(self.why_distrusted)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,4 +156,4 @@ def pairs(first: SessionJoint, second: SessionJoint) -> list[FitPair]:
     """Fits of one kind in both sessions, those to be trusted first, then in the order of use."""
     others = {fit.source: fit for fit in second.fits}
     found = [FitPair(fit, others[fit.source]) for fit in first.fits if fit.source in others]
-    return sorted(found, key=lambda pair: pair.distrusted)
+    return sorted(found, key=lambda pair: bool(pair.distrusted))
