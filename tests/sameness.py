@@ -1,7 +1,7 @@
 """What results hold, whatever their sentences are."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any
@@ -16,6 +16,11 @@ def without_sentences(patch: pytest.MonkeyPatch) -> None:
     """Make every template the name of its kind, as if all sentences had been worded anew."""
     for kind in Kind:
         patch.setattr(kind, "template", kind.name)
+
+
+def of_kind(diagnostics: Iterable[Diagnostic], *kinds: Kind) -> list[Diagnostic]:
+    """Those of these kinds."""
+    return [d for d in diagnostics if d.kind in kinds]
 
 
 def held(result: Any) -> list[str]:

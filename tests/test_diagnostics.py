@@ -26,9 +26,11 @@ words = st.text("abcXYZ0123456789_.-+/*<>&' ", min_size=1, max_size=12)
 numbers = st.floats(-1e6, 1e6)
 OF_CONVERSION: dict[str, st.SearchStrategy[Any]] = {
     **dict.fromkeys("ljm", st.lists(words, min_size=1, max_size=4).map(tuple)),
+    "g": st.lists(numbers, min_size=1, max_size=4).map(tuple),
+    "e": st.integers(0, 1000),
     **dict.fromkeys("cpx", st.lists(st.tuples(words, numbers), min_size=1, max_size=4).map(tuple)),
     "i": st.lists(st.tuples(words, numbers, numbers | st.just(np.inf)), min_size=1, max_size=3).map(tuple),
-    "d": st.sampled_from(["+", "-", "both"]),
+    **dict.fromkeys("bd", st.sampled_from(["+", "-", "both"])),
     "w": st.booleans(),
 }
 """What a field with this conversion may be."""

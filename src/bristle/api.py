@@ -159,14 +159,8 @@ def compare(first: Path | str, second: Path | str) -> Comparison:
 
 
 def write_comparison(compared: Comparison, folder: Path | str) -> Path:
-    """Write what `compare` returned as a page with figures and tables into a folder; returns the path of index.html.
-
-    Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-    """
-    from bristle.questions.session_comparison.page import write_comparison as write
-
-    joints = list(compared.kinds)
-    return write(compared, Path(folder), joints[0] if len(joints) == 1 else f"{len(joints)} joints")
+    """`Comparison.write`: what `compare` returned as a page with figures and tables."""
+    return compared.write(folder)
 
 
 def sensitivity(

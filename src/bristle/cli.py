@@ -247,9 +247,7 @@ def compare(
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
     from bristle import compare as run
-    from bristle import write_comparison
     from bristle.page.output_folder import check_folder, resolved
-    from bristle.questions.session_comparison.page import text
 
     if output is not None:
         check_folder(output)
@@ -257,9 +255,9 @@ def compare(
             if resolved(session).parent == resolved(output):
                 raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
     compared = run(first, second)
-    print_lines(text(compared))
+    print_lines([compared.text()])
     if output is not None:
-        print_lines([f"Page: {write_comparison(compared, output)}"], done=True)
+        print_lines([f"Page: {compared.write(output)}"], done=True)
 
 
 @app.command()

@@ -156,8 +156,11 @@ class _Formatter(Formatter):
 
 
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
+    "b": lambda direction: f" ({direction})" if direction in {"+", "-"} else "",
     "c": lambda numbers: ", ".join(f"{name} {number:.3g} %" for name, number in numbers),
     "d": in_direction,
+    "e": lambda count: "" if count == 1 else "s",
+    "g": lambda numbers: ", ".join(f"{number:.3g}" for number in numbers),
     "i": lambda ends: ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends),
     "j": lambda words: " and ".join(map(str, words)),
     "l": lambda words: ", ".join(map(str, words)),
@@ -166,8 +169,8 @@ _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "w": lambda alone: "would make it pass" if alone else "would remove this reason, not the other",
     "x": lambda numbers: ", ".join(f"{name} {number:.2g}" for name, number in numbers),
 }
-"""Of named percentages, of a direction, of named intervals, of lists of names and of long things, of named numbers, of whether a reason stands
-alone, and of named ratios."""
+"""Of a direction in brackets, of named percentages, of a direction, the ending of what is counted, of numbers, of named intervals, of lists of names
+and of long things, of named numbers, of whether a reason stands alone, and of named ratios."""
 _FORMATTER = _Formatter()
 _CRITICAL, _CAUTION, _NOTE = Severity.CRITICAL, Severity.CAUTION, Severity.NOTE
 
@@ -861,6 +864,411 @@ class Kind(Enum):
             "together with the runs so far."
         ),
     )
+
+    # limits of a plan that nobody declared
+    LIMIT_SPEED = _NOTE, "Fastest speed: {value:g} {unit}, the fastest measured; set plan.velocity to override."
+    LIMIT_SLOWEST = (
+        _NOTE,
+        (
+            "Slowest constant speed: {value:g} {unit}, the slowest measured that did not stick and slip; "
+            "set plan.minimum_velocity to override."
+        ),
+    )
+    LIMIT_SLOWEST_GUESSED = (
+        _CAUTION,
+        (
+            "Slowest constant speed: {value:g} {unit}, {share:g} of the fastest: no run at constant velocity shows where the drive "
+            "begins to stick and slip; set plan.minimum_velocity to override."
+        ),
+    )
+    LIMIT_HOLD = _NOTE, "Averaged over: {value:g} {unit}, the usual hold so far; set plan.hold to override."
+    LIMIT_HOLD_GUESSED = _CAUTION, "Averaged over: {value:g} {unit}, a guess; set plan.hold to override."
+    LIMIT_POSITIONS = (
+        _NOTE,
+        (
+            "Positions: {low:.3g} to {high:.3g} {unit}, as far as the measured runs went, in their coordinates; "
+            "set plan.position to override."
+        ),
+    )
+    LIMIT_POSITIONS_GUESSED = (
+        _CAUTION,
+        (
+            "Positions: 0 to {high:.3g} {unit}, which the fastest hold needs: no run has positions; "
+            "set plan.position to override."
+        ),
+    )
+    LIMIT_ACCELERATION = (
+        _NOTE,
+        "Largest acceleration: {value:g} {unit}, the largest measured; set plan.acceleration to override.",
+    )
+    LIMIT_ACCELERATION_GUESSED = (
+        _CAUTION,
+        "Largest acceleration: {value:g} {unit}, {seconds:g} s from rest to the fastest speed; set plan.acceleration to override.",
+    )
+    LIMIT_TORQUE = _NOTE, "Largest torque: {value:g} {unit}, the largest measured; set plan.torque to override."
+    LIMIT_RATE = _CAUTION, "Rate of the references: {rate:g} Hz, a default; set plan.rate to override."
+    LIMIT_FREQUENCY = (
+        _CAUTION,
+        (
+            "Highest frequency of the motion: {frequency:.3g} Hz{capped}, which the controller must be able to follow; "
+            "set plan.frequency to override."
+        ),
+    )
+    AT_WHICH = _NOTE, ", at which {why}"
+    FREQUENCY_LOWERED = (
+        _CAUTION,
+        "Highest frequency of the motion: {frequency:.3g} Hz, not the declared {declared:g} Hz: at {frequency:.3g} Hz {why}.",
+    )
+    CAPPED_BY_RATE = _NOTE, "plan.rate, {rate:g} Hz, gives {samples:g} samples to a period"
+    CAPPED_BY_DECIMATION = (
+        _NOTE,
+        "fit.decimation, {decimation}, leaves one equation in {step:.3g} s, {least:g} to a period",
+    )
+    CAPPED_BY_SAMPLING = (
+        _NOTE,
+        "the sampling of the moving runs leaves one equation in {step:.3g} s, {least:g} to a period",
+    )
+
+    # what a plan starts from
+    DIRECTION_TAKEN = _CAUTION, "Direction {direction} is not identified: it is assumed to be as direction {other}."
+    INERTIA_GUESSED = (
+        _CAUTION,
+        "Inertia: a guess, {J:.2g} {unit}: {share:g} of alpha_0 at the largest acceleration; give inertia.",
+    )
+    INERTIA_EXACT = _NOTE, "Inertia: {J:.4g} {unit}, given as exact; intervals are those of the others."
+    GUESSED = _CAUTION, "{name}{direction!b}: a guess, {value:.3g} {unit}, {why}."
+    PEAK_TO_LOOK_FOR = (
+        _NOTE,
+        "{share:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
+    )
+    AMID_THE_SPEEDS = _NOTE, "in the middle of the speeds; the design allows any value among them"
+    BENT_BRISTLE = _NOTE, "a bristle that bends by {share:g} of the travel"
+    BY_DAMPING_RATIO = _NOTE, "(15), a damping ratio of {ratio:g}"
+    VISCOUS_SHARE = _NOTE, "{share:g} of alpha_0 at the fastest speed"
+    NOISE_OF_EQUATIONS = (
+        _NOTE,
+        (
+            "Noise: a sample of a moving run, one every {step:.3g} s, scatters by {rms:.2g} {unit} as so far, "
+            "and counts as 1/{inflation:.2g} of an independent one: residuals are correlated."
+        ),
+    )
+    NOISE_AVERAGED = (
+        _NOTE,
+        "Noise: a hold's mean torque scatters by {scatter:.2g} {unit}, that of those samples averaged over it.",
+    )
+    NOISE_OF_HOLDS_GUESSED = (
+        _CAUTION,
+        "Noise: a hold's mean torque scatters by {scatter:.2g} {unit}, {share:g} of alpha_0: a guess.",
+    )
+    NOISE_OF_MOTION_GUESSED = (
+        _CAUTION,
+        "Noise of a moving run: white, and such that its mean over {hold:.3g} s scatters by {scatter:.2g} {unit}: a guess.",
+    )
+    NOISE_OF_POINTS = (
+        _NOTE,
+        "Noise{direction!b}: a hold's mean torque scatters by {scatter:.2g} {unit}, as the points did about their fit.{far}",
+    )
+    NOISE_OF_OTHER_POINTS = (
+        _CAUTION,
+        (
+            "Noise{direction!b}: a hold's mean torque scatters by {scatter:.2g} {unit}, "
+            "as the points did about their fit of {other}.{far}"
+        ),
+    )
+    FAR_POINTS = (
+        _NOTE,
+        " Their root mean square is {ratio:.2g} times that: a few points are outliers, and do not count here.",
+    )
+
+    # a joint in its loop
+    EXTRAPOLATED = (
+        _CAUTION,
+        "The reference is {ratio:.2g} times as fast as anything measured: the model is extrapolated.",
+    )
+    REFERENCE_TAKEN = (
+        _NOTE,
+        "Reference: {amplitude:.3g} {unit} at {frequency:.3g} Hz; set adapt.amplitude and adapt.frequency to override.",
+    )
+    DEFAULT_PID = (
+        _CAUTION,
+        (
+            "PID: default, K_p {K_p:.3g} {unit}, K_i and K_d to match, for {bandwidth:g} rad/s at this inertia "
+            "(set adapt.gains to override)."
+        ),
+    )
+    RATES_TAKEN = (
+        _NOTE,
+        "Learning rates: {rates!g} for {names!l}, which halve the error in about 1 s{still} (set adapt.gamma to override).",
+    )
+    RATE_OF_ZERO = _NOTE, "; zero where a parameter has no effect in steady sliding"
+    BRISTLE_FILLED = (
+        _CAUTION,
+        "{name}{direction!b}: not identifiable from these data; assumed {value:.3g} {unit}, {how}.",
+    )
+    DEFLECTION_OF_AMPLITUDE = _NOTE, "from a deflection of {share:g} of the amplitude"
+    WITH_DAMPING_RATIO = _NOTE, "from (15) with a damping ratio of {ratio:g}{inertia}"
+    PLANT_IS_MODEL = (
+        _CAUTION,
+        "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations.",
+    )
+    DRIVE_WITHOUT_LIMIT = (
+        _CAUTION,
+        "The drive gives the {quantity} that it is asked for, every {period:g} s, without limit.",
+    )
+    PAPER_REFERENCE = (
+        _CAUTION,
+        (
+            "Reference: 1 rad sin(2 π f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
+            "the paper gives neither amplitude nor frequency."
+        ),
+    )
+    PAPER_CONTROL = (
+        _CAUTION,
+        (
+            "Control in torque: the PID's output is taken in N·m and its error in rad; "
+            "the paper gives no unit of its control signal and no motor."
+        ),
+    )
+    PAPER_INERTIA = (
+        _CAUTION,
+        "Inertia: (15) inverted, J = (σ₁ / 0.2)² / σ₀, the mean of the two directions; the paper gives none.",
+    )
+    PAPER_RATES = (
+        _CAUTION,
+        (
+            "Learning rates: 20 for both gains, with e in rad; "
+            "the paper's [0, 1] fits an error in degrees (20 per rad is 0.35 per degree)."
+        ),
+    )
+    PAPER_SAMPLING = (
+        _CAUTION,
+        (
+            "Sampling: controller, compensator and adaptation at 1 kHz; the paper ran continuous blocks. "
+            "The position is measured as it is, unless an encoder is named."
+        ),
+    )
+    PAPER_TABLE_2 = (
+        _CAUTION,
+        (
+            "Table 2: the paper says wrist, its numbers are the gripper's; "
+            "plant and model have its (+) parameters in both directions."
+        ),
+    )
+    PAPER_FEED_FORWARD = _NOTE, "No inertia feed-forward, unless it is named."
+
+    # what sensitivity is explored of
+    ONE_DIRECTION_KNOWN = _CAUTION, "Only direction {direction} is known; it is used for both."
+    BRISTLE_ASSUMED = _CAUTION, "{name}: not identifiable from these data; assumed {value:.3g} {unit}, {how}."
+    DEFLECTION_OF_TRAVEL = _NOTE, "from a deflection of {share:g} of the travel"
+    WITH_GUESSED_INERTIA = _NOTE, " and a guessed inertia of {J:.2g} {unit}"
+    AS_HELD = _NOTE, "as it was held in the fit"
+    GRIPPER_FRICTION = (
+        _NOTE,
+        "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
+    )
+    GRIPPER_INTERVALS = (
+        _CAUTION,
+        (
+            "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these numbers; "
+            "the paper gives none."
+        ),
+    )
+    GRIPPER_NOISE = _CAUTION, "Noise: of the same simulated logs."
+    GRIPPER_REFERENCE = (
+        _CAUTION,
+        "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion.",
+    )
+    BOX_HELD = _CAUTION, "{name}: no finite 95 % interval; it is held at {value:.3g} {unit}."
+    BOX_CUT = (
+        _CAUTION,
+        "{name}: its interval includes impossible values; it is drawn from {low:.3g} {unit} up (assumed).",
+    )
+    SOBOL_NOT_ASKED = _NOTE, "Sobol indices were not asked for (samples: 0)."
+    SOBOL_WITHOUT_INTERVALS = _NOTE, "No Sobol indices: no parameter has a finite interval."
+    NO_SOBOL = _NOTE, "No Sobol indices: {why}."
+    NO_FORMULAS = _NOTE, "No formulas: {why}."
+    NOISE_OF_FIT = (
+        _NOTE,
+        "Noise: residuals of the moving runs' fit, {rms:.2g} {unit} per sample every {step:.3g} s{correlated}.",
+    )
+    TIMES_FOR_CORRELATION = _NOTE, ", times {ratio:.1f} for their correlation"
+    NOISE_ASSUMED = (
+        _CAUTION,
+        "Noise: assumed white, {noise:.2g} {unit} ({share:.0%} of alpha_0) at 1 kHz; standard errors are proportional to it.",
+    )
+    NOISE_OF_STATIC_FIT = _NOTE, "Noise: the scatter of the points about the static fit."
+    HELD_AS_KNOWN = _CAUTION, "Taken as known, because the joint's own fit has none: {names!l}."
+    NOTHING_SEEN_OF = _CAUTION, "{name} is not identifiable."
+
+    # friction models side by side
+    USE_MODEL = _NOTE, "Use {model}: {why!m}."
+    NO_MODEL = (
+        _CAUTION,
+        "None of the models with the terms that the fit supports can be fitted to so few points.",
+    )
+    LOWEST_BIC = _NOTE, "it has the lowest BIC{next}"
+    LOWEST_BIC_OF_SUPPORTED = (
+        _NOTE,
+        "of the models with the terms that the fit supports it has the lowest BIC{next}",
+    )
+    NEXT_MODEL = _NOTE, " ({model} has {gap:.1f} more)"
+    NEXT_HARDLY_WORSE = _NOTE, " (hardly worse: {model} has {gap:.1f} more)"
+    AICC_PREFERS = _NOTE, "AICc prefers {model}"
+    PEAK_NOT_SUPPORTED = _NOTE, "the Stribeck term is not identifiable from these data, as the fit found{gain}"
+    PEAK_LOWERS_BIC = _NOTE, ", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)"
+    PEAK_OF_STICK_SLIP = _CAUTION, "but its Stribeck term rests on points that stick and slip"
+    BRISTLE_NOT_SHOWN = _NOTE, "the motion does not show LuGre's bristle"
+    LUGRE_IS_ITS_CURVE = _NOTE, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart."
+    LUGRE_UNSETTLED = (
+        _CAUTION,
+        "{model}, {directions}: the fit had not settled; its numbers can still improve.",
+    )
+    TOO_FEW_FOR_MODELS = _NOTE, "Too few points, or too much alike, for {models!m}."
+
+    # two sessions compared: what became of a parameter
+    ROSE = _NOTE, "Rose beyond the joint uncertainty."
+    FELL = _NOTE, "Fell beyond the joint uncertainty."
+    NO_CHANGE = _NOTE, "No change beyond the joint uncertainty."
+    NOT_COMPARABLE = _NOTE, "Not comparable: {why}."
+    IN_OTHER_DIRECTIONS = (
+        _NOTE,
+        "the {which} session has it in other directions; identify both with the same fit.directions",
+    )
+    NOT_IN_SESSION = _NOTE, "the {which} session does not have it"
+    NOT_IDENTIFIABLE_IN = _NOTE, "it is not identifiable in {where}"
+    OF_OTHER_STAGES = _NOTE, "the sessions have it from different stages"
+    OPEN_IN = _NOTE, "its interval is open, or one-sided, in {where}"
+    ONE_SESSION = _NOTE, "the {which} session"
+    BOTH_SESSIONS = _NOTE, "both sessions"
+
+    # two sessions compared: all in all
+    NOTHING_COMPARED = (
+        _CAUTION,
+        "Nothing can be compared: no parameter has a closed interval from the same stage in both sessions.",
+    )
+    PARAMETERS_CHANGED = (
+        _NOTE,
+        ("{moved} of {compared} parameters changed beyond their joint uncertainty: {changes!l}.{sets}{rest}"),
+    )
+    CHANGED_BY = _NOTE, "{name} ({percent:+.1f} %)"
+    CHANGED_BY_POWERS = _NOTE, "{name} ({percent:+.1e} %)"
+    SETS_CHANGED_TOO = _NOTE, " As a set, though none alone, so did those of the fit {fits!m}."
+    ONLY_SETS_CHANGED = (
+        _NOTE,
+        (
+            "None of {compared} parameters changed beyond its joint uncertainty alone, but as a set those of {fits!m} did: "
+            "the friction changed, and which of them is not told apart.{rest}"
+        ),
+    )
+    NONE_CHANGED = _NOTE, "None of {compared} parameters changed beyond its joint uncertainty.{rest}"
+    MORE_NOT_COMPARABLE = _NOTE, " {count} more cannot be compared."
+
+    # two sessions compared: what a change may come from
+    TORQUE_SCALE = (
+        _NOTE,
+        (
+            "{joint}: friction and inertia changed by the same ratio; "
+            "that may be the torque's scale (motor constant, drive gain), not the friction."
+        ),
+    )
+    ALPHA_0_ROSE = (
+        _NOTE,
+        "{joint}: alpha_0 rose{everywhere}; wear, dirt, a tighter preload or a colder joint may do that.",
+    )
+    ALPHA_0_FELL = _NOTE, "{joint}: alpha_0 fell{everywhere}; running in, a warmer joint or a lost preload may do that."
+    ALPHA_2_ROSE = _NOTE, "{joint}: alpha_2 rose{everywhere}; a colder or stiffer lubricant may do that."
+    ALPHA_2_FELL = _NOTE, "{joint}: alpha_2 fell{everywhere}; a warmer or thinner lubricant may do that."
+    SIGMA_0_ROSE = _NOTE, "{joint}: sigma_0 rose{everywhere}; a tighter preload may do that."
+    SIGMA_0_FELL = _NOTE, "{joint}: sigma_0 fell{everywhere}; wear or a lost preload may do that."
+    INERTIA_ROSE = (
+        _NOTE,
+        (
+            "{joint}: inertia rose{everywhere}; another load, or another scale of the torque (motor constant, drive gain), "
+            "which would scale the friction alike, may do that."
+        ),
+    )
+    INERTIA_FELL = (
+        _NOTE,
+        (
+            "{joint}: inertia fell{everywhere}; another load, or another scale of the torque (motor constant, drive gain), "
+            "which would scale the friction alike, may do that."
+        ),
+    )
+    IN_BOTH_DIRECTIONS = _NOTE, " in both directions"
+
+    # two sessions compared: what limits it
+    IN_ONE_SESSION = _CAUTION, "In the {which} session alone: {names!l}."
+    FILES_ALL_SHARED = (
+        _CAUTION,
+        (
+            "{joint}: the sessions share data and are not independent: all of the files are the same in both. "
+            "Errors of differences are overstated, and changes missed."
+        ),
+    )
+    FILES_SHARED = (
+        _CAUTION,
+        (
+            "{joint}: the sessions share data and are not independent: {same} of {files} of the files are the same in both. "
+            "Errors of differences are overstated, and changes missed."
+        ),
+    )
+    ONE_SIMULATED = _CAUTION, "{joint}: one session is SIMULATED, the other measured."
+    FIT_DISTRUSTED = _CAUTION, "{joint}: the {source} fit is used only for what no other fit knows: {why}"
+    MODELS_DIFFER = (
+        _CAUTION,
+        (
+            "{joint}: {terms!l} is known of the {which} session alone by its {source} fit: the two models differ, and so may "
+            "the other parameters without any change of the joint."
+        ),
+    )
+
+    # what was counted, assumed and done where a file was read
+    HEADER_LINES = _CAUTION, "Taken as header, not as data: line{count!e} {lines!l}{more}."
+    HEADER_LINE = _NOTE, "{line} ({text})"
+    MORE_LINES = _NOTE, ", and {count} more"
+    DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
+    RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
+    ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: row {first})."
+    ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: row {first})."
+    ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: row {first})."
+    ROWS_OF_SHORT_SEGMENTS = (
+        _CAUTION,
+        (
+            "{rows} row{rows!e} dropped: segments between gaps shorter than {least} samples, "
+            "which cannot be differentiated."
+        ),
+    )
+    SAMPLING = (
+        _NOTE,
+        "Sampling interval {step:.4g} s (median, {rate:.6g} Hz); jitter: at most {jitter:.2g} % off.",
+    )
+    GAPS = (
+        _CAUTION,
+        (
+            "{gaps} gap{gaps!e} longer than {intervals:g} intervals ({seconds:.4g} s), "
+            "the longest {longest:.4g} s; each segment between gaps is treated separately."
+        ),
+    )
+    UNWRAPPED = _NOTE, "Position wraps at {period:.6g} {unit}: unwrapped {turns} time{turns!e}."
+    TAKEN_EARLIER = _NOTE, "{signal} taken {delay:.4g} s earlier than logged: the declared delay."
+    TAKEN_LATER = _NOTE, "{signal} taken {delay:.4g} s later than logged: the declared delay."
+    MOTION_FROM_POSITION = (
+        _NOTE,
+        (
+            "Velocity and acceleration from position: Butterworth low pass of order {order}, forward and backward, "
+            "cut-off {cutoff:g} Hz{lowered}; then the derivatives of a quintic spline."
+        ),
+    )
+    ACCELERATION_FROM_VELOCITY = (
+        _NOTE,
+        (
+            "Acceleration from velocity: Butterworth low pass of order {order}, forward and backward, "
+            "cut-off {cutoff:g} Hz{lowered}; then the derivatives of a quintic spline."
+        ),
+    )
+    CUTOFF_LOWERED = _CAUTION, ", lowered from {asked:g} Hz, which is not below the Nyquist frequency"
+    TORQUE_FROM_CURRENT = _NOTE, "Torque from current: k_t = {k_t:g} {unit}."
+    TORQUE_FROM_VOLTAGE = _NOTE, "Torque from voltage by (8): k_t = {k_t:g} {unit}, R = {R:g} ohm."
 
 
 NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
+from bristle.diagnostics import Kind
 
 
 def _record(time: ArrayLike, position: ArrayLike, starts: tuple[int, ...] = (0,)) -> Record:
@@ -29,7 +30,8 @@ def test_a_slow_sine_comes_back() -> None:
     inside = slice(200, -200)
     np.testing.assert_allclose(_of(record.velocity)[inside], w * np.cos(w * t)[inside], atol=1e-4 * w)
     np.testing.assert_allclose(_of(record.acceleration)[inside], -(w**2) * np.sin(w * t)[inside], atol=1e-3 * w**2)
-    assert "cut-off 50 Hz" in record.notes[-1]
+    (note,) = record.notes
+    assert (note.kind, note.numbers["cutoff"], note.numbers["lowered"]) == (Kind.MOTION_FROM_POSITION, 50.0, "")
 
 
 def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
@@ -56,15 +58,17 @@ def test_short_segments_are_left_out_and_counted() -> None:
     record = estimate_motion(_record(t, t**2, (0, 50, 53)), 10.0)
     assert (record.time.size, record.starts, record.dropped) == (90, (0, 50), 3)
     assert record.time[50] == 20
-    assert any(note.startswith("3 rows dropped") for note in record.notes)
+    assert Kind.ROWS_OF_SHORT_SEGMENTS(rows=3, least=16) in record.notes
     with pytest.raises(ValueError, match="no segment between gaps has 16 samples"):
         estimate_motion(_record(t[:10], t[:10]), 10.0)
 
 
 def test_a_cutoff_beyond_nyquist_is_lowered_and_said() -> None:
-    """At 20 Hz no filter of 100 Hz exists: it becomes 8 Hz, in words."""
+    """At 20 Hz no filter of 100 Hz exists: it becomes 8 Hz, which a note says."""
     t = np.arange(100) * 0.05
-    assert "cut-off 8 Hz, lowered from 100 Hz" in estimate_motion(_record(t, np.sin(t)), 100.0).notes[-1]
+    (note,) = estimate_motion(_record(t, np.sin(t)), 100.0).notes
+    assert note.numbers["cutoff"] == pytest.approx(8.0)
+    assert note.numbers["lowered"] == Kind.CUTOFF_LOWERED(asked=100.0)
 
 
 def test_a_logged_velocity_stays_and_is_differentiated() -> None:
@@ -74,7 +78,7 @@ def test_a_logged_velocity_stays_and_is_differentiated() -> None:
     moved = estimate_motion(record, 5.0)
     np.testing.assert_array_equal(_of(moved.velocity), t**2)
     np.testing.assert_allclose(_of(moved.acceleration)[100:-100], 2 * t[100:-100], atol=1e-3)
-    assert moved.notes[-1].startswith("Acceleration from velocity")
+    assert moved.notes[-1].kind is Kind.ACCELERATION_FROM_VELOCITY
     with pytest.raises(ValueError, match="neither position nor velocity"):
         estimate_motion(replace(record, velocity=None), 5.0)
 

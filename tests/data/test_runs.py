@@ -8,6 +8,9 @@ import yaml
 
 from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.data.record import Record
+from bristle.diagnostics import Kind
+
+from ..sameness import of_kind
 
 _T = np.arange(400) * 1e-3
 _BASE: dict[str, Any] = {
@@ -131,7 +134,9 @@ def test_wrapped_positions_are_unwrapped(tmp_path: Path, unit: str, wraps: bool 
     position = {"column": "q", "unit": unit, "wraps": wraps}
     record = _record(tmp_path, signals=_signals(position=position), encoder_resolution="1000 counts/rev")
     np.testing.assert_allclose(record.position, truth, atol=1e-9)  # type: ignore[arg-type]  # position is there
-    assert any("unwrapped 2 times" in note for note in record.notes)
+    (note,) = of_kind(record.notes, Kind.UNWRAPPED)
+    assert note.numbers["turns"] == 2
+    assert note.numbers["period"] == pytest.approx(2 * np.pi)
     del position["wraps"]
     with pytest.raises(ValueError, match="declare wraps: true"):
         _record(tmp_path, signals=_signals(position=position), encoder_resolution="1000 counts/rev")
@@ -146,9 +151,12 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     record = _record(tmp_path)
     assert (record.rows, record.dropped, record.time.size) == (400, 2, 398)
     assert record.starts == (0, 198)
-    assert [any(word in note for note in record.notes) for word in ("row 51", "row 101", "1 gap", "jitter")] == [
-        True
-    ] * 4
+    (gap,) = of_kind(record.notes, Kind.GAPS)
+    (sampling,) = of_kind(record.notes, Kind.SAMPLING)
+    assert Kind.ROWS_NOT_FINITE(rows=1, first=51) in record.notes
+    assert Kind.ROWS_REPEATED(rows=1, first=101) in record.notes
+    assert (gap.numbers["gaps"], gap.numbers["longest"]) == (1, pytest.approx(1.001))
+    assert sampling.numbers["step"] == pytest.approx(1e-3)
     for key, says in (("non_finite", "row 51"), ("duplicates", "repeats .* row 101")):
         with pytest.raises(ValueError, match=rf"log\.csv: .*{says}"):
             _record(tmp_path, cleaning={key: "refuse"})
@@ -157,7 +165,9 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     _log(tmp_path, t=time)
     with pytest.raises(ValueError, match=r"runs backward in 1 row, first at row 301"):
         _record(tmp_path)
-    assert _record(tmp_path, cleaning={"backward": "drop"}).dropped == 2
+    dropped = _record(tmp_path, cleaning={"backward": "drop"})
+    assert dropped.dropped == 2
+    assert Kind.ROWS_BACKWARD(rows=1, first=301) in dropped.notes
 
 
 def test_a_delayed_signal_is_taken_when_it_happened(tmp_path: Path) -> None:
@@ -167,9 +177,10 @@ def test_a_delayed_signal_is_taken_when_it_happened(tmp_path: Path) -> None:
     record = _record(tmp_path, signals=_signals(torque=torque | {"delay": "2.5 ms"}))
     assert record.torque is not None
     np.testing.assert_allclose(record.torque[:-3], np.cos(9 * _T)[:-3], atol=2e-5)
-    assert any("taken 0.0025 s earlier" in note for note in record.notes)
+    assert Kind.TAKEN_EARLIER(signal="Torque", delay=2.5e-3) in record.notes
     early = _record(tmp_path, signals=_signals(torque=torque | {"delay": "-1 ms"}))
     assert early.torque is not None
+    assert Kind.TAKEN_LATER(signal="Torque", delay=1e-3) in early.notes
     np.testing.assert_allclose(early.torque[1:], np.cos(9 * (_T - 3.5e-3))[1:], atol=2e-5)
     with pytest.raises(ValueError, match=r"torque: delay: got 1 s in a run of 0\.399 s"):
         _record(tmp_path, signals=_signals(torque=torque | {"delay": "1 s"}))
@@ -184,8 +195,9 @@ def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
     )
     assert record.velocity is not None
     assert float(np.median(record.velocity)) == pytest.approx(0.3, rel=0.2)
-    assert any("cut-off 10 Hz" in note for note in record.notes)
-    assert any("declared rate of 1000 Hz" in note for note in record.notes)
+    (derived,) = of_kind(record.notes, Kind.MOTION_FROM_POSITION)
+    assert derived.numbers["cutoff"] == 10
+    assert Kind.RATE_DECLARED(rate=1000.0) in record.notes
 
 
 @pytest.mark.parametrize(

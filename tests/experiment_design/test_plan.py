@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.diagnostics import Kind
-from bristle.identification.limits import followed, limits_of
+from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
 from bristle.identification.results import StaticFit
 from bristle.model.parameters import Direction, ParameterName, Stribeck
@@ -35,7 +35,7 @@ from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, run, speeds, write
-from ..sameness import held, without_sentences
+from ..sameness import held, of_kind, without_sentences
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
 Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
@@ -179,7 +179,7 @@ def highest(measured: Measured, asked: dict[str, float], step: float | None) -> 
     options = measured.experiment.plan.model_validate(asked)
     own = replace(measured, experiment=measured.experiment.model_copy(update={"plan": options}))
     found, said = followed(limits_of(own)[0], own, step)
-    return found.frequency, " ".join(said)
+    return found.frequency, " ".join(map(str, said))
 
 
 @pytest.mark.parametrize(
@@ -215,6 +215,32 @@ def test_a_declared_frequency_is_used(
     assert bool(named) == bool(said)
 
 
+def test_limits_that_nobody_declared_are_said(measured: Measured, tmp_path: Path) -> None:
+    """Each has its kind and the value that the limits have: a note where runs showed it, a caution where it is a guess; a declared one has none."""
+
+    def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[Kind, Diagnostic]]:
+        options = found.experiment.plan.model_validate(asked)
+        limits, said = limits_of(replace(found, experiment=found.experiment.model_copy(update={"plan": options})))
+        return limits, {d.kind: d for d in said}
+
+    limits, said = said_of(measured, {})
+    shown = {
+        Kind.LIMIT_SPEED: limits.velocity, Kind.LIMIT_SLOWEST: limits.slowest, Kind.LIMIT_HOLD: limits.hold,
+        Kind.LIMIT_ACCELERATION: limits.acceleration, Kind.LIMIT_TORQUE: limits.torque,
+    }  # fmt: skip  # a table
+    assert {kind: said[kind].numbers["value"] for kind in shown} == shown
+    assert said[Kind.LIMIT_POSITIONS].numbers == {"low": limits.position[0], "high": limits.position[1], "unit": "rad"}
+    assert said.keys() - shown.keys() == {Kind.LIMIT_POSITIONS, Kind.LIMIT_RATE}
+    assert [d.kind for d in said.values() if d.severity is not Severity.NOTE] == [Kind.LIMIT_RATE]
+    declared = {"velocity": 1.0, "minimum_velocity": 0.01, "hold": 2.0, "position": (0.0, 1.0), "acceleration": 9.0}
+    assert said_of(measured, declared | {"torque": 1.0, "rate": 200.0})[1] == {}
+    limits, said = said_of(measure(write(tmp_path, speeds())), {})
+    assert said[Kind.LIMIT_ACCELERATION_GUESSED].numbers["value"] == limits.acceleration
+    assert said[Kind.LIMIT_POSITIONS_GUESSED].numbers["high"] == pytest.approx(limits.travel, rel=1e-2)
+    guesses = {Kind.LIMIT_ACCELERATION_GUESSED, Kind.LIMIT_POSITIONS_GUESSED, Kind.LIMIT_RATE}
+    assert {d.kind for d in said.values() if d.severity is Severity.CAUTION} == guesses
+
+
 def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     """An inertia without a standard error is said to be given, and is in no table; one with an error is; to plan for the first is refused."""
     path = write(tmp_path, speeds())
@@ -224,7 +250,7 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     assert "inertia" not in intervals(found)["parameter"].tolist()
     assert "inertia" not in motions(found).columns
     assert "\n    inertia" not in found.text()
-    assert any("Inertia: 0.0013 kg*m**2, given as exact" in s for s in map(str, found.assumptions))
+    assert Kind.INERTIA_EXACT(J=1.3e-3, unit="kg*m**2") in found.assumptions
     for figure in (intervals_figure(found), motions_figure(found)):
         assert len(figure.axes[0].get_yticks()) == 12
         low, _ = figure.axes[0].get_xlim()
@@ -251,9 +277,10 @@ def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
     assert found.start.noise[Direction.POSITIVE] < 1.2e-4  # root mean square: 3.3e-4
     assert found.start.noise[Direction.NEGATIVE] == pytest.approx(2e-4, rel=0.35)
     assert [d.problem.noise for d in found.velocities] == [found.start.noise[d.direction] for d in found.velocities]
-    said = {tag: next(s for s in map(str, found.assumptions) if s.startswith(f"Noise ({tag})")) for tag in "+-"}
-    assert "a few points are outliers" in said["+"]
-    assert "a few points are outliers" not in said["-"]
+    said = {d.numbers["direction"]: d.numbers for d in of_kind(found.assumptions, Kind.NOISE_OF_POINTS)}
+    assert {d: x["scatter"] for d, x in said.items()} == found.start.noise
+    assert said[Direction.POSITIVE]["far"].kind is Kind.FAR_POINTS
+    assert said[Direction.NEGATIVE]["far"] == ""
 
 
 def test_robust_scatter_is_that_of_normal_noise() -> None:
@@ -377,9 +404,10 @@ def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     found = bristle.plan(path, velocities=4)
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
     assert guessed <= set(map(str, found.start.guessed))
-    said = " ".join(map(str, found.assumptions))
-    assert "Direction - is not identified" in said
-    assert "Inertia: a guess" in said
+    assert Kind.DIRECTION_TAKEN(direction=Direction.NEGATIVE, other=Direction.POSITIVE) in found.assumptions
+    assert of_kind(found.assumptions, Kind.INERTIA_GUESSED)[0].numbers["J"] == found.start.inertia
+    said = [d.numbers for d in of_kind(found.assumptions, Kind.GUESSED)]
+    assert [ParameterName(x["name"], x["direction"]) for x in said] == list(found.start.guessed)
     assert np.isinf(
         found.standard_errors["now"][[found.start.names.index(ParameterName.parse(n)) for n in guessed]]
     ).all()

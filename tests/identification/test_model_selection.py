@@ -12,13 +12,23 @@ from hypothesis import strategies as st
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification import model_selection
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
-from bristle.identification.model_criteria import APART, COULOMB, LUGRE, ONE, STRIBECK, SYMMETRIC, VISCOUS, Candidate
+from bristle.identification.model_criteria import (
+    APART,
+    COULOMB,
+    LUGRE,
+    ONE,
+    STRIBECK,
+    SYMMETRIC,
+    VISCOUS,
+    ModelCandidate,
+)
 from bristle.identification.model_criteria import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit
 from bristle.identification.static.runs import fit_moving
@@ -26,6 +36,7 @@ from bristle.model.parameters import INERTIA, Direction, Lugre, Pair, ParameterN
 from bristle.model.rollout import rollout
 
 from ..names import parse
+from ..sameness import of_kind
 from .conftest import GRIPPER, curve
 
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
@@ -61,6 +72,11 @@ def row(compared: ModelComparison, model: str, directions: str) -> ModelRow:
     """The row of one model."""
     (found,) = (r for r in compared.rows if (r.model, r.directions) == (model, directions))
     return found
+
+
+def reasons(compared: ModelComparison, kind: Kind) -> list[Diagnostic]:
+    """Those of one kind that the advice gives."""
+    return of_kind(compared.sentence.numbers["why"], kind)
 
 
 def used(compared: ModelComparison) -> ModelRow:
@@ -144,8 +160,9 @@ def test_the_model_that_made_the_data_is_advised(
     (compared,) = points(tmp_path, plus, minus).models
     best = used(compared)
     assert (best.model, best.directions) == expected
-    assert compared.sentence.startswith(f"Use {best.model}")
-    assert ("not identifiable" in compared.sentence) == (expected[0] != STRIBECK)
+    assert compared.sentence.kind is Kind.USE_MODEL
+    assert compared.sentence.numbers["model"] == (best.model if expected[1] == ONE else ", ".join(expected))
+    assert bool(reasons(compared, Kind.PEAK_NOT_SUPPORTED)) == (expected[0] != STRIBECK)
 
 
 @given(seed=st.integers(0, 10_000), alpha_1=st.sampled_from([0.0, 3e-4, 6e-4, 2e-3]))
@@ -158,7 +175,7 @@ def test_advice_never_contradicts_the_fit(tmp_path_factory: pytest.TempPathFacto
     kept = joint.static["+"].parameters["alpha_1"].value is not None
     best = used(compared)
     assert (best.model == STRIBECK) == kept
-    assert ("not identifiable" in compared.sentence) == (not kept)
+    assert bool(reasons(compared, Kind.PEAK_NOT_SUPPORTED)) == (not kept)
     assert best.bic == min(r.bic for r in compared.rows if r.candidate)
 
 
@@ -167,7 +184,7 @@ def test_too_few_points_are_said(tmp_path: Path) -> None:
     v = np.array([0.1, 0.3, 0.6])
     (compared,) = joint_of(tmp_path, v, curve(v, FLAT) + WOBBLE).models
     assert {r.model for r in compared.rows} == {COULOMB, VISCOUS}
-    assert any("Too few" in x and STRIBECK in x for x in compared.left_out)
+    assert Kind.TOO_FEW_FOR_MODELS(models=(f"{STRIBECK}, {ONE}",)) in compared.left_out
     assert row(compared, VISCOUS, ONE).aicc is None
     v = np.array([0.1, 0.1 + 1e-9, 0.1 + 2e-9])
     found = joint_of(tmp_path, v, curve(v, FLAT) + WOBBLE).models
@@ -259,7 +276,7 @@ def test_a_bristle_that_the_motion_does_not_show_is_not_advised(moved: tuple[Mod
     compared, alone = moved
     blind = {n: replace(e, value=None) if n.name == "sigma_0" else e for n, e in alone.parameters.items()}
     found = [
-        Candidate(
+        ModelCandidate(
             model=r.model,
             directions=r.directions,
             parameters=r.parameters,
@@ -271,7 +288,7 @@ def test_a_bristle_that_the_motion_does_not_show_is_not_advised(moved: tuple[Mod
     judged = choose("moving runs", found, "", 1.0, 1.0, {}, replace(alone, parameters=blind), ())
     assert judged is not None
     assert used(judged).model == STRIBECK
-    assert "does not show LuGre's bristle" in judged.sentence
+    assert reasons(judged, Kind.BRISTLE_NOT_SHOWN)
     assert min(judged.rows, key=lambda r: r.bic).model == LUGRE
 
 
@@ -281,11 +298,12 @@ def test_a_term_that_the_fit_refused_is_not_advised_however_low_its_bic(tmp_path
     assert static["+"].parameters["alpha_1"].value is None
     sizes = {COULOMB: 3.0, VISCOUS: 1.0, STRIBECK: 0.5}
     found = [
-        Candidate(model=m, directions=ONE, parameters=k, residuals=np.full(50, x), hold_out=None)
+        ModelCandidate(model=m, directions=ONE, parameters=k, residuals=np.full(50, x), hold_out=None)
         for (m, x), k in zip(sizes.items(), (1, 2, 4), strict=True)
     ]
     judged = choose("points", found, "", 1.0, 100.0, static, None, ())
     assert judged is not None
     assert used(judged).model == VISCOUS
-    assert f"would lower the BIC by {used(judged).bic:.1f}" in judged.sentence
+    (refused,) = reasons(judged, Kind.PEAK_NOT_SUPPORTED)
+    assert refused.numbers["gain"] == Kind.PEAK_LOWERS_BIC(gain=used(judged).bic)
     assert used(judged).bic == pytest.approx(50 * np.log(4) - 2 * np.log(50))

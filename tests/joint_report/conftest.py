@@ -139,7 +139,7 @@ def gripper(name: str = "gripper rotation") -> Joint:
                 sha256="ab" * 32,
                 rows=1000,
                 dropped=3,
-                notes=("3 rows are not finite.",),
+                notes=(Kind.ROWS_NOT_FINITE(rows=3, first=7),),
                 labels={"load": "1 kg"},
             ),
         ),

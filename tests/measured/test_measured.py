@@ -16,7 +16,7 @@ from bristle.model.parameters import Motor, Pair, ParameterName
 from bristle.questions.compensation.replay import replays
 from bristle.simulation.joint_loop import of_experiment
 
-from ..sameness import held, without_sentences
+from ..sameness import held, of_kind, without_sentences
 
 KINOVA = """
 joint: {name: kinova joint 7, kind: revolute}
@@ -82,13 +82,14 @@ def test_kinova_is_identified_as_it_is(measured_data: Path, tmp_path: Path) -> N
     assert fit.without_stick_slip
     low, high = fit.parameters["v_s"].interval or (0.0, 0.0)
     assert high > 1.5 * low
-    assert any("wrap" in note for one in joint.inputs for note in one.notes)
+    assert any(of_kind(one.notes, Kind.UNWRAPPED) for one in joint.inputs)
     for name, three in fit.uncertainty.items():
         for ends in (three.covariance, three.profile, three.bootstrap):
             assert ends is not None
             assert 0 < ends[0] < (fit.parameters[name].value or 0.0) < ends[1] < np.inf
     (models,) = joint.models
-    assert models.sentence.startswith("Use Stribeck curve")
+    assert models.sentence.kind is Kind.USE_MODEL
+    assert models.sentence.numbers["model"].partition(",")[0] == "Stribeck curve"
     (best,) = [row for row in models.rows if row.recommended]
     assert min(row.bic for row in models.rows if row.model == "Coulomb + viscous" and row.bic is not None) > 10
     assert best.bic == 0
@@ -154,7 +155,7 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
             assert three.bootstrap == pytest.approx(three.covariance, rel=0.02)
             assert not three.warnings
     (models,) = joint.models
-    assert models.sentence.startswith("Use Coulomb + viscous, per direction")
+    assert models.sentence.numbers["model"] == "Coulomb + viscous, per direction"
 
 
 def replayed(folder: Path, joint: Joint, most: float) -> None:
@@ -165,7 +166,7 @@ def replayed(folder: Path, joint: Joint, most: float) -> None:
     """
     measured = measure(folder / "experiment.yaml")
     subject = of_experiment(measured.experiment, joint)
-    assert any("Learning rates" in sentence for sentence in subject.assumptions)
+    assert of_kind(subject.assumptions, Kind.RATES_TAKEN)
     found = replays(subject, joint, measured)
     assert len(found) == 3 * sum(run.kind == "tracking" for run in measured.runs)
     for right, wrong in zip(found[::3], found[1::3], strict=True):

@@ -13,12 +13,14 @@ from hypothesis import strategies as st
 import bristle
 from bristle import api
 from bristle.arrays import Array
+from bristle.diagnostics import Kind
 from bristle.identification.fisher import names_of
 from bristle.identification.identify import identify_joint
 from bristle.identification.limits import limits_of
 from bristle.identification.measured import measure
 from bristle.model import functions
-from bristle.model.parameters import Kind, Lugre, Pair
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import start_of
@@ -43,6 +45,7 @@ from bristle.simulation.edro import TABLE_1
 from ..conftest import FEW as TOO_FEW
 from ..conftest import TRUTH, run, speeds, tree, write
 from ..names import parse
+from ..sameness import held, of_kind, without_sentences
 
 FEW = settings(max_examples=25, deadline=None)
 PAIR = TABLE_1["gripper rotation"]
@@ -289,7 +292,9 @@ def test_a_joint_of_points_has_an_assumed_bristle(known: study.SensitivityStudy)
     """
     assert {name.name for name in known.model.assumed} == {"sigma_0", "sigma_1"}
     assert {name.name for name in known.box} == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
-    assert any("sigma_0" in s and "assumed" in s for s in known.assumptions)
+    assumed = [d.numbers for d in of_kind(known.assumptions, Kind.BRISTLE_ASSUMED)]
+    assert {str(x["name"]) for x in assumed} == set(map(str, known.model.assumed))
+    assert {x["how"].kind for x in assumed} == {Kind.DEFLECTION_OF_TRAVEL, Kind.WITH_DAMPING_RATIO}
     p = known.model.p
     first = p if isinstance(p, Lugre) else p.positive
     np.testing.assert_allclose(first[:4], TRUTH[:4], rtol=0.05)
@@ -326,6 +331,17 @@ def test_the_study_is_a_frame_and_a_page(known: study.SensitivityStudy, folder: 
     assert [line.split(",")[1] for line in written[1:]] == frame["parameter"].tolist()
 
 
+def test_no_sentence_decides_on_a_study(
+    folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With every template replaced by its kind's name a study comes out the same in every number, kind and severity."""
+    before = held(replace(known, formulas=None)), known.text()
+    without_sentences(monkeypatch)
+    again = bristle.sensitivity(folder / "e.yaml", samples=0)
+    assert held(replace(again, formulas=None)) == before[0]
+    assert again.text() != before[1]
+
+
 def test_nothing_known_is_refused(tmp_path: Path) -> None:
     """A joint of which no friction was fitted has no sensitivity."""
     measured = measure(write(tmp_path, TOO_FEW))
@@ -346,7 +362,10 @@ def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.Sen
         for d, own in zip("+-", (p, p) if isinstance(p, Lugre) else p, strict=True):
             assert own[4:] == start.p(d)[4:]
             assert own.sigma_0 == pytest.approx(own.alpha_0 / (1e-3 * limits.travel))
-    assert any("sigma_1" in s and "a guessed inertia" in s for s in known.assumptions)
+    hows = [d.numbers["how"] for d in of_kind(known.assumptions, Kind.BRISTLE_ASSUMED)]
+    assert {how.numbers["inertia"].kind for how in of_kind(hows, Kind.WITH_DAMPING_RATIO)} == {
+        Kind.WITH_GUESSED_INERTIA
+    }
 
 
 def test_the_whole_range_of_motions_can_be_explored(known: study.SensitivityStudy, folder: Path) -> None:
@@ -421,7 +440,7 @@ def test_without_sympy_only_the_formulas_are_left_out(folder: Path, monkeypatch:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_no_label_of_the_map_leaves_the_figure(known: study.SensitivityStudy, kind: Kind) -> None:
+def test_no_label_of_the_map_leaves_the_figure(known: study.SensitivityStudy, kind: JointKind) -> None:
     """Whatever the amplitudes, every label of the map lies within the figure."""
     figure = map_figure(replace(known, kind=kind, map=replace(known.map, amplitudes=known.map.amplitudes * 1e-5)))
     figure.draw_without_rendering()

@@ -13,9 +13,11 @@ from bristle.control.adaptation import Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.control_period import LoopOptions
+from bristle.diagnostics import Kind
 from bristle.identification.results import Estimate
 from bristle.model import functions
-from bristle.model.parameters import Kind, Lugre, Pair
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Lugre, Pair
 from bristle.model.periodic import rms_torque
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
@@ -388,7 +390,7 @@ def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) ->
 def test_the_box_of_a_fit() -> None:
     """The box has the 95 % intervals as they are, cut where they reach what cannot be.
 
-    Where there is none a sentence says so; other parameters are left out.
+    Where there is none a diagnostic says so; other parameters are left out.
     """
     intervals: dict[str, tuple[float, tuple[float, float] | None]] = {
         "alpha_0+": (0.02, (0.01, 0.03)), "alpha_1+": (0.005, (-0.01, 0.02)), "v_s": (0.07, (-0.1, 0.2)),
@@ -398,7 +400,10 @@ def test_the_box_of_a_fit() -> None:
     estimates[parse("alpha_2")] = Estimate(value=None, unit="-")
     box, said = box_of(estimates)
     assert box == named({"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)})
-    assert [sentence.split(":")[0] for sentence in said] == ["alpha_1+", "v_s", "sigma_0", "sigma_1"]
+    assert [(d.kind, str(d.numbers["name"])) for d in said] == [
+        (Kind.BOX_CUT, "alpha_1+"), (Kind.BOX_CUT, "v_s"), (Kind.BOX_HELD, "sigma_0"), (Kind.BOX_HELD, "sigma_1"),
+    ]  # fmt: skip  # a table
+    assert said[1].numbers["low"] == box[parse("v_s")][0]
     assert [str(span.parameter) for span in ordered(box)] == ["alpha_0+", "alpha_1+", "v_s"]
 
 
@@ -408,7 +413,7 @@ def bars(ax: Axes) -> list[float]:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_figure_shows_the_indices(found: Global, kind: Kind) -> None:
+def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
     """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force.
 
     Whiskers are inside.

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,6 +24,7 @@ from scipy import stats
 import bristle
 from bristle import cli
 from bristle.data.experiment.schema import FitOptions
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Estimate
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
@@ -30,10 +32,11 @@ from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
 from bristle.questions.session_comparison.figures import forest_figure
-from bristle.questions.session_comparison.page import text as compare_text
-from bristle.questions.session_comparison.page import write_comparison
+from bristle.questions.session_comparison.page import changes
 from bristle.questions.session_comparison.results import Change, Comparison, Fit, Session, SessionJoint
 from bristle.simulation.bench import steady_points
+
+from ..sameness import held, without_sentences
 
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 SPEEDS = np.geomspace(0.2 * TRUTH.v_s, 0.8, 20)
@@ -79,6 +82,13 @@ def change(compared: Comparison, parameter: str) -> Change:
     return found
 
 
+def moved(compared: Comparison) -> dict[str, float]:
+    """The parameters that the sentence says changed, and by how many percent."""
+    assert compared.sentence.kind is Kind.PARAMETERS_CHANGED
+    told: tuple[Diagnostic, ...] = compared.sentence.numbers["changes"]
+    return {x.numbers["name"]: x.numbers["percent"] for x in told}
+
+
 def linear(rng: np.random.Generator, n: int, shift: float = 0.0) -> Fit:
     """Least squares of alpha_0 and alpha_2 from n points of known truth; alpha_0 is off by `shift` joint standard errors."""
     v = np.linspace(0.1, 1.0, n)
@@ -116,9 +126,9 @@ def test_a_change_of_five_standard_errors_is_found() -> None:
     rng, tries = np.random.default_rng(1), 200
     pairs = [compare(session(linear(rng, 40)), session(linear(rng, 40, 5.0))) for _ in range(tries)]
     found = [change(x, "alpha_0") for x in pairs]
-    assert sum(bool(c.changed) and c.verdict.startswith("Rose") for c in found) >= 0.98 * tries
+    assert sum(bool(c.changed) and c.verdict.kind is Kind.ROSE for c in found) >= 0.98 * tries
     assert sum(x.sets[0].changed for x in pairs) >= 0.98 * tries
-    assert all("alpha_0" in x.sentence for x in pairs if change(x, "alpha_0").changed)
+    assert all("alpha_0" in moved(x) for x in pairs if change(x, "alpha_0").changed)
 
 
 def friction(rng: np.random.Generator, p: Lugre[float]) -> Session:
@@ -136,18 +146,18 @@ def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
     ) <= most(tries, 0.05)
     warm = TRUTH._replace(alpha_2=0.9 * TRUTH.alpha_2)
     warmer = [compare(friction(rng, TRUTH), friction(rng, warm)) for _ in range(20)]
-    found = [x for x in warmer if change(x, "alpha_2").verdict.startswith("Fell")]
+    found = [x for x in warmer if change(x, "alpha_2").verdict.kind is Kind.FELL]
     assert len(found) >= 19  # ten standard errors
     for x in found:
         assert max(x.changes, key=lambda c: abs(c.z or 0.0)).parameter.name == "alpha_2"
-        assert "alpha_2 (-" in x.sentence
-    moved = [
+        assert moved(x)["alpha_2"] < 0
+    shares = [
         c.difference / c.first.value
         for x in found
         if (c := change(x, "alpha_2")).first and c.difference and c.first.value
     ]
-    assert np.median(moved) == pytest.approx(-0.1, abs=0.01)
-    assert any("warmer" in hint and "may" in hint for x in found for hint in x.hints)
+    assert np.median(shares) == pytest.approx(-0.1, abs=0.01)
+    assert any(hint.kind is Kind.ALPHA_2_FELL for x in found for hint in x.hints)
 
 
 @given(p=st.lists(st.floats(0, 1), min_size=1, max_size=6))
@@ -242,7 +252,7 @@ def test_a_set_can_change_although_none_of_its_parameters_does() -> None:
     assert found.p == pytest.approx(stats.chi2.sf(2 * found.statistic, 2), rel=1e-6)
     assert found.changed
     assert not any(c.changed for c in compared.changes)
-    assert "as a set" in compared.sentence
+    assert compared.sentence == Kind.ONLY_SETS_CHANGED(compared=2, fits=("static +",), rest="")
 
 
 def test_a_set_without_a_changed_parameter_is_named_beside_those_that_changed() -> None:
@@ -253,10 +263,10 @@ def test_a_set_without_a_changed_parameter_is_named_beside_those_that_changed() 
     ]
     compared = compare(*moved)
     assert [str(c.parameter) for c in compared.changes if c.changed] == ["inertia"]
-    assert "those of the fit static +" in compared.sentence
+    assert compared.sentence.numbers["sets"] == Kind.SETS_CHANGED_TOO(fits=("static +",))
     apart = compare(session(correlated(0.0)), session(correlated(9.0)))
     assert apart.sets[0].changed
-    assert "As a set" not in apart.sentence
+    assert apart.sentence.numbers["sets"] == ""
 
 
 def test_one_small_p_among_many_is_no_change() -> None:
@@ -279,16 +289,15 @@ def test_a_session_does_not_differ_from_itself() -> None:
     assert [c.z for c in compared.changes] == [0.0, 0.0]
     assert not any(c.changed for c in compared.changes)
     assert not any(x.changed for x in compared.sets)
-    assert compared.sentence == "None of 2 parameters changed beyond its joint uncertainty."
-    (warning,) = compared.warnings
-    assert "share data and are not independent: all of the files are the same in both" in warning
+    assert compared.sentence == Kind.NONE_CHANGED(compared=2, rest="")
+    assert compared.warnings == (Kind.FILES_ALL_SHARED(joint="wrist"),)
     more = session(correlated(0.3), inputs=("abc", "def"))
-    assert "not independent: 1 of 2 of the files are the same" in compare(own, more).warnings[0]
+    assert compare(own, more).warnings == (Kind.FILES_SHARED(joint="wrist", same=1, files=2),)
     assert not compare(own, session(correlated(0.3), inputs=("def",))).warnings
 
 
 def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
-    """Not identifiable, an open interval, another direction, one session alone, other stages: each has its own sentence, and no verdict."""
+    """Not identifiable, an open interval, another direction, one session alone, other stages: each has its own reason, and no verdict."""
     opened = replace(estimate(1.0), interval=(0.5, np.inf))
     first = fit_of(
         source="static +",
@@ -298,15 +307,19 @@ def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
     more = fit_of(source="tracking", parameters={"sigma_0": estimate(2.0)})
     other = fit_of(source="presliding +", parameters={"sigma_0": estimate(2.0)})
     compared = compare(session(first, more), session(second, other))
-    said = {str(c.parameter): c.verdict for c in compared.changes}
-    assert "second session has it in other directions" in said["alpha_0"]
-    assert "first session has it in other directions" in said["alpha_0+"]
-    assert "not identifiable in the first session" in said["alpha_1"]
-    assert "open, or one-sided, in both" in said["v_s"]
-    assert "second session does not have it" in said["alpha_2"]
-    assert "different stages" in said["sigma_0"]
+    assert {str(c.parameter): c.verdict for c in compared.changes} == {
+        name: Kind.NOT_COMPARABLE(why=why)
+        for name, why in {
+            "alpha_0": Kind.IN_OTHER_DIRECTIONS(which="second"),
+            "alpha_0+": Kind.IN_OTHER_DIRECTIONS(which="first"),
+            "alpha_1": Kind.NOT_IDENTIFIABLE_IN(where=Kind.ONE_SESSION(which="first")),
+            "v_s": Kind.OPEN_IN(where=Kind.BOTH_SESSIONS()),
+            "alpha_2": Kind.NOT_IN_SESSION(which="second"),
+            "sigma_0": Kind.OF_OTHER_STAGES(),
+        }.items()
+    }
     assert {c.changed for c in compared.changes} == {None}
-    assert compared.sentence.startswith("Nothing can be compared")
+    assert compared.sentence == Kind.NOTHING_COMPARED()
 
 
 def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
@@ -316,10 +329,11 @@ def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
     )
     assert change(compare(session(joint, moving, points), session(joint, moving, points)), "alpha_0").source == "joint"
     assert change(compare(session(moving, points), session(joint, moving, points)), "alpha_0").source == "tracking"
-    bad = replace(moving, distrusted="The fit did not converge.")
+    bad = replace(moving, distrusted=Kind.NOT_CONVERGED())
     compared = compare(session(bad, points), session(moving, points))
     assert change(compared, "alpha_0").source == "static both"
-    assert any("did not converge" in x for x in compared.warnings)
+    distrusted = Kind.FIT_DISTRUSTED(joint="wrist", source="tracking", why=Kind.NOT_CONVERGED())
+    assert compared.warnings == (distrusted,)
     assert change(compare(session(bad), session(moving)), "alpha_0").source == "tracking"
 
 
@@ -328,16 +342,15 @@ def test_a_model_that_differs_between_sessions_is_doubted() -> None:
     full = fit_of(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1+": estimate(1.0)})
     flat = fit_of(source="static +", parameters={"alpha_0+": estimate(2.0), "alpha_1+": estimate(None)})
     (warning,) = compare(session(full), session(flat)).warnings
-    assert "alpha_1+ is known of the first session alone" in warning
+    assert warning == Kind.MODELS_DIFFER(joint="wrist", terms=("alpha_1+",), which="first", source="static +")
 
 
 def test_one_share_of_all_torques_hints_at_their_scale() -> None:
     """Friction and inertia all up by a tenth: perhaps the motor constant; the single causes are not guessed at then."""
     names = ("alpha_0+", "alpha_2+", "inertia")
     compared = compare(session(plain(dict.fromkeys(names, 10.0), 0.1)), session(plain(dict.fromkeys(names, 11.0), 0.1)))
-    (hint,) = compared.hints
-    assert "motor constant" in hint
-    assert compared.sentence.count("+10.0 %") == 3
+    assert compared.hints == (Kind.TORQUE_SCALE(joint="wrist"),)
+    assert moved(compared) == pytest.approx(dict.fromkeys(names, 10.0))
 
 
 @pytest.mark.parametrize(
@@ -489,14 +502,42 @@ def test_a_page_replaces_no_session(sessions: tuple[Path, Path]) -> None:
     assert tree(sessions[0].parent) == before
 
 
+def test_a_comparison_carries_itself(tmp_path: Path) -> None:
+    """Its frame is the table of changes; written by itself or by `bristle.write_comparison`, from a path or a text, its page is the same."""
+    compared = compare(session(plain({"alpha_0": 2.0}, 0.1)), session(plain({"alpha_0": 3.0, "v_s": 1.0}, 0.1)))
+    pd.testing.assert_frame_equal(compared.to_frame(), changes(compared))
+    assert compared.to_frame()["verdict"].tolist() == [str(c.verdict) for c in compared.changes]
+    first, second = compared.write(str(tmp_path / "one")), bristle.write_comparison(compared, tmp_path / "two")
+    assert first == tmp_path / "one" / "index.html"
+    assert first.read_bytes() == second.read_bytes()
+    lines = compared.text().splitlines()
+    assert lines[0] == "[[wrist]] revolute"
+    assert str(compared.sentence) in lines
+
+
+def test_no_sentence_decides_on_a_comparison(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name a comparison comes out the same in every number, kind and severity."""
+    a, b = ({"sigma_0+": 2.0, "alpha_1+": 1.0}, {"sigma_0+": 3.0, "alpha_2-": 1.0})
+    first = session(plain(a, 0.1, "joint"), correlated(0.0), inputs=("abc",))
+    second = session(plain(b, 0.1, "joint"), correlated(1.5), inputs=("abc", "def"), simulated=True)
+    sessions = {**first, **session(plain({"v_s": 1.0}), joint="elbow")}, second
+    before = compare(*sessions)
+    words = held(before), before.text()
+    assert len(before.warnings) > 3
+    without_sentences(monkeypatch)
+    after = compare(*sessions)
+    assert held(after) == words[0]
+    assert after.text() != words[1]
+
+
 def test_tiny_chances_are_shown_as_below_the_least(tmp_path: Path) -> None:
     """A p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself."""
     a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
     compared = compare(a, b)
     assert change(compared, "alpha_0").adjusted == 0
-    page = write_comparison(compared, tmp_path / "out", "wrist").read_text(encoding="utf-8")
+    page = compared.write(tmp_path / "out").read_text(encoding="utf-8")
     assert page.count("&lt; 1e-99") == 1
-    assert any("p < 1e-99" in line for line in compare_text(compared))
+    assert "p < 1e-99" in compared.text()
     assert f">{change(compared, 'alpha_2').adjusted:.2g}<" in page
 
 
@@ -814,3 +855,15 @@ def test_older_files_without_models_are_read(sessions: tuple[Path, Path], tmp_pa
         del fit["uncertainty"]
     (tmp_path / "old.json").write_text(json.dumps(document), encoding="utf-8")
     assert bristle.compare(tmp_path / "old.json", sessions[1]).changes
+
+
+def test_older_files_with_sentences_are_read(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+    """Notes of files, the advice on models and what that leaves out were bare sentences once: such files are compared as those of today."""
+    document = json.loads(sessions[0].read_text(encoding="utf-8"))
+    joint = document["joints"][HOSTILE]
+    for model in joint["models"]:
+        model["sentence"], model["left_out"] = model["sentence"]["text"], [x["text"] for x in model["left_out"]]
+    for file in joint["inputs"]:
+        file["notes"] = ["Time from the declared rate of 1000 Hz."]
+    (tmp_path / "old.json").write_text(json.dumps(document), encoding="utf-8")
+    assert bristle.compare(tmp_path / "old.json", sessions[1]) == bristle.compare(*sessions)

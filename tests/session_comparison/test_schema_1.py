@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import bristle
+from bristle.diagnostics import Kind
 from bristle.identification.results import Estimate, Joint
 from bristle.questions.joint_report.results_file import to_json
 from bristle.questions.session_comparison import results_file
@@ -64,7 +65,7 @@ def test_a_file_of_schema_1_is_compared_with_one_of_schema_2(tmp_path: Path, sam
         compared = bristle.compare(*pair)
         assert len(compared.changes) == 13
         assert max(abs(c.z or 0.0) for c in compared.changes) < 1e-3
-        assert any("share data" in x for x in compared.warnings)
+        assert any(x.kind is Kind.FILES_ALL_SHARED for x in compared.warnings)
 
 
 def test_whether_a_fit_converged_is_told_by_kind_and_in_schema_1_by_its_sentence(tmp_path: Path, same: Joint) -> None:

@@ -13,11 +13,13 @@ from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
 from bristle.data.experiment.load import load_experiment
+from bristle.diagnostics import Kind
 from bristle.identification import known_joint
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper, one_way
 
+from ..sameness import of_kind
 from .joints import FASTEST, GRIPPER, J, experiment, joint, joint_loop, tracked, unseen, values_of
 
 ASKED = {
@@ -97,29 +99,28 @@ def test_what_is_asked_for_is_taken(tmp_path: Path) -> None:
     assert one.start == {"alpha_0": 0.7}
     assert pytest.approx(J) == one.J
     np.testing.assert_allclose(one.model, GRIPPER)
-    assert not [s for s in one.assumptions if s.startswith(("PID", "Reference", "Learning rates"))]
+    assert not of_kind(one.assumptions, Kind.DEFAULT_PID, Kind.REFERENCE_TAKEN, Kind.RATES_TAKEN)
 
 
 @pytest.mark.parametrize(
     ("absent", "said"),
     [
-        ("gains", "PID: default"),
-        ("gamma", "Learning rates: "),
-        ("amplitude", "Reference: "),
-        ("frequency", "Reference: "),
+        ("gains", Kind.DEFAULT_PID),
+        ("gamma", Kind.RATES_TAKEN),
+        ("amplitude", Kind.REFERENCE_TAKEN),
+        ("frequency", Kind.REFERENCE_TAKEN),
     ],
 )
-def test_what_is_absent_is_derived_and_said(tmp_path: Path, absent: str, said: str) -> None:
+def test_what_is_absent_is_derived_and_said(tmp_path: Path, absent: str, said: Kind) -> None:
     """Without one option its value is derived, is positive and finite, and one sentence names it and the key that would set it."""
     given = {name: value for name, value in ASKED.items() if name != absent}
     one = of_experiment(experiment(tmp_path, options(given)), joint())
-    named = [s for s in one.assumptions if s.startswith(said)]
-    assert len(named) == 1
-    assert f"adapt.{absent}" in named[0]
+    (named,) = of_kind(one.assumptions, said)
+    assert f"adapt.{absent}" in str(named)
     value = one.adaptation.gamma if absent == "gamma" else getattr(one, absent)
     numbers = value[:3] if isinstance(value, Gains) else np.atleast_1d(value)
     assert all(0 < x < np.inf for x in numbers)
-    assert f"{float(numbers[0]):.3g}" in named[0]
+    assert f"{float(numbers[0]):.3g}" in str(named)
 
 
 @pytest.mark.parametrize(("period", "bandwidth"), [("0.1 ms", 30.0), ("2 ms", 10.0)])
@@ -153,9 +154,10 @@ def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path) -> Non
     assert positive.sigma_1 == pytest.approx(0.2 * np.sqrt(J * positive.sigma_0))
     assert negative.sigma_0 == pytest.approx(GRIPPER.negative.sigma_0)
     assert negative.sigma_1 == pytest.approx(0.2 * np.sqrt(J * negative.sigma_0))
-    for name in ("sigma_0 (+)", "sigma_1 (+)", "sigma_1 (-)"):
-        assert len([s for s in one.assumptions if s.startswith(f"{name}: not identifiable from these data; ")]) == 1
-    assert not [s for s in one.assumptions if s.startswith("sigma_0 (-)")]
+    filled = [d.numbers for d in of_kind(one.assumptions, Kind.BRISTLE_FILLED)]
+    assert [(x["name"], x["direction"]) for x in filled] == [("sigma_0", "+"), ("sigma_1", "+"), ("sigma_1", "-")]
+    assert [x["value"] for x in filled] == [positive.sigma_0, positive.sigma_1, negative.sigma_1]
+    assert filled[0]["how"].kind is Kind.DEFLECTION_OF_AMPLITUDE
     for (p, n), inertia in one.draws:
         assert p.sigma_0 == pytest.approx(p.alpha_0 / 0.4e-3)
         assert n.sigma_1 == pytest.approx(0.2 * np.sqrt(inertia * n.sigma_0))
@@ -173,7 +175,7 @@ def test_a_simulated_joint_is_driven_as_it_truly_is(tmp_path: Path) -> None:
     ):
         one = of_experiment(experiment(tmp_path), joint(truth=truth))
         np.testing.assert_allclose(one.plant, plant)
-        assert any(s.startswith("The plant is the identified model") for s in one.assumptions) == (plant is GRIPPER)
+        assert bool(of_kind(one.assumptions, Kind.PLANT_IS_MODEL)) == (plant is GRIPPER)
 
 
 def test_the_inertia_is_that_of_the_fit_then_the_file_s_then_the_motor_s(tmp_path: Path) -> None:
@@ -240,9 +242,8 @@ def test_a_reference_faster_than_the_data_is_an_extrapolation(tmp_path: Path) ->
     """Up to thirty times what was measured is allowed, and said."""
     one = of_experiment(experiment(tmp_path, "amplitude: 2 rad, frequency: 1 Hz"), joint())
     factor = 2 * np.pi * 2 / FASTEST
-    assert [
-        s for s in one.assumptions if f"{factor:.2g} times as fast as anything measured: the model is extrapolated" in s
-    ]
+    (said,) = of_kind(one.assumptions, Kind.EXTRAPOLATED)
+    assert said.numbers["ratio"] == pytest.approx(factor)
 
 
 def test_what_is_asked_is_checked_before_anything_is_identified(tmp_path: Path) -> None:
@@ -275,7 +276,9 @@ def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, para
     one = of_experiment(experiment(tmp_path, options(given)), joint())
     assert np.isfinite(one.adaptation.gamma).all()
     assert max(one.adaptation.gamma) < 1e10
-    assert any("zero where a parameter" in s for s in one.assumptions) == (0.0 in one.adaptation.gamma)
+    (said,) = of_kind(one.assumptions, Kind.RATES_TAKEN)
+    assert said.numbers["rates"] == one.adaptation.gamma
+    assert (said.numbers["still"] == Kind.RATE_OF_ZERO()) == (0.0 in one.adaptation.gamma)
     assert parameters != "alpha_0, alpha_2" or law == "printed" or 0.0 not in one.adaptation.gamma
 
 

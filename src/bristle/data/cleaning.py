@@ -16,6 +16,7 @@ from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
 from bristle.data.text_table import RawTable
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 
 _TURN = 2 * np.pi
@@ -35,7 +36,7 @@ class _Rows:
     data: dict[str, Array]
     number: NDArray[np.intp]
     """Number of each row in the file, from 1."""
-    notes: list[str]
+    notes: list[Diagnostic]
 
     def keep(self, mask: NDArray[np.bool_]) -> None:
         """Leave only the rows of a mask."""
@@ -65,7 +66,7 @@ def make_record(
     rows = _scaled(table, signals, context)
     if signals.time is not None and signals.time.rate is not None:
         rows.data["time"] = np.arange(table.rows) / signals.time.rate
-        rows.notes.append(f"Time from the declared rate of {signals.time.rate:g} Hz.")
+        rows.notes.append(Kind.RATE_DECLARED(rate=signals.time.rate))
     _drop_non_finite(rows, table, cleaning)
     _drop_by_time(rows, cleaning)
     _enough(rows)
@@ -162,7 +163,7 @@ def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
         )
     if bad.size == table.rows:
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
-    rows.notes.append(f"{_count(bad.size)} dropped: inf, nan or empty (first: row {bad[0] + 1}).")
+    rows.notes.append(Kind.ROWS_NOT_FINITE(rows=bad.size, first=bad[0] + 1))
     rows.keep(finite)
 
 
@@ -173,9 +174,9 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     behind[1:] = time[1:] < seen[:-1]
     twice = np.zeros(time.size, dtype=bool)
     twice[1:] = (time[1:] <= seen[:-1]) & ~behind[1:]
-    for bad, what, key, action in (
-        (behind, "time runs backward", "backward", cleaning.backward),
-        (twice, "a time stamp repeats", "duplicates", cleaning.duplicates),
+    for bad, what, key, action, kind in (
+        (behind, "time runs backward", "backward", cleaning.backward, Kind.ROWS_BACKWARD),
+        (twice, "a time stamp repeats", "duplicates", cleaning.duplicates, Kind.ROWS_REPEATED),
     ):
         if bad.any() and action == "refuse":
             k = int(np.flatnonzero(bad)[0])
@@ -184,9 +185,7 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
                 f"split the log, or declare cleaning: {{{key}: drop}}"
             )
         if bad.any():
-            rows.notes.append(
-                f"{_count(int(bad.sum()))} dropped: {what} (first: row {rows.number[np.flatnonzero(bad)[0]]})."
-            )
+            rows.notes.append(kind(rows=bad.sum(), first=rows.number[np.flatnonzero(bad)[0]]))
     rows.keep(~(behind | twice))
 
 
@@ -201,14 +200,9 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     wide = intervals > gap * step
     worst = float(np.abs(intervals[~wide] - step).max(initial=0.0)) / step
     if stamped:
-        rows.notes.append(
-            f"Sampling interval {step:.4g} s (median, {1 / step:.6g} Hz); jitter: at most {100 * worst:.2g} % off."
-        )
+        rows.notes.append(Kind.SAMPLING(step=step, rate=1 / step, jitter=100 * worst))
     if wide.any():
-        rows.notes.append(
-            f"{int(wide.sum())} gap{'s' if wide.sum() > 1 else ''} longer than {gap:g} intervals ({gap * step:.4g} s), "
-            f"the longest {intervals.max():.4g} s; each segment between gaps is treated separately."
-        )
+        rows.notes.append(Kind.GAPS(gaps=wide.sum(), intervals=gap, seconds=gap * step, longest=intervals.max()))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide)))
 
 
@@ -218,9 +212,7 @@ def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool
     if period is not None:
         rows.data["position"] = np.unwrap(position, period=period)
         turns = int((np.abs(jumps) > period / 2).sum())
-        rows.notes.append(
-            f"Position wraps at {period:.6g} {'rad' if revolute else 'm'}: unwrapped {turns} time{'' if turns == 1 else 's'}."
-        )
+        rows.notes.append(Kind.UNWRAPPED(period=period, unit="rad" if revolute else "m", turns=turns))
     elif revolute and not declared:
         full = np.flatnonzero(np.abs(np.abs(jumps) / _TURN - 1) < 0.1)
         if full.size:
@@ -242,10 +234,8 @@ def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
             )
         parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)
         rows.data[name] = np.concatenate([np.interp(t + signal.delay, t, values) for t, values in parts])
-        when = "earlier" if signal.delay > 0 else "later"
-        rows.notes.append(
-            f"{name.capitalize()} taken {abs(signal.delay):.4g} s {when} than logged: the declared delay."
-        )
+        taken = Kind.TAKEN_EARLIER if signal.delay > 0 else Kind.TAKEN_LATER
+        rows.notes.append(taken(signal=name.capitalize(), delay=abs(signal.delay)))
 
 
 def _enough(rows: _Rows) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.record import Record
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 
 ORDER = 4
@@ -34,24 +35,21 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
     Raises InputError where there is neither position nor velocity, or no segment is long enough.
     """
     record = _without_short_segments(record)
-    source = "position" if record.velocity is None else "velocity"
     values = record.position if record.velocity is None else record.velocity
     if values is None:
         raise InputError(f"{record.file}: neither position nor velocity; name one of them under signals")
     used = usable(record, cutoff)
-    lowered = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency" if used < cutoff else ""
+    lowered = Kind.CUTOFF_LOWERED(asked=cutoff) if used < cutoff else ""
     smooth = smoothed(record, values, used)
     velocity = derivative(record, smooth) if record.velocity is None else record.velocity
     acceleration = derivative(record, smooth, 2 if record.velocity is None else 1)
-    what = "Velocity and acceleration" if record.velocity is None else "Acceleration"
-    low_pass = f"Butterworth low pass of order {ORDER}, forward and backward, cut-off {used:g} Hz{lowered}"
-    note = f"{what} from {source}: {low_pass}; then the derivatives of a quintic spline."
+    done = Kind.MOTION_FROM_POSITION if record.velocity is None else Kind.ACCELERATION_FROM_VELOCITY
     return replace(
         record,
         velocity=velocity,
         velocity_estimated=record.velocity is None,
         acceleration=acceleration,
-        notes=(*record.notes, note),
+        notes=(*record.notes, done(order=ORDER, cutoff=used, lowered=lowered)),
     )
 
 
@@ -125,7 +123,7 @@ def _without_short_segments(record: Record) -> Record:
         if (values := getattr(record, name)) is not None
     }
     lost = record.time.size - kept.size
-    note = f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {SHORTEST} samples, which cannot be differentiated."
+    note = Kind.ROWS_OF_SHORT_SEGMENTS(rows=lost, least=SHORTEST)
     lengths = [s.stop - s.start for s in long]
     starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))
     return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, note))

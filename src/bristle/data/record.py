@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,8 +48,8 @@ class Record:
     """Rows of the file that are not in the record."""
     sha256: str = ""
     """Digest of the file's bytes."""
-    notes: tuple[str, ...] = ()
-    """What was counted, assumed and done, one sentence each."""
+    notes: tuple[Diagnostic, ...] = ()
+    """What was counted, assumed and done."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """Run-level labels: temperature, load."""
 

@@ -19,6 +19,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data import binary_tables
 from bristle.data.columns import Key, reading
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Layout(NamedTuple):
     encoding: str
     first: tuple[str, ...]
     """The first row of numbers, as text; empty where there is none."""
-    note: str = ""
+    note: Diagnostic | None = None
     """What is said of a header that is more than one line of names."""
 
 
@@ -98,7 +99,7 @@ def text_layout(path: Path) -> Layout:
     fitting = [k for k, (_, row) in enumerate(cells[:start]) if abs(len(row) - width) <= 1]
     named = next((k for k in fitting if len(cells[k][1]) > 1), fitting[0] if fitting else None)
     names = None if named is None else cells[named][1]
-    note = _header_note(cells[:start], named, width) if start < len(cells) else ""
+    note = _header_note(cells[:start], named, width) if start < len(cells) else None
     if names is None and comment:
         commented = (
             split(line.lstrip().lstrip("#%/").strip(), delimiter)
@@ -112,7 +113,7 @@ def text_layout(path: Path) -> Layout:
     return Layout(delimiter, tuple(names or ()), width, skip, decimal, ends_rows, encoding, first, note)
 
 
-def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> str:
+def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Diagnostic | None:
     """What is said of lines before the first row of numbers that are more than one line of names.
 
     Refuses a row of data among them. Below the names nothing but units is expected, `1` among them: another number
@@ -124,10 +125,10 @@ def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, 
                 f"line {line + 1} stands between names and numbers, and is neither: {short(', '.join(row))}; correct or remove it"
             )
     if len(cells) < 2 and not any(_numeric([cell]) for _, row in cells for cell in row if cell):
-        return ""
-    lines = ", ".join(f"{line + 1} ({short(', '.join(row))})" for line, row in cells[:3])
-    more = f", and {len(cells) - 3} more" if len(cells) > 3 else ""
-    return f"Taken as header, not as data: line{'' if len(cells) == 1 else 's'} {lines}{more}."
+        return None
+    lines = tuple(Kind.HEADER_LINE(line=line + 1, text=short(", ".join(row))) for line, row in cells[:3])
+    more = Kind.MORE_LINES(count=len(cells) - 3) if len(cells) > 3 else ""
+    return Kind.HEADER_LINES(count=len(cells), lines=lines, more=more)
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -206,7 +207,7 @@ class RawTable:
     columns: Mapping[Key, Array]
     rows: int
     sha256: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
 
 
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
@@ -216,7 +217,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
     numbers.
     """
     name = shown or str(path)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
     with naming(name):
         check_regular(path, name)
         binary = path.suffix.lower() in BINARY
@@ -270,7 +271,7 @@ def _digest(path: Path, *, text: bool) -> str:
     return digest.hexdigest()
 
 
-def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple[str, ...]]:
+def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple[Diagnostic, ...]]:
     import pandas as pd
 
     layout = text_layout(path)
@@ -299,7 +300,7 @@ def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple
                 ) from error
     notes = (
         *([layout.note] if layout.note else []),
-        *(["Numbers have a decimal comma."] if layout.decimal == "," else []),
+        *([Kind.DECIMAL_COMMA()] if layout.decimal == "," else []),
     )
     return {key: _numbers(frame[place], key) for key, place in where.items()}, notes
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array, freeze
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
 from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck
@@ -44,8 +45,8 @@ class Information:
     """The least that any unbiased fit can have, (p,); infinite where the parameter is not seen."""
     correlation: Array = field(init=False)
     """Of the estimates, (p, p), 1 on the diagonal; zero where one of the two is not seen."""
-    unseen: tuple[str, ...] = field(init=False)
-    """Directions of the parameters, each in its own size, that are hardly seen; a sentence each, the worst first."""
+    unseen: tuple[Diagnostic, ...] = field(init=False)
+    """Directions of the parameters, each in its own size, that are hardly seen, the worst first."""
 
     def __post_init__(self) -> None:
         """Judge the matrix; copy and freeze every array."""
@@ -159,21 +160,18 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
     return errors, correlation
 
 
-def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[str, ...]:
-    """Directions that are hardly seen, in words, the worst first.
-
-    They are those of information F (p, p), each parameter in units of what it is seen by itself.
-    """
+def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Diagnostic, ...]:
+    """Directions that are hardly seen, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
     size = np.sqrt(np.diag(matrix))
-    sentences = [f"{name} is not identifiable." for name, s in zip(names, size, strict=True) if s == 0]
+    unseen = [Kind.NOTHING_SEEN_OF(name=name) for name, s in zip(names, size, strict=True) if s == 0]
     kept = np.flatnonzero(size > 0)
     values, vectors = np.linalg.eigh(_scaled(matrix, size)[np.ix_(kept, kept)])
     for value, vector in zip(values, vectors.T, strict=True):
         if value < _HARDLY * values[-1]:
             share = np.abs(vector) / np.abs(vector).max()
             order = [k for k in np.argsort(-share, kind="stable") if share[k] > _PART]
-            sentences.append(str(hardly_seen([(names[kept[k]], float(vector[k])) for k in order])))
-    return tuple(sentences)
+            unseen.append(hardly_seen([(names[kept[k]], float(vector[k])) for k in order]))
+    return tuple(unseen)
 
 
 def _scaled(matrix: Array, size: Array) -> Array:

@@ -6,9 +6,11 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Run
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.measured import Measured
-from bristle.model.parameters import Kind, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import unit
 
 HOLD = 3.0
 """Time over which a constant velocity is averaged where no run shows any, s; measured holds count from `_HOLDS[0]` to `_HOLDS[1]` s."""
@@ -56,8 +58,8 @@ class Limits:
         return self.position[1] - self.position[0]
 
 
-def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
-    """The limits of an experiment, and a sentence for each that nobody declared.
+def limits_of(measured: Measured) -> tuple[Limits, tuple[Diagnostic, ...]]:
+    """The limits of an experiment, and what is assumed: a diagnostic for each that nobody declared.
 
     Raises InputError where declared limits leave no speed to choose, or no time.
     """
@@ -65,9 +67,8 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
     points = [s for s in measured.points(hold_out=False) if not s.stick_slip]
     choice = _Choice(experiment.joint.kind)
     slowest, velocity = _constant_speeds(measured, np.abs([s.velocity for s in points]), choice)
-    usual = "the usual hold so far" if points else "a guess"
-    hold = choice.taken(asked.hold, _hold(measured), "hold", "Averaged over", usual)
-    position = asked.position or _span(measured, velocity * 1.5 * hold, choice.sentences)
+    hold = choice.taken(asked.hold, _hold(measured), Kind.LIMIT_HOLD if points else Kind.LIMIT_HOLD_GUESSED)
+    position = asked.position or _span(measured, velocity * 1.5 * hold, choice.assumed)
     acceleration = _largest(measured.runs, "acceleration")
     limits = Limits(
         position=position,
@@ -76,45 +77,34 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[str, ...]]:
         acceleration=choice.taken(
             asked.acceleration,
             acceleration or velocity / _REACH,
+            Kind.LIMIT_ACCELERATION if acceleration else Kind.LIMIT_ACCELERATION_GUESSED,
             "acceleration",
-            "Largest acceleration",
-            "the largest measured" if acceleration else f"{_REACH:g} s from rest to the fastest speed",
-            "acceleration",
+            seconds=_REACH,
         ),
-        torque=choice.taken(
-            asked.torque,
-            _largest(measured.runs, "torque"),
-            "torque",
-            "Largest torque",
-            "the largest measured",
-            "torque",
-        )
-        or np.inf,
+        torque=choice.taken(asked.torque, _largest(measured.runs, "torque"), Kind.LIMIT_TORQUE, "torque") or np.inf,
         time=asked.time,
         hold=hold,
         frequency=asked.frequency or FREQUENCY,
         rate=asked.rate,
     )
     if "rate" not in asked.model_fields_set:
-        choice.sentences.append(f"Rate of the references: {asked.rate:g} Hz, a default; set plan.rate to override.")
-    return limits, tuple(choice.sentences)
+        choice.assumed.append(Kind.LIMIT_RATE(rate=asked.rate))
+    return limits, tuple(choice.assumed)
 
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
     """Takes what is declared, else what was measured, which it says."""
 
-    kind: Kind
-    sentences: list[str] = field(default_factory=list)
+    joint: JointKind
+    assumed: list[Diagnostic] = field(default_factory=list)
 
-    def taken(self, declared: float | None, seen: float, name: str, what: str, source: str, si: str = "") -> float:
-        """The declared value of `plan.name`, or the one seen, to three digits; `si` is whose unit it has, s if no one's."""
+    def taken(self, declared: float | None, seen: float, kind: Kind, si: str = "", **numbers: float) -> float:
+        """The value declared, or the one seen, to three digits, which `kind` and its other numbers say; `si` is whose unit it has, s if no one's."""
         if declared is not None:
             return declared
         seen = float(f"{seen:.3g}")
-        self.sentences.append(
-            f"{what}: {seen:g} {unit(si, self.kind) if si else 's'}, {source}; set plan.{name} to override."
-        )
+        self.assumed.append(kind(value=seen, unit=unit(si, self.joint) if si else "s", **numbers))
         return seen
 
 
@@ -125,16 +115,13 @@ def _constant_speeds(measured: Measured, speeds: Array, choice: _Choice) -> tupl
     """
     experiment, asked = measured.experiment, measured.experiment.plan
     fastest = float(speeds.max()) if speeds.size else _largest(measured.runs, "velocity")
-    velocity = choice.taken(asked.velocity, fastest, "velocity", "Fastest speed", "the fastest measured", "velocity")
+    velocity = choice.taken(asked.velocity, fastest, Kind.LIMIT_SPEED, "velocity")
     slowest = choice.taken(
         asked.minimum_velocity,
         min(float(speeds.min()), 0.5 * velocity) if speeds.size else _SLOW_SHARE * velocity,
-        "minimum_velocity",
-        "Slowest constant speed",
-        "the slowest measured that did not stick and slip"
-        if speeds.size
-        else f"{_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive begins to stick and slip",
+        Kind.LIMIT_SLOWEST if speeds.size else Kind.LIMIT_SLOWEST_GUESSED,
         "velocity",
+        share=_SLOW_SHARE,
     )
     if not slowest < velocity:
         raise InputError(
@@ -144,8 +131,8 @@ def _constant_speeds(measured: Measured, speeds: Array, choice: _Choice) -> tupl
     return slowest, velocity
 
 
-def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Limits, tuple[str, ...]]:
-    """The limits with the highest frequency that a motion can have, and a sentence where that is not what was declared.
+def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Limits, tuple[Diagnostic, ...]]:
+    """The limits with the highest frequency that a motion can have, and a diagnostic where that is not what was declared.
 
     Args:
         limits: as declared.
@@ -153,24 +140,22 @@ def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Li
         step: time between equations of the moving runs so far, s; None: there are none, which caps nothing.
     """
     asked, decimation = measured.experiment.plan, measured.experiment.fit.decimation
-    caps = {limits.rate / SAMPLES: f"plan.rate, {limits.rate:g} Hz, gives {SAMPLES:g} samples to a period"}
+    caps = {limits.rate / SAMPLES: Kind.CAPPED_BY_RATE(rate=limits.rate, samples=SAMPLES)}
     if step is not None:
         least = EQUATIONS if asked.frequency else SAMPLES
-        why = f"fit.decimation, {decimation}, leaves" if decimation > 1 else "the sampling of the moving runs leaves"
-        caps[1 / (least * step)] = f"{why} one equation in {step:.3g} s, {least:g} to a period"
+        caps[1 / (least * step)] = (
+            Kind.CAPPED_BY_DECIMATION(decimation=decimation, step=step, least=least)
+            if decimation > 1
+            else Kind.CAPPED_BY_SAMPLING(step=step, least=least)
+        )
     cap = min(caps)
     reachable = replace(limits, frequency=min(limits.frequency, cap))
     if asked.frequency is None:
-        capped = f", at which {caps[cap]}" if cap < FREQUENCY else ""
-        return reachable, (
-            f"Highest frequency of the motion: {reachable.frequency:.3g} Hz{capped}, "
-            "which the controller must be able to follow; set plan.frequency to override.",
-        )
+        capped = Kind.AT_WHICH(why=caps[cap]) if cap < FREQUENCY else ""
+        return reachable, (Kind.LIMIT_FREQUENCY(frequency=reachable.frequency, capped=capped),)
     if asked.frequency <= cap:
         return reachable, ()
-    return reachable, (
-        f"Highest frequency of the motion: {cap:.3g} Hz, not the declared {asked.frequency:g} Hz: at {cap:.3g} Hz {caps[cap]}.",
-    )
+    return reachable, (Kind.FREQUENCY_LOWERED(frequency=cap, declared=asked.frequency, why=caps[cap]),)
 
 
 def shortened(limits: Limits, share: float) -> Limits:
@@ -191,17 +176,13 @@ def _hold(measured: Measured) -> float:
     return float(np.clip(np.median(spans), *_HOLDS)) if spans else HOLD
 
 
-def _span(measured: Measured, wanted: float, sentences: list[str]) -> tuple[float, float]:
+def _span(measured: Measured, wanted: float, assumed: list[Diagnostic]) -> tuple[float, float]:
     """From the lowest to the highest position of all runs, or as far as the fastest hold asks for where no run has positions."""
     q = unit("position", measured.experiment.joint.kind)
     positions: list[Array] = [run.record.position for run in measured.runs if run.record.position is not None]
     if not positions:
-        sentences.append(
-            f"Positions: 0 to {wanted:.3g} {q}, which the fastest hold needs: no run has positions; set plan.position to override."
-        )
+        assumed.append(Kind.LIMIT_POSITIONS_GUESSED(high=wanted, unit=q))
         return 0.0, float(f"{wanted:.3g}")
     low, high = min(float(x.min()) for x in positions), max(float(x.max()) for x in positions)
-    sentences.append(
-        f"Positions: {low:.3g} to {high:.3g} {q}, as far as the measured runs went, in their coordinates; set plan.position to override."
-    )
+    assumed.append(Kind.LIMIT_POSITIONS(low=low, high=high, unit=q))
     return low, high

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import ModelComparison, ModelRow, StaticFit, TrackingFit
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
@@ -28,7 +28,7 @@ _SAME = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class ModelCandidate:
     """A model fitted."""
 
     model: str
@@ -49,13 +49,13 @@ def power_of(x: Array) -> float:
 
 def rank_models(
     data: Literal["points", "moving runs"],
-    candidates: Sequence[Candidate],
+    candidates: Sequence[ModelCandidate],
     held_by: str,
     variance_inflation: float,
     power: float,
     static: Mapping[str, StaticFit],
     alone: TrackingFit | None,
-    left_out: tuple[str, ...],
+    left_out: tuple[Diagnostic, ...],
 ) -> ModelComparison | None:
     """The candidates as rows, with the one to use; None where there is none.
 
@@ -104,7 +104,7 @@ def rank_models(
     )
 
 
-def _scores(c: Candidate, effective: float, power: float) -> tuple[float | None, float]:
+def _scores(c: ModelCandidate, effective: float, power: float) -> tuple[float | None, float]:
     """AICc, None where there are too few independent equations, and BIC.
 
     Both up to a constant that all models share.
@@ -130,41 +130,36 @@ def _sees_bristle(alone: TrackingFit) -> bool:
     return any(e.value is not None for name, e in alone.parameters.items() if name.name == "sigma_0")
 
 
-def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> str:
+def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> Diagnostic:
     """Which to use and why."""
     allowed = sorted((r for r in rows if r.candidate), key=lambda r: r.bic)
     if not allowed:
-        return "None of the models with the terms that the fit supports can be fitted to so few points."
+        return Kind.NO_MODEL()
     best, *rest = allowed
-    why = (
-        "it has the lowest BIC"
-        if len(rows) == len(allowed)
-        else "of the models with the terms that the fit supports it has the lowest BIC"
-    )
+    second: Diagnostic | str = ""
     if rest:
         gap = rest[0].bic - best.bic
-        near = "hardly worse: " if gap < _SAME else ""
-        why += f" ({near}{_called(rest[0])} has {gap:.1f} more)"
+        second = (Kind.NEXT_HARDLY_WORSE if gap < _SAME else Kind.NEXT_MODEL)(model=_called(rest[0]), gap=gap)
+    lowest = Kind.LOWEST_BIC if len(rows) == len(allowed) else Kind.LOWEST_BIC_OF_SUPPORTED
     other = min((r for r in allowed if r.aicc is not None), key=lambda r: r.aicc or 0.0, default=best)
-    if other is not best:
-        why += f"; AICc prefers {_called(other)}"
-    return f"Use {_called(best)}: {why}{_refused(rows, static, kept=kept)}."
+    prefers = [] if other is best else [Kind.AICC_PREFERS(model=_called(other))]
+    why = (lowest(next=second), *prefers, *_refused(rows, static, kept=kept))
+    return Kind.USE_MODEL(model=_called(best), why=why)
 
 
 def _called(row: ModelRow) -> str:
     return row.model if row.directions == ONE else f"{row.model}, {row.directions}"
 
 
-def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> str:
-    """What the fit does not support, and whether its Stribeck term rests on points that stick and slip."""
+def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> list[Diagnostic]:
+    """What the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip."""
     reasons = []
     shown = [r for r in rows if r.model == STRIBECK]
     if not kept and shown:
         gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
-        but = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
-        reasons.append(f"the Stribeck term is not identifiable from these data, as the fit found{but}")
+        reasons.append(Kind.PEAK_NOT_SUPPORTED(gain=Kind.PEAK_LOWERS_BIC(gain=gain) if gain > 0 else ""))
     if kept and any(f.outcome.kind is Kind.STATIC_STICK_SLIP for f in static.values()):
-        reasons.append("but its Stribeck term rests on points that stick and slip")
+        reasons.append(Kind.PEAK_OF_STICK_SLIP())
     if any(r.model == LUGRE and not r.candidate for r in rows):
-        reasons.append("the motion does not show LuGre's bristle")
-    return "".join(f"; {x}" for x in reasons)
+        reasons.append(Kind.BRISTLE_NOT_SHOWN())
+    return reasons

@@ -9,6 +9,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
@@ -23,7 +24,7 @@ from bristle.identification.model_criteria import (
     STRIBECK,
     SYMMETRIC,
     VISCOUS,
-    Candidate,
+    ModelCandidate,
     power_of,
     rank_models,
 )
@@ -59,7 +60,7 @@ def compare_on_points(
     """
     candidates, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
     held = bool(pose(("both",), ())[1])
-    left_out = (*left, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart.")
+    left_out = (*left, Kind.LUGRE_IS_ITS_CURVE())
     return rank_models("points", candidates, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, left_out)
 
 
@@ -99,14 +100,8 @@ def compare_on_motion(
 
     candidates, left = _static_candidates(experiment, variants, pose, press=False)
     candidates += _lugre(experiment, records, held, alone, variants)
-    left = (
-        *left,
-        *(
-            f"{LUGRE}, {c.directions}: the fit had not settled; its numbers can still improve."
-            for c in candidates
-            if not c.settled
-        ),
-    )
+    unsettled = (Kind.LUGRE_UNSETTLED(model=LUGRE, directions=c.directions) for c in candidates if not c.settled)
+    left = (*left, *unsettled)
     variance_inflation = inflation(min((c.residuals for c in candidates), key=power_of, default=np.zeros(0)))
     return rank_models(
         "moving runs", candidates, HELD if held else "", variance_inflation, _measured(pose), static, alone, left
@@ -142,9 +137,9 @@ def _measured(pose: Pose) -> float:
 
 def _static_candidates(
     experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, press: bool
-) -> tuple[list[Candidate], tuple[str, ...]]:
+) -> tuple[list[ModelCandidate], tuple[Diagnostic, ...]]:
     """The static models that there are equations enough for; and which there are not."""
-    candidates, few = list[Candidate](), list[str]()
+    candidates, few = list[ModelCandidate](), list[str]()
     for called, directions in variants.items():
         whole, held = pose(directions, asked_regressors(experiment, directions, moving=not press))
         for model in (COULOMB, VISCOUS, STRIBECK):
@@ -154,7 +149,7 @@ def _static_candidates(
                 continue
             tests = [_reduced(test, model) for test in held]
             candidates.append(_solved(experiment, problem, tests, model, called, press=press))
-    return candidates, (f"Too few points, or too much alike, for {'; '.join(few)}.",) if few else ()
+    return candidates, (Kind.TOO_FEW_FOR_MODELS(models=tuple(few)),) if few else ()
 
 
 def _reduced(problem: Regression, model: str) -> Regression:
@@ -168,13 +163,13 @@ def _reduced(problem: Regression, model: str) -> Regression:
 
 def _solved(
     experiment: Experiment, problem: Regression, tests: Sequence[Regression], model: str, called: str, *, press: bool
-) -> Candidate:
+) -> ModelCandidate:
     v_s_range = experiment.fit.v_s_range or default_range(problem.velocity)
     solution = solve(problem, v_s_range, experiment.fit.grid)
     errors = [test.relative_error(solution.theta) for test in tests]
     if press and not tests:
         errors = [_left_out_error(problem, solution.residuals, solution.jacobian)]
-    return Candidate(
+    return ModelCandidate(
         model=model,
         directions=called,
         parameters=len(problem.names),
@@ -204,7 +199,7 @@ def _lugre(
     held: Sequence[Record],
     alone: TrackingFit,
     variants: Mapping[str, tuple[str, ...]],
-) -> list[Candidate]:
+) -> list[ModelCandidate]:
     """LuGre as it was fitted, and in the directions in which it was not."""
     done = APART if any(name.direction in SIGNED for name in alone.parameters) else SYMMETRIC
     if done not in variants:
@@ -212,7 +207,7 @@ def _lugre(
     errors = [h.relative_error for h in alone.hold_out]
     count = len(alone.names) + len(alone.starts_of_runs)
     candidates = {
-        done: Candidate(
+        done: ModelCandidate(
             model=LUGRE, directions=done, parameters=count, residuals=alone.residuals, hold_out=_mean(errors)
         )
     }
@@ -230,7 +225,7 @@ def _refitted(
     alone: TrackingFit,
     called: str,
     directions: tuple[str, ...],
-) -> Candidate:
+) -> ModelCandidate:
     """LuGre in other directions than those of the fit, from where that fit ended, by a few steps."""
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
 
@@ -243,7 +238,7 @@ def _refitted(
     start = {name: value for name, value in _carried(problem, alone.known).items() if name not in problem.fixed}
     values, minimum = fit(problem, with_deflections(problem, start), _STEPS)
     known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
-    return Candidate(
+    return ModelCandidate(
         model=LUGRE,
         directions=called,
         parameters=len(problem.names),

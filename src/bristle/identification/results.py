@@ -356,9 +356,9 @@ class ModelComparison:
     hold_out_by: str
     """What `hold_out` is about; empty where nothing was held out."""
     rows: tuple[ModelRow, ...]
-    sentence: str
+    sentence: Diagnostic
     """Which to use, and why."""
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -369,7 +369,7 @@ class Input:
     sha256: str
     rows: int
     dropped: int
-    notes: tuple[str, ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
     labels: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -14,12 +14,14 @@ from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case
 from bristle.control.pid import Gains
 from bristle.data.experiment.load import AdaptOptions, Experiment
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of, truth_of, whole
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Kind, Lugre, Motor, Pair, unit
+from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, unit
+from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
@@ -47,7 +49,7 @@ class JointLoop:
     """A joint to be compensated. Units are those of a revolute joint; rad stands for m and N*m for N where it slides."""
 
     name: str
-    kind: Kind
+    kind: JointKind
     plant: Pair[float]
     """Friction as it is: the truth of simulated data, else as identified."""
     model: Pair[float]
@@ -69,7 +71,7 @@ class JointLoop:
     start: Mapping[str, float]
     """Where the adaptation begins, as shares of the model's parameters."""
     simulated: bool
-    assumptions: tuple[str, ...] = ()
+    assumptions: tuple[Diagnostic, ...] = ()
     diagnostic_law: Adaptation | None = None
     """The total law, by which replays tell parameters apart; None: none."""
     compensator: Compensator = field(default_factory=Compensator)
@@ -115,15 +117,14 @@ def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
     return tuple(loops)
 
 
-PAPER_ASSUMPTIONS: tuple[str, ...] = (
-    "Reference: 1 rad sin(2 π f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; the paper gives neither amplitude nor frequency.",
-    "Control in torque: the PID's output is taken in N·m and its error in rad; the paper gives no unit of its control signal and no motor.",
-    "Inertia: (15) inverted, J = (σ₁ / 0.2)² / σ₀, the mean of the two directions; the paper gives none.",
-    "Learning rates: 20 for both gains, with e in rad; the paper's [0, 1] fits an error in degrees (20 per rad is 0.35 per degree).",
-    "Sampling: controller, compensator and adaptation at 1 kHz; the paper ran continuous blocks. The position is measured as it is, unless an "
-    "encoder is named.",
-    "Table 2: the paper says wrist, its numbers are the gripper's; plant and model have its (+) parameters in both directions.",
-    "No inertia feed-forward, unless it is named.",
+PAPER_ASSUMPTIONS: tuple[Diagnostic, ...] = (
+    Kind.PAPER_REFERENCE(),
+    Kind.PAPER_CONTROL(),
+    Kind.PAPER_INERTIA(),
+    Kind.PAPER_RATES(),
+    Kind.PAPER_SAMPLING(),
+    Kind.PAPER_TABLE_2(),
+    Kind.PAPER_FEED_FORWARD(),
 )
 """Every constant of the closed loop that the paper does not give."""
 
@@ -144,7 +145,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         raise InputError(
             f"{joint.name}: no inertia is known, without which no loop can be simulated; give it as inertia, or a tracking run that shows it"
         )
-    assumed: list[str] = []
+    assumed: list[Diagnostic] = []
     fastest = fastest_measured(joint)
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude
@@ -155,13 +156,11 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
             f"expected at most {_BEYOND:g} times: lower adapt.amplitude or adapt.frequency"
         )
     if beyond > 1:
-        assumed.append(f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated.")
+        assumed.append(Kind.EXTRAPOLATED(ratio=beyond))
     gains = _gains(asked, J, joint.kind, assumed)
     if asked.amplitude is None or asked.frequency is None:
         q = unit("position", joint.kind)
-        assumed.append(
-            f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; set adapt.amplitude and adapt.frequency to override."
-        )
+        assumed.append(Kind.REFERENCE_TAKEN(amplitude=amplitude, unit=q, frequency=frequency))
     model = known.pair(amplitude, J)
     for d, p in zip(SIGNED, model, strict=True):
         assumed += [_filled(p, name, d, joint.kind) for name in ("sigma_0", "sigma_1") if name in known.missing(d)]
@@ -172,12 +171,9 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     diagnostic_law = None if adaptation.law == "total" else _paced(total, model.positive, gains.K_p, speed, [])
     truth = truth_of(joint)
     if truth is None:
-        assumed.append(
-            "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations."
-        )
-    assumed.append(
-        f"The drive gives the {'torque' if joint.kind == 'revolute' else 'force'} that it is asked for, every {asked.period:g} s, without limit."
-    )
+        assumed.append(Kind.PLANT_IS_MODEL())
+    effort = "torque" if joint.kind == "revolute" else "force"
+    assumed.append(Kind.DRIVE_WITHOUT_LIMIT(quantity=effort, period=asked.period))
     loop = JointLoop(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
         draws=draws_of(joint, known, amplitude, J),
@@ -187,14 +183,14 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
 
 
-def _filled(p: Lugre[float], name: str, direction: str, kind: Kind) -> str:
+def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind) -> Diagnostic:
     """What is said of a parameter that was filled in."""
-    by_deflection, by_ratio = (
-        f"from a deflection of {DEFLECTION:g} of the amplitude",
-        f"from (15) with a damping ratio of {DAMPING_RATIO:g}",
+    how = (
+        Kind.DEFLECTION_OF_AMPLITUDE(share=DEFLECTION)
+        if name == "sigma_0"
+        else Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia="")
     )
-    how = by_deflection if name == "sigma_0" else by_ratio
-    return f"{name} ({direction}): not identifiable from these data; assumed {getattr(p, name):.3g} {unit(name, kind)}, {how}."
+    return Kind.BRISTLE_FILLED(name=name, direction=direction, value=getattr(p, name), unit=unit(name, kind), how=how)
 
 
 def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
@@ -227,8 +223,8 @@ def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
         raise InputError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
 
 
-def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[str]) -> Adaptation:
-    """The adaptation with rates that correct half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
+def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[Diagnostic]) -> Adaptation:
+    """The adaptation with rates that mend half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
 
     A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
     gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
@@ -245,23 +241,18 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
         worth = float(np.mean(G[k] * whole))
         seen = worth > _NOTHING * float(np.mean(G[k]) * np.mean(np.abs(T)))
         rates.append(_HALF * K_p / worth if seen else 0.0)
-    listed = ", ".join(f"{rate:.3g}" for rate in rates)
-    still = "" if all(rates) else "; zero where a parameter has no effect in steady sliding"
-    assumed.append(
-        f"Learning rates: {listed} for {', '.join(names)}, which halve the error in about 1 s{still} (set adapt.gamma to override)."
-    )
+    still = "" if all(rates) else Kind.RATE_OF_ZERO()
+    assumed.append(Kind.RATES_TAKEN(rates=tuple(rates), names=names, still=still))
     return replace(plain, gamma=tuple(rates))
 
 
-def _gains(asked: AdaptOptions, J: float, kind: Kind, assumed: list[str]) -> Gains[float]:
+def _gains(asked: AdaptOptions, J: float, kind: JointKind, assumed: list[Diagnostic]) -> Gains[float]:
     if asked.gains is not None:
         return Gains(asked.gains.K_p, asked.gains.K_i, asked.gains.K_d, asked.gains.filter_time)
     w = min(_BANDWIDTH, _SLOWEST / asked.period)
     gains = Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0)
     q = unit("sigma_0", kind)
-    assumed.append(
-        f"PID: default, K_p {gains.K_p:.3g} {q}, K_i and K_d to match, for {w:g} rad/s at this inertia (set adapt.gains to override)."
-    )
+    assumed.append(Kind.DEFAULT_PID(K_p=gains.K_p, unit=q, bandwidth=w))
     return gains
 
 

@@ -33,8 +33,10 @@ from bristle.data.experiment.schema import (
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short
-from bristle.model.parameters import Kind, Lugre, Motor
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Lugre, Motor
 
 __all__ = [
     "AdaptOptions",
@@ -157,7 +159,7 @@ def load_experiment(path: str | Path) -> Experiment:
 def _context(data: dict[str, Any]) -> Context:
     """The joint's kind and resolution, before they are validated: the units of all other keys depend on them."""
     joint = data.get("joint")
-    kind: Kind = "prismatic" if isinstance(joint, dict) and joint.get("kind") == "prismatic" else "revolute"
+    kind: JointKind = "prismatic" if isinstance(joint, dict) and joint.get("kind") == "prismatic" else "revolute"
     return Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None)
 
 
@@ -263,9 +265,9 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
         return replace(
             record,
             torque=motor.k_t * record.torque,
-            notes=(*record.notes, f"Torque from current: k_t = {motor.k_t:g} {si('k_t', experiment.context)}."),
+            notes=(*record.notes, Kind.TORQUE_FROM_CURRENT(k_t=motor.k_t, unit=si("k_t", experiment.context))),
         )
     if drive == "voltage" and motor is not None:
-        note = f"Torque from voltage by (8): k_t = {motor.k_t:g} {si('k_t', experiment.context)}, R = {motor.R:g} ohm."
+        note = Kind.TORQUE_FROM_VOLTAGE(k_t=motor.k_t, unit=si("k_t", experiment.context), R=motor.R)
         return replace(record, torque=drive_torque(record.voltage, record.velocity, motor), notes=(*record.notes, note))
     return record

@@ -61,8 +61,8 @@ class Plan:
     """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not
     seen."""
     references: tuple[PlannedRun, ...]
-    assumptions: tuple[Diagnostic | str, ...]
-    """What the expected intervals rest on; of limits that nobody declared, and of the start, as sentences."""
+    assumptions: tuple[Diagnostic, ...]
+    """What the expected intervals rest on: limits that nobody declared, the start, and the design itself."""
 
     @property
     def free(self) -> list[int]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.data.encoder import resolution
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.known_joint import (
@@ -25,6 +26,8 @@ from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, Pa
 
 _PEAK = 0.1
 """Stribeck amplitude to look for where none was found, as a share of alpha_0."""
+_VISCOUS = 0.1
+"""Viscous friction at the fastest speed where nothing shows it, as a share of alpha_0."""
 _TORQUE = 0.02
 """Standard error of a hold's mean torque where nothing shows it, as a share of alpha_0."""
 _EQUATION = 0.01
@@ -65,7 +68,7 @@ class Start:
     """Time between equations, s."""
     resolution: float
     """One encoder count, rad; 0: not known."""
-    assumptions: tuple[str, ...]
+    assumptions: tuple[Diagnostic, ...]
 
     def p(self, direction: str) -> Lugre[float]:
         """The set of a direction."""
@@ -81,13 +84,13 @@ class Start:
 
 
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
-    """What is known of an identified joint; what is not is guessed, each guess with a sentence.
+    """What is known of an identified joint; what is not is guessed, and each guess is among the assumptions.
 
     Raises InputError where nothing is known of its friction over velocity.
     """
     one_law = known_joint(joint).directions == (Direction.BOTH,)
     directions = (Direction.BOTH,) if one_law else SIGNED
-    assumptions: list[str] = []
+    assumptions: list[Diagnostic] = []
     estimates = {d: _estimates(joint, d) for d in directions}
     if not any("alpha_0" in seen for seen in estimates.values()):
         raise InputError(
@@ -96,13 +99,11 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     for d, other in zip(directions, reversed(directions), strict=True):
         if "alpha_0" not in estimates[d]:
             estimates[d] = {name: Estimate(value=e.value, unit=e.unit) for name, e in estimates[other].items()}
-            assumptions.append(f"Direction {d} is not identified: it is assumed to be as direction {other}.")
+            assumptions.append(Kind.DIRECTION_TAKEN(direction=d, other=other))
     J = inertia_of(measured.experiment, joint)
     if J is None:
         J = guessed_inertia(max(seen["alpha_0"].value or 0.0 for seen in estimates.values()), limits.acceleration)
-        assumptions.append(
-            f"Inertia: a guess, {J:.2g} {unit('inertia', joint.kind)}: {INERTIAL:g} of alpha_0 at the largest acceleration; give inertia."
-        )
+        assumptions.append(Kind.INERTIA_GUESSED(J=J, unit=unit("inertia", joint.kind), share=INERTIAL))
     sets, guessed = {}, []
     for d, seen in estimates.items():
         sets[d], missing = _filled(seen, limits, J)
@@ -112,9 +113,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     values = np.array([x for d in directions for x in sets[d]] + [J])
     given, exact = _declared(measured, joint, names)
     if exact:
-        assumptions.append(
-            f"Inertia: {J:.4g} {unit('inertia', joint.kind)}, given as exact; intervals are those of the others."
-        )
+        assumptions.append(Kind.INERTIA_EXACT(J=J, unit=unit("inertia", joint.kind)))
     noise, equation_noise, step = _noises(measured, joint, sets, limits, assumptions)
     return Start(
         directions=directions,
@@ -174,7 +173,7 @@ def _filled(seen: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lug
     guess = Lugre(
         alpha_0=alpha_0,
         alpha_1=_PEAK * alpha_0,
-        alpha_2=0.1 * alpha_0 / limits.velocity,
+        alpha_2=_VISCOUS * alpha_0 / limits.velocity,
         v_s=float(np.sqrt(limits.slowest * limits.velocity / 3)),
         sigma_0=sigma_0 or 0.0,
         sigma_1=assumed_damping(sigma_0 or 0.0, J),
@@ -186,20 +185,24 @@ def _filled(seen: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lug
     return guess._replace(**values), missing
 
 
-def _guess(parameter: ParameterName, value: float, joint: Joint) -> str:
+def _guess(parameter: ParameterName, value: float, joint: Joint) -> Diagnostic:
     name, direction = parameter
     why = {
-        "alpha_1": f"{_PEAK:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
-        "v_s": "in the middle of the speeds; the design allows any value among them",
-        "sigma_0": f"a bristle that bends by {DEFLECTION:g} of the travel",
-        "sigma_1": f"(15), a damping ratio of {DAMPING_RATIO:g}",
-        "alpha_2": "0.1 of alpha_0 at the fastest speed",
+        "alpha_1": Kind.PEAK_TO_LOOK_FOR(share=_PEAK),
+        "v_s": Kind.AMID_THE_SPEEDS(),
+        "sigma_0": Kind.BENT_BRISTLE(share=DEFLECTION),
+        "sigma_1": Kind.BY_DAMPING_RATIO(ratio=DAMPING_RATIO),
+        "alpha_2": Kind.VISCOUS_SHARE(share=_VISCOUS),
     }[name]
-    return f"{name}{_where(direction)}: a guess, {value:.3g} {unit(name, joint.kind)}, {why}."
+    return Kind.GUESSED(name=name, direction=direction, value=value, unit=unit(name, joint.kind), why=why)
 
 
 def _noises(
-    measured: Measured, joint: Joint, sets: Mapping[Direction, Lugre[float]], limits: Limits, assumptions: list[str]
+    measured: Measured,
+    joint: Joint,
+    sets: Mapping[Direction, Lugre[float]],
+    limits: Limits,
+    assumptions: list[Diagnostic],
 ) -> tuple[dict[Direction, float], float, float]:
     """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
@@ -210,30 +213,21 @@ def _noises(
         step = float(np.median(np.diff(moving.time)))
         variance_inflation = inflation(moving.residuals)
         equation = moving.rms * float(np.sqrt(variance_inflation))
-        assumptions.append(
-            f"Noise: a sample of a moving run, one every {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far, "
-            f"and counts as 1/{variance_inflation:.2g} of an independent one: residuals are correlated."
-        )
+        assumptions.append(Kind.NOISE_OF_EQUATIONS(step=step, rms=moving.rms, unit=T, inflation=variance_inflation))
         if not noise:
             noise = dict.fromkeys(sets, equation * float(np.sqrt(step / limits.hold)))
-            assumptions.append(
-                f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, that of those samples averaged over it."
-            )
+            assumptions.append(Kind.NOISE_AVERAGED(scatter=max(noise.values()), unit=T))
         return noise, equation, step
     if not noise:
         noise = {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
-        assumptions.append(
-            f"Noise: a hold's mean torque scatters by {max(noise.values()):.2g} {T}, {_TORQUE:g} of alpha_0: a guess."
-        )
+        assumptions.append(Kind.NOISE_OF_HOLDS_GUESSED(scatter=max(noise.values()), unit=T, share=_TORQUE))
     worst = max(noise.values())
-    assumptions.append(
-        f"Noise of a moving run: white, and such that its mean over {limits.hold:.3g} s scatters by {worst:.2g} {T}: a guess."
-    )
+    assumptions.append(Kind.NOISE_OF_MOTION_GUESSED(hold=limits.hold, scatter=worst, unit=T))
     return noise, worst * float(np.sqrt(limits.hold / _EQUATION)), _EQUATION
 
 
-def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[str]) -> dict[Direction, float]:
-    """What points scatter by about their fit, N*m, with a sentence each; empty where no direction has a fit.
+def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[Diagnostic]) -> dict[Direction, float]:
+    """What points scatter by about their fit, N*m, which is among the assumptions; empty where no direction has a fit.
 
     A direction without one scatters as the other does.
     """
@@ -245,14 +239,11 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[s
         if fit is None:
             return {}
         scatters[d], rms = scatter(fit)
+        far = Kind.FAR_POINTS(ratio=rms / scatters[d]) if rms > _FAR * scatters[d] else ""
         assumptions.append(
-            f"Noise{_where(d)}: a hold's mean torque scatters by {scatters[d]:.2g} {T}, as the points did about their fit"
-            + ("." if fit is own_fit else f" of {fit.direction}.")
-            + (
-                f" Their root mean square is {rms / scatters[d]:.2g} times that: a few points are outliers, and do not count here."
-                if rms > _FAR * scatters[d]
-                else ""
-            )
+            Kind.NOISE_OF_POINTS(direction=d, scatter=scatters[d], unit=T, far=far)
+            if fit is own_fit
+            else Kind.NOISE_OF_OTHER_POINTS(direction=d, scatter=scatters[d], unit=T, other=fit.direction, far=far)
         )
     return scatters
 
@@ -267,10 +258,6 @@ def scatter(fit: StaticFit) -> tuple[float, float]:
     rms = more * (fit.rms or 0.0)
     robust = more * _NORMAL * float(np.median(np.abs(fit.residuals))) if fit.residuals.size else 0.0
     return (robust if robust > 0 and free >= _FEW else rms), rms
-
-
-def _where(direction: Direction) -> str:
-    return "" if direction is Direction.BOTH else f" ({direction})"
 
 
 def _known(

@@ -25,7 +25,7 @@ def inputs(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per file: rows, dropped, sha256, labels, notes."""
     return pd.DataFrame(
         [
-            (joint.name, x.file, x.rows, x.dropped, x.sha256, _labels(x.labels), " ".join(x.notes))
+            (joint.name, x.file, x.rows, x.dropped, x.sha256, _labels(x.labels), " ".join(map(str, x.notes)))
             for joint in joints
             for x in joint.inputs
         ],

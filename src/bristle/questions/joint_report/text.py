@@ -51,7 +51,7 @@ def _joint(joint: Joint) -> Iterator[str]:
         yield from _tracking(joint, FITS[kind], moving)
     if joint.consistency:
         yield from _consistency(joint)
-    yield from (f"  [[models on {x.data}]] {printable(x.sentence)}" for x in joint.models)
+    yield from (f"  [[models on {x.data}]] {printable(str(x.sentence))}" for x in joint.models)
 
 
 def _fit(direction: str, fit: StaticFit) -> Iterator[str]:

@@ -5,13 +5,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bristle.data.units import to_si
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.known_joint import DEFLECTION, KnownJoint, guessed_inertia, inertia_of, known_joint
 from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Estimate, Joint
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, unit
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, unit
+from bristle.model.parameters import Kind as JointKind
 from bristle.questions.sensitivity.local import SineMotion, motion
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import (
@@ -36,12 +38,12 @@ class KnownFriction(NamedTuple):
     estimates: Mapping[ParameterName, Estimate]
     assumed: tuple[ParameterName, ...]
     """What is not known, and was filled in."""
-    assumptions: tuple[str, ...]
-    """In sentences."""
+    assumptions: tuple[Diagnostic, ...]
+    """How, and what else is assumed."""
 
 
 def motion_of(
-    kind: Kind, amplitude: str | float | None, frequency: str | float | None, default: tuple[float, float]
+    kind: JointKind, amplitude: str | float | None, frequency: str | float | None, default: tuple[float, float]
 ) -> SineMotion:
     """The motion asked for, as quantities with units or SI numbers; what is None is the default's (amplitude, frequency).
 
@@ -55,7 +57,7 @@ def motion_of(
     return motion(*found)
 
 
-def within(moved: SineMotion, kind: Kind, limits: Limits) -> SineMotion:
+def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
     """The motion, if its amplitude and its peak speed are within `RANGE` of what was measured (or declared under `plan`).
 
     Raises InputError where they are not: there the model is of nothing.
@@ -133,10 +135,10 @@ def of_gripper(
         ParameterName(n, Direction.BOTH): _moved(e, getattr(p, n)) for n, e in identified.items() if e is not None
     }
     assumptions = (
-        "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
-        "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these numbers; the paper gives none.",
-        "Noise: of the same simulated logs.",
-        "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion.",
+        Kind.GRIPPER_FRICTION(),
+        Kind.GRIPPER_INTERVALS(),
+        Kind.GRIPPER_NOISE(),
+        Kind.GRIPPER_REFERENCE(),
     )
     return KnownFriction(p, estimates, (), assumptions), moved, subject
 
@@ -156,11 +158,11 @@ def _moved(e: Estimate, value: float) -> Estimate:
 
 
 def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> KnownFriction:
-    """The friction of a joint, one set or a pair, with a bristle where none was seen, each assumption in a sentence."""
+    """The friction of a joint, one set or a pair, with a bristle where none was seen, which is among the assumptions."""
     directions = known.directions
-    sentences = []
+    assumptions = list[Diagnostic]()
     if len(directions) == 1 and directions != (Direction.BOTH,):
-        sentences.append(f"Only direction {directions[0]} is known; it is used for both.")
+        assumptions.append(Kind.ONE_DIRECTION_KNOWN(direction=directions[0]))
     identified = inertia_of(measured.experiment, joint)
     J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
     sets, estimates, assumed = [], dict[ParameterName, Estimate](), list[ParameterName]()
@@ -169,21 +171,23 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
         sets.append(p)
         own = d if len(directions) > 1 else Direction.BOTH
         assumed += [ParameterName(name, own) for name in missing]
-        sentences += [
-            f"{ParameterName(name, own)}: not identifiable from these data; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}."
+        assumptions += [
+            Kind.BRISTLE_ASSUMED(
+                name=ParameterName(name, own), value=getattr(p, name), unit=unit(name, joint.kind), how=how
+            )
             for name, how in _how(missing, None if identified else J, joint.kind).items()
         ]
         for parameter, e in known.estimates.items():
             if parameter.name in Lugre._fields and parameter.direction in (d, Direction.BOTH):
                 estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
-    return KnownFriction(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(sentences))
+    return KnownFriction(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(assumptions))
 
 
-def _how(missing: Sequence[str], guessed_J: float | None, kind: Kind) -> dict[str, str]:
+def _how(missing: Sequence[str], guessed_J: float | None, kind: JointKind) -> dict[str, Diagnostic]:
     """How each parameter that the data do not show was found; `guessed_J` is the inertia (kg*m**2) where that is a guess."""
-    J = "" if guessed_J is None else f" and a guessed inertia of {guessed_J:.2g} {unit('inertia', kind)}"
+    inertia = "" if guessed_J is None else Kind.WITH_GUESSED_INERTIA(J=guessed_J, unit=unit("inertia", kind))
     guesses = {
-        "sigma_0": f"from a deflection of {DEFLECTION:g} of the travel",
-        "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}{J}",
+        "sigma_0": Kind.DEFLECTION_OF_TRAVEL(share=DEFLECTION),
+        "sigma_1": Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia=inertia),
     }
-    return {name: guesses.get(name, "as it was held in the fit") for name in missing}
+    return {name: guesses.get(name, Kind.AS_HELD()) for name in missing}

@@ -53,7 +53,7 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
     """What the template names."""
     measurements = [
         {
-            "what": e.what, "noise": with_symbols(e.noise), "unseen": [*map(with_symbols, e.information.unseen)],
+            "what": e.what, "noise": " ".join(map(with_symbols, e.noise)), "unseen": [*map(with_symbols, e.information.unseen)],
             "table": shown(information_table(study, e).drop(columns="measurement").rename(columns=_COLUMNS)),
         }
         for e in study.expected

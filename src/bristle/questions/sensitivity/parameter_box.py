@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.results import Estimate
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, in_direction
@@ -85,11 +86,11 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
 
 def box_of(
     estimates: Mapping[ParameterName, Estimate],
-) -> tuple[dict[ParameterName, tuple[float, float]], tuple[str, ...]]:
-    """The box of the 95 % intervals of LuGre parameters, and a sentence on each that is left out or cut.
+) -> tuple[dict[ParameterName, tuple[float, float]], tuple[Diagnostic, ...]]:
+    """The box of the 95 % intervals of LuGre parameters, and a diagnostic on each that is left out or cut.
 
     Parameters that are not LuGre's are left out, and so are those
-    without a finite interval, with a sentence. An interval is cut at its physical bound, with a sentence.
+    without a finite interval, with a diagnostic. An interval is cut at its physical bound, with a diagnostic.
     """
     box: dict[ParameterName, tuple[float, float]] = {}
     notes = []
@@ -98,13 +99,11 @@ def box_of(
         if bare not in Lugre._fields or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:
-            notes.append(f"{name}: no finite 95 % interval; it is held at {e.value:.3g} {e.unit}.")
+            notes.append(Kind.BOX_HELD(name=name, value=e.value, unit=e.unit))
             continue
         low, high = e.interval
         if low < 0 or (low == 0 and bare in _POSITIVE):
             low = _SMALL * min(e.value, high) if bare in _POSITIVE else 0.0
-            notes.append(
-                f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
-            )
+            notes.append(Kind.BOX_CUT(name=name, low=low, unit=e.unit))
         box[name] = (low, high)
     return box, tuple(notes)

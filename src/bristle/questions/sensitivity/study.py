@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.fisher import Information, motion_information, names_of, static_information
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, Stribeck, unit
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck, unit
+from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import KnownFriction
@@ -48,8 +50,8 @@ class Expected(NamedTuple):
     information: Information
     errors: Mapping[ParameterName, float]
     """Standard errors of the joint's own fit, by name."""
-    noise: str
-    """What the noise is taken from; one sentence."""
+    noise: tuple[Diagnostic, ...]
+    """What the noise is taken from, and what is held as known."""
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -64,7 +66,7 @@ class SensitivityStudy:
     """Everything that is found out about which parameters of a joint matter."""
 
     name: str
-    kind: Kind
+    kind: JointKind
     simulated: bool
     """Whether what is known of the joint comes from simulated data."""
     model: KnownFriction
@@ -80,8 +82,8 @@ class SensitivityStudy:
     sobol: Global | None
     formulas: Formulas | None
     """None where SymPy is not installed."""
-    assumptions: tuple[str, ...]
-    """What was assumed or left out, a sentence each."""
+    assumptions: tuple[Diagnostic, ...]
+    """What was assumed or left out."""
     seed: int = SEED
 
     def text(self) -> str:
@@ -160,27 +162,27 @@ def study_sensitivity(
 def _sobol(
     model: KnownFriction, box: Mapping[ParameterName, tuple[float, float]], motion: SineMotion, loop: JointLoop | str, samples: int,
     progress: Progress | None,
-) -> tuple[Global | None, tuple[str, ...]]:  # fmt: skip
-    """Sobol indices over the intervals, or the sentence why there are none."""
+) -> tuple[Global | None, tuple[Diagnostic, ...]]:  # fmt: skip
+    """Sobol indices over the intervals, or why there are none."""
     if not samples:
-        return None, ("Sobol indices were not asked for (samples: 0).",)
+        return None, (Kind.SOBOL_NOT_ASKED(),)
     if isinstance(loop, str):
-        return None, (f"No Sobol indices: {loop}.",)
+        return None, (Kind.NO_SOBOL(why=loop),)
     if not box:
-        return None, ("No Sobol indices: no parameter has a finite interval.",)
+        return None, (Kind.SOBOL_WITHOUT_INTERVALS(),)
     along_motion = replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
     try:
         return global_sensitivity(model.p, box, along_motion, samples=samples, seed=SEED, progress=progress), ()
     except InputError as error:
-        return None, (f"No Sobol indices: {error}.",)
+        return None, (Kind.NO_SOBOL(why=str(error)),)
 
 
-def _formulas() -> tuple[Formulas | None, tuple[str, ...]]:
-    """The derivatives as formulas, or the sentence why there are none."""
+def _formulas() -> tuple[Formulas | None, tuple[Diagnostic, ...]]:
+    """The derivatives as formulas, or why there are none."""
     try:
         return formulas(), ()
     except InputError as error:
-        return None, (f"No formulas: {error}.",)
+        return None, (Kind.NO_FORMULAS(why=str(error)),)
 
 
 def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
@@ -208,31 +210,31 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
 
 
 def _expected(
-    what: str, full: Information, errors: Mapping[ParameterName, float], noise: str, held: Sequence[ParameterName]
+    what: str,
+    full: Information,
+    errors: Mapping[ParameterName, float],
+    noise: Diagnostic,
+    held: Sequence[ParameterName],
 ) -> Expected:
     """The information of all but what is held, which the joint's own fit does not have."""
     kept = [k for k, name in enumerate(full.names) if name not in held]
     names = tuple(full.names[k] for k in kept)
     information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
-    if held:
-        noise += f" Taken as known, because the joint's own fit has none: {', '.join(map(str, held))}."
-    return Expected(what, information, errors, noise)
+    return Expected(what, information, errors, (noise, Kind.HELD_AS_KNOWN(names=tuple(held))) if held else (noise,))
 
 
-def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, str]:
+def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, Diagnostic]:
     """Standard deviation of the white noise of a torque sample at this period, N*m, and where it is from."""
     fit, torque_unit = joint.moving, unit("torque", joint.kind)
     if fit is not None and fit.quantity == "torque" and fit.rms > 0:
         steps = np.diff(fit.time)
         between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
-        source = f"Noise: residuals of the moving runs' fit, {fit.rms:.2g} {torque_unit}"
-        source += f" per sample every {between:.3g} s"
-        if variance_inflation > 1:
-            source += f", times {np.sqrt(variance_inflation):.1f} for their correlation"
-        return fit.rms * float(np.sqrt(variance_inflation * between / period)), f"{source}."
+        correlated = Kind.TIMES_FOR_CORRELATION(ratio=np.sqrt(variance_inflation)) if variance_inflation > 1 else ""
+        source = Kind.NOISE_OF_FIT(rms=fit.rms, unit=torque_unit, step=between, correlated=correlated)
+        return fit.rms * float(np.sqrt(variance_inflation * between / period)), source
     noise = _NOISE * float(np.mean([one.alpha_0 for one in ([p] if isinstance(p, Lugre) else p)]))
-    source = f"Noise: assumed white, {noise:.2g} {torque_unit} ({100 * _NOISE:.0f} % of alpha_0) at 1 kHz"
-    return noise * float(np.sqrt(1e-3 / period)), f"{source}; standard errors are proportional to it."
+    source = Kind.NOISE_ASSUMED(noise=noise, unit=torque_unit, share=_NOISE)
+    return noise * float(np.sqrt(1e-3 / period)), source
 
 
 def _constant_velocities_tell(joint: Joint) -> Expected | None:
@@ -257,6 +259,4 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
         held += [name for name, e in estimates.items() if e is None or e.value is None]
     point = np.concatenate(list(sets.values()))
     information = Information(names=names, point=point, matrix=matrix)
-    return _expected(
-        "the constant velocities", information, errors, "Noise: the scatter of the points about the static fit.", held
-    )
+    return _expected("the constant velocities", information, errors, Kind.NOISE_OF_STATIC_FIT(), held)

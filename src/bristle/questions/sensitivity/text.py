@@ -5,6 +5,7 @@ import re
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic
 from bristle.model.parameters import Kind, Lugre, unit
 from bristle.page.wording import number, pretty, span, symbol
 from bristle.questions.sensitivity.local import claimed, ranked
@@ -32,7 +33,7 @@ def study_text(study: SensitivityStudy) -> str:
     found = findings(study)
     if study.sobol is not None:
         found += sobol_sentences(study.sobol, study.kind)
-    return "\n".join([*lines, *map(_with_names, found), *study.assumptions])
+    return "\n".join([*lines, *map(_with_names, found), *map(str, study.assumptions)])
 
 
 def _with_names(sentence: str) -> str:
@@ -96,9 +97,9 @@ def _told_by(expected: Expected) -> str:
     return " ".join([f"From {expected.what} alone {tells}", *map(with_symbols, expected.information.unseen)])
 
 
-def with_symbols(sentence: str) -> str:
-    """A sentence with the parameters' names as their symbols, and its units in print."""
-    return pretty(_NAMES.sub(lambda name: symbol(name[0]), sentence))
+def with_symbols(sentence: Diagnostic) -> str:
+    """The sentence of a diagnostic with the parameters' names as their symbols, and its units in print."""
+    return pretty(_NAMES.sub(lambda name: symbol(name[0]), str(sentence)))
 
 
 def output_name(name: str, kind: Kind) -> str:

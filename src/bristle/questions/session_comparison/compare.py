@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import fdtrc, stdtr, stdtrit
 
 from bristle.arrays import Array
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.results import Estimate
 from bristle.model.parameters import ParameterName
@@ -133,6 +134,7 @@ def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
         error=error,
         z=z,
         p=p,
+        verdict=Kind.NO_CHANGE(),
     )
 
 

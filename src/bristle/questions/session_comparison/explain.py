@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Estimate
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, pairs, usable
@@ -12,14 +13,11 @@ _ALIKE = 0.5
 """Shares that differ by less than this part of their mean are one share."""
 _LARGE = 1e6
 """A change of more percent is told by its power of ten."""
-_LOAD = 2 * (
-    "another load, or another scale of the torque (motor constant, drive gain), which would scale the friction alike,",
-)
 _CAUSES = {
-    "alpha_0": ("wear, dirt, a tighter preload or a colder joint", "running in, a warmer joint or a lost preload"),
-    "alpha_2": ("a colder or stiffer lubricant", "a warmer or thinner lubricant"),
-    "sigma_0": ("a tighter preload", "wear or a lost preload"),
-    "inertia": _LOAD,
+    "alpha_0": (Kind.ALPHA_0_ROSE, Kind.ALPHA_0_FELL),
+    "alpha_2": (Kind.ALPHA_2_ROSE, Kind.ALPHA_2_FELL),
+    "sigma_0": (Kind.SIGMA_0_ROSE, Kind.SIGMA_0_FELL),
+    "inertia": (Kind.INERTIA_ROSE, Kind.INERTIA_FELL),
 }
 """Of what rose, and of what fell."""
 
@@ -35,7 +33,7 @@ def incomparable(joint: str, name: ParameterName, first: SessionJoint, second: S
         source="",
         first=a,
         second=b,
-        verdict=f"Not comparable: {_why_not(name, first, second, same=same)}.",
+        verdict=Kind.NOT_COMPARABLE(why=_why_not(name, first, second, same=same)),
     )
 
 
@@ -45,128 +43,121 @@ def _any(session: SessionJoint, name: ParameterName) -> Estimate | None:
     return next((e for e in found if e.value is not None), found[0] if found else None)
 
 
-def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> str:
+def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Diagnostic:
     told = {"first": _any(first, name), "second": _any(second, name)}
     for which, session in (("first", first), ("second", second)):
         if told[which] is None:
-            names = {n for fit in session.fits for n in fit.parameters}
-            split = name.name in {n.name for n in names}
-            how = (
-                "has it in other directions; identify both with the same fit.directions"
-                if split
-                else "does not have it"
-            )
-            return f"the {which} session {how}"
+            others = {n.name for fit in session.fits for n in fit.parameters}
+            return (Kind.IN_OTHER_DIRECTIONS if name.name in others else Kind.NOT_IN_SESSION)(which=which)
     unknown = [which for which, e in told.items() if e is None or e.value is None]
     if unknown:
-        return f"it is not identifiable in {_the(unknown)}"
+        return Kind.NOT_IDENTIFIABLE_IN(where=_the(unknown))
     if not same:
-        return "the sessions have it from different stages"
-    return f"its interval is open, or one-sided, in {_the([which for which, e in told.items() if e is None or not usable(e)])}"
+        return Kind.OF_OTHER_STAGES()
+    return Kind.OPEN_IN(where=_the([which for which, e in told.items() if e is None or not usable(e)]))
 
 
-def _the(which: Sequence[str]) -> str:
-    return f"the {which[0]} session" if len(which) == 1 else "both sessions"
+def _the(which: Sequence[str]) -> Diagnostic:
+    return Kind.ONE_SESSION(which=which[0]) if len(which) == 1 else Kind.BOTH_SESSIONS()
 
 
-def verdict(c: Change, *, changed: bool) -> str:
+def verdict(c: Change, *, changed: bool) -> Diagnostic:
     """What became of one parameter."""
     if not changed:
-        return "No change beyond the joint uncertainty."
-    return f"{'Rose' if (c.difference or 0.0) > 0 else 'Fell'} beyond the joint uncertainty."
+        return Kind.NO_CHANGE()
+    return Kind.ROSE() if (c.difference or 0.0) > 0 else Kind.FELL()
 
 
-def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> str:
+def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Diagnostic:
     """The overall verdict."""
     compared = [c for c in changes if c.changed is not None]
     if not compared:
-        return "Nothing can be compared: no parameter has a closed interval from the same stage in both sessions."
+        return Kind.NOTHING_COMPARED()
     moved = [c for c in compared if c.changed]
     several = len({c.joint for c in changes}) > 1
     left = len(changes) - len(compared)
-    rest = f" {left} more cannot be compared." if left else ""
+    rest = Kind.MORE_NOT_COMPARABLE(count=left) if left else ""
     if moved:
-        said = ", ".join(f"{f'{c.joint} ' * several}{c.parameter}{_share(c)}" for c in moved)
-        rest = f"{_together(moved, sets, several=several)}{rest}"
-        return f"{len(moved)} of {len(compared)} parameters changed beyond their joint uncertainty: {said}.{rest}"
-    together = [_named(x, several=several) for x in sets if x.changed]
-    if together:
-        return (
-            f"None of {len(compared)} parameters changed beyond its joint uncertainty alone, but as a set those of {'; '.join(together)} did: "
-            f"the friction changed, and which of them is not told apart.{rest}"
+        return Kind.PARAMETERS_CHANGED(
+            moved=len(moved),
+            compared=len(compared),
+            changes=tuple(_change(c, several=several) for c in moved),
+            sets=_together(moved, sets, several=several),
+            rest=rest,
         )
-    return f"None of {len(compared)} parameters changed beyond its joint uncertainty.{rest}"
+    together = tuple(_named(x, several=several) for x in sets if x.changed)
+    if together:
+        return Kind.ONLY_SETS_CHANGED(compared=len(compared), fits=together, rest=rest)
+    return Kind.NONE_CHANGED(compared=len(compared), rest=rest)
 
 
-def _together(moved: Sequence[Change], sets: Sequence[SetChange], *, several: bool) -> str:
-    """The sets that changed without any of their parameters doing so alone; one sentence, or none."""
+def _together(moved: Sequence[Change], sets: Sequence[SetChange], *, several: bool) -> Diagnostic | str:
+    """The sets that changed without any of their parameters doing so alone; empty where there are none."""
     alone = {(c.joint, c.parameter) for c in moved}
     silent = [x for x in sets if x.changed and alone.isdisjoint((x.joint, name) for name in x.names)]
-    found = [_named(x, several=several) for x in silent]
-    return f" As a set, though none alone, so did those of the fit {'; '.join(found)}." if found else ""
+    fits = tuple(_named(x, several=several) for x in silent)
+    return Kind.SETS_CHANGED_TOO(fits=fits) if fits else ""
 
 
 def _named(x: SetChange, *, several: bool) -> str:
     return f"{x.joint}, {x.source}" if several else x.source
 
 
-def _share(c: Change) -> str:
-    """By how much, in percent of the first session's value."""
-    share = 100 * (c.difference or 0.0) / abs(c.first.value) if c.first and c.first.value else None
-    return "" if share is None else f" ({share:+.1f} %)" if abs(share) < _LARGE else f" ({share:+.1e} %)"
+def _change(c: Change, *, several: bool) -> Diagnostic | str:
+    """A parameter that changed, and by how many percent of the first session's value, where that is not zero."""
+    name = f"{c.joint} {c.parameter}" if several else str(c.parameter)
+    if not c.first or not c.first.value:
+        return name
+    percent = 100 * (c.difference or 0.0) / abs(c.first.value)
+    return (Kind.CHANGED_BY if abs(percent) < _LARGE else Kind.CHANGED_BY_POWERS)(name=name, percent=percent)
 
 
-def hints(changes: Sequence[Change]) -> Iterator[str]:
+def hints(changes: Sequence[Change]) -> Iterator[Diagnostic]:
     """What such changes may come from, joint by joint: guesses, said as such."""
     for joint in dict.fromkeys(c.joint for c in changes):
-        own = [c for c in changes if c.joint == joint and c.changed is not None]
-        yield from (f"{joint}: {hint}" for hint in _hints_of(own))
+        yield from _hints_of(joint, [c for c in changes if c.joint == joint and c.changed is not None])
 
 
-def _hints_of(own: Sequence[Change]) -> Iterator[str]:
+def _hints_of(joint: str, own: Sequence[Change]) -> Iterator[Diagnostic]:
     torques = [c for c in own if c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
     shares = [(c.difference or 0.0) / abs(c.first.value) for c in torques if c.first and c.first.value]
     if len(shares) > 2 and any(c.changed for c in torques) and np.ptp(shares) < _ALIKE * abs(np.mean(shares)):
-        yield "friction and inertia changed by one share; that may be the torque's scale (motor constant, drive gain), not the friction."
+        yield Kind.TORQUE_SCALE(joint=joint)
         return
     for name, (rose, fell) in _CAUSES.items():
         found = [c for c in own if c.parameter.name == name]
         signs = {(c.difference or 0.0) > 0 for c in found}
         if any(c.changed for c in found) and len(signs) == 1:
-            everywhere = " in both directions" if len(found) > 1 else ""
-            how, cause = ("rose", rose) if signs == {True} else ("fell", fell)
-            yield f"{name} {how}{everywhere}; {cause} may do that."
+            everywhere = Kind.IN_BOTH_DIRECTIONS() if len(found) > 1 else ""
+            yield (rose if signs == {True} else fell)(joint=joint, everywhere=everywhere)
 
 
-def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[str]:
+def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[Diagnostic]:
     """What limits the comparison."""
     for which, session, other in (("first", first, second), ("second", second, first)):
-        alone = [name for name in session if name not in other]
+        alone = tuple(name for name in session if name not in other)
         if alone:
-            yield f"In the {which} session alone: {', '.join(alone)}."
+            yield Kind.IN_ONE_SESSION(which=which, names=alone)
     for name in shared:
-        yield from (f"{name}: {said}" for said in _warnings_of(first[name], second[name]))
+        yield from _warnings_of(name, first[name], second[name])
 
 
-def _warnings_of(a: SessionJoint, b: SessionJoint) -> Iterator[str]:
-    same = len(set(a.inputs) & set(b.inputs))
+def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagnostic]:
+    same, files = len(set(a.inputs) & set(b.inputs)), max(len(set(a.inputs)), len(set(b.inputs)))
     if same:
-        of = max(len(set(a.inputs)), len(set(b.inputs)))
         yield (
-            f"the sessions share data and are not independent: {'all' if same == of else f'{same} of {of}'} of the files are the same in both. "
-            "Errors of differences are overstated, and changes missed."
+            Kind.FILES_ALL_SHARED(joint=joint)
+            if same == files
+            else Kind.FILES_SHARED(joint=joint, same=same, files=files)
         )
     if a.simulated != b.simulated:
-        yield "one session is SIMULATED, the other measured."
+        yield Kind.ONE_SIMULATED(joint=joint)
     for pair in pairs(a, b):
-        why = " ".join(dict.fromkeys(fit.distrusted for fit in pair if fit.distrusted))
-        if why:
-            yield f"the {pair.first.source} fit is used only for what no other fit knows: {why}"
+        source = pair.first.source
+        if pair.distrusted:
+            yield Kind.FIT_DISTRUSTED(joint=joint, source=source, why=pair.distrusted)
         known = [{n for n, e in fit.parameters.items() if e.value is not None} for fit in pair]
         for which, more in (("first", known[0] - known[1]), ("second", known[1] - known[0])):
-            terms = sorted(str(n) for n in more if n.name.startswith(("alpha", "offset")))
+            terms = tuple(sorted(str(n) for n in more if n.name.startswith(("alpha", "offset"))))
             if terms:
-                yield (
-                    f"{', '.join(terms)} is known of the {which} session alone by its {pair.first.source} fit: the two models differ, and so may "
-                    "the other parameters without any change of the joint."
-                )
+                yield Kind.MODELS_DIFFER(joint=joint, terms=terms, which=which, source=source)

@@ -29,7 +29,7 @@ def changes(compared: Comparison) -> pd.DataFrame:
     rows = [
         (
             c.joint, c.parameter.name, c.parameter.direction, c.unit, c.source, *_pair(c.first), *_pair(c.second),
-            c.difference, c.error, c.z, c.p, c.adjusted, c.changed, c.verdict,
+            c.difference, c.error, c.z, c.p, c.adjusted, c.changed, str(c.verdict),
         )
         for c in compared.changes
     ]  # fmt: skip  # one row, one line
@@ -70,7 +70,7 @@ def sets(compared: Comparison) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def write_comparison(compared: Comparison, folder: Path, title: str) -> Path:
+def write_comparison(compared: Comparison, folder: Path) -> Path:
     """Write the comparison as a page with figures and tables into a folder; returns the path of index.html. Raises as `write_part` does."""
     joints = list(compared.kinds)
     drawn: dict[str, tuple[Callable[[], Figure | None], str]] = {
@@ -79,7 +79,7 @@ def write_comparison(compared: Comparison, folder: Path, title: str) -> Path:
     }
     frames = {"changes": changes(compared), "sets": sets(compared)}
     context = {
-        "title": title,
+        "title": joints[0] if len(joints) == 1 else f"{len(joints)} joints",
         "seed": None,
         "compared": compared,
         "drawn": _DRAWN,
@@ -127,12 +127,12 @@ def _pair(e: Estimate | None) -> tuple[float | None, float | None]:
     return (None, None) if e is None else (e.value, e.standard_error)
 
 
-def text(compared: Comparison) -> Iterator[str]:
-    """The comparison as lines of plain text, without control characters."""
-    yield from map(printable, _text(compared))
+def text(compared: Comparison) -> str:
+    """The comparison as plain text, without control characters."""
+    return "\n".join(map(printable, _lines(compared)))
 
 
-def _text(compared: Comparison) -> Iterator[str]:
+def _lines(compared: Comparison) -> Iterator[str]:
     for joint in compared.kinds:
         own = [c for c in compared.changes if c.joint == joint]
         yield f"[[{joint}]] {compared.kinds[joint]}{', SIMULATED data' if compared.simulated else ''}"
@@ -144,7 +144,7 @@ def _text(compared: Comparison) -> Iterator[str]:
             if x.joint == joint
         )
     yield from (f"warning: {x}" for x in compared.warnings)
-    yield compared.sentence
+    yield str(compared.sentence)
     yield from (f"perhaps: {x}" for x in compared.hints)
 
 

@@ -3,13 +3,18 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from typing import NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bristle.arrays import Array, result
+from bristle.diagnostics import Diagnostic
 from bristle.identification.results import Estimate
 from bristle.model.parameters import Kind, ParameterName
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @result
@@ -24,7 +29,7 @@ class Fit:
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     freedom: float = inf
     """Degrees of freedom."""
-    distrusted: str = ""
+    distrusted: Diagnostic | None = None
     """Why it is not to be trusted, if so: then it is used last."""
 
 
@@ -51,9 +56,9 @@ class FitPair(NamedTuple):
     second: Fit
 
     @property
-    def distrusted(self) -> bool:
-        """Whether either is not to be trusted."""
-        return bool(self.first.distrusted or self.second.distrusted)
+    def distrusted(self) -> Diagnostic | None:
+        """Why the first of them is not to be trusted, else why the second is not; None where both are."""
+        return self.first.distrusted or self.second.distrusted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +84,8 @@ class Change:
     """Holm's, for all comparisons made."""
     changed: bool | None = None
     """Whether it did beyond the joint uncertainty; None where that cannot be told."""
-    verdict: str = ""
+    verdict: Diagnostic
+    """What became of it, or why that cannot be told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,11 +112,38 @@ class Comparison:
     sets: tuple[SetChange, ...]
     kinds: Mapping[str, Kind]
     """Of the joints compared."""
-    sentence: str
-    hints: tuple[str, ...]
+    sentence: Diagnostic
+    """The overall verdict."""
+    hints: tuple[Diagnostic, ...]
     """What such changes may come from: guesses."""
-    warnings: tuple[str, ...]
+    warnings: tuple[Diagnostic, ...]
+    """What limits the comparison."""
     simulated: bool
+
+    def text(self) -> str:
+        """What `bristle compare` prints: every change, the sets, what limits the comparison, and the verdict."""
+        from bristle.questions.session_comparison.page import text
+
+        return text(self)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row per joint and parameter: both values, their difference with its joint uncertainty, and the verdict.
+
+        nan where they cannot be compared.
+        """
+        from bristle.questions.session_comparison.page import changes
+
+        return changes(self)
+
+    def write(self, folder: Path | str) -> Path:
+        """Write a page with figures and tables into a folder; returns the path of index.html.
+
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
+        """
+        from bristle.questions.session_comparison.page import write_comparison
+
+        return write_comparison(self, Path(folder))
 
 
 def usable(e: Estimate) -> bool:
@@ -123,4 +156,4 @@ def pairs(first: SessionJoint, second: SessionJoint) -> list[FitPair]:
     """Fits of one kind in both sessions, those to be trusted first, then in the order of use."""
     others = {fit.source: fit for fit in second.fits}
     found = [FitPair(fit, others[fit.source]) for fit in first.fits if fit.source in others]
-    return sorted(found, key=lambda pair: pair.distrusted)
+    return sorted(found, key=lambda pair: bool(pair.distrusted))

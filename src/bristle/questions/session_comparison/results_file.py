@@ -139,7 +139,7 @@ def _fits(joint: Joint | Joint1) -> Iterator[Fit]:
                 parameters={_name(name): _checked(e) for name, e in moving.parameters.items()},
                 names=tuple(map(_name, moving.names)),
                 covariance=_covariance(moving),
-                distrusted=str(moving.outcome) if moving.outcome.kind is Kind.NOT_CONVERGED else "",
+                distrusted=Kind.NOT_CONVERGED() if moving.outcome.kind is Kind.NOT_CONVERGED else None,
             )
     for d, fit in joint.static.items():
         if fit.degrees_of_freedom < 0:
