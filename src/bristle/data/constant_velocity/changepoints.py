@@ -33,7 +33,7 @@ _PRIOR = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class CandidateSpan:
     """Samples start to stop - 1 of a run, which look like a plateau or do not."""
 
     start: int
@@ -43,7 +43,7 @@ class Candidate:
     """Samples explained as motion at constant velocity; fewer the more the velocity swings."""
 
 
-def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Candidate]:
+def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:
     """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order.
 
     Where there is no plateau, they are cut into lines.
@@ -60,14 +60,14 @@ def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Ca
     if not plateaus and stop - start >= _BLOCKS[0] * _SMALLEST:
         return _cut(velocity, torque, start, stop, min(_ENOUGH // 2, (stop - start) // _SMALLEST))
     edges = [start, *(edge for s in plateaus for edge in (s.start, s.stop)), stop]
-    between = [Candidate(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+    between = [CandidateSpan(a, b, False) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
     return sorted([*plateaus, *between], key=lambda s: s.start)
 
 
-def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Candidate]:
+def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:
     if stop - start < _BLOCKS[0] * _SMALLEST:
         return []
-    best: list[Candidate] = []
+    best: list[CandidateSpan] = []
     most = 0.0
     for blocks in _BLOCKS:
         if stop - start < blocks * _SMALLEST or (blocks > _ENOUGH and most > 0.5 * (stop - start)):
@@ -78,7 +78,7 @@ def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Can
             best, most = cut, total
     if not best:
         return []
-    plateaus: list[Candidate] = []
+    plateaus: list[CandidateSpan] = []
     edge = start
     for plateau in (s for s in best if s.plateau):
         plateaus += [*_plateaus(velocity, torque, edge, plateau.start), plateau]
@@ -86,7 +86,7 @@ def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Can
     return plateaus + _plateaus(velocity, torque, edge, stop)
 
 
-def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> list[Candidate]:
+def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> list[CandidateSpan]:
     length = (stop - start) // blocks
     blocks = (stop - start) // length
     u, t = (x[start : start + blocks * length].reshape(blocks, length).mean(axis=1) for x in (velocity, torque))
@@ -97,7 +97,7 @@ def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> 
         first, last = _settled(u, t, i, j) if j - i >= _SHORTEST else (i, j)
         a, b = int(edges[first]), int(edges[last])
         score = _score(u[first:last], velocity[a:b])
-        lines += [Candidate(a, b, True, score)] if score else [Candidate(int(edges[i]), int(edges[j]), False)]
+        lines += [CandidateSpan(a, b, True, score)] if score else [CandidateSpan(int(edges[i]), int(edges[j]), False)]
     return lines
 
 
@@ -158,12 +158,12 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
     return (i + int(inside[0]), i + int(inside[-1]) + 1) if inside.size else (i, i)
 
 
-def _without_edges(velocity: Array, plateaus: list[Candidate]) -> list[Candidate]:
+def _without_edges(velocity: Array, plateaus: list[CandidateSpan]) -> list[CandidateSpan]:
     """Without plateaus that are the edge of another.
 
     An edge is no further from it than it is long, a third as long or less, at its speed within 10 %.
     """
-    kept: list[tuple[Candidate, float]] = []
+    kept: list[tuple[CandidateSpan, float]] = []
     for s in sorted(plateaus, key=lambda s: s.start - s.stop):
         length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
         if not any(
@@ -176,7 +176,7 @@ def _without_edges(velocity: Array, plateaus: list[Candidate]) -> list[Candidate
     return sorted((s for s, _ in kept), key=lambda s: s.start)
 
 
-def _without_transient(torque: Array, s: Candidate) -> Candidate:
+def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
     """A plateau from where its mean torque has the least standard error, in its first quarter.
 
     The marginal standard error rule (White, 1997).

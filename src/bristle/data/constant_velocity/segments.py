@@ -9,7 +9,7 @@ import numpy as np
 
 from bristle.arrays import Array, Number
 from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
-from bristle.data.constant_velocity.changepoints import Candidate, candidates
+from bristle.data.constant_velocity.changepoints import CandidateSpan, candidates
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
@@ -122,14 +122,14 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
     return message + nearest + looks
 
 
-def _settling(velocity: Array, cut: Sequence[Candidate]) -> list[Candidate | None]:
+def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSpan | None]:
     """For each candidate, the plateau that it is the beginning or end of.
 
     That is at least three times as long, at the same speed within 10 %, and reached from the candidate, in a third of
     its length, without ever leaving that speed.
     """
     means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
-    owner: list[Candidate | None] = [None] * len(cut)
+    owner: list[CandidateSpan | None] = [None] * len(cut)
     for j, plateau in enumerate(cut):
         reach = (plateau.stop - plateau.start) / 3
         for way in (-1, 1):
@@ -145,7 +145,7 @@ def _settling(velocity: Array, cut: Sequence[Candidate]) -> list[Candidate | Non
 
 
 def _segment(
-    record: Record, candidate: Candidate, usual: Scale, thresholds: Thresholds, longer: Candidate | None
+    record: Record, candidate: CandidateSpan, usual: Scale, thresholds: Thresholds, longer: CandidateSpan | None
 ) -> Segment:
     e = evidence(record, candidate, usual, thresholds.torque_limit)
     against = reasons(e, usual, thresholds)

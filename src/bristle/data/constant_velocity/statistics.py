@@ -7,7 +7,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from bristle.arrays import Array
-from bristle.data.constant_velocity.changepoints import Candidate
+from bristle.data.constant_velocity.changepoints import CandidateSpan
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, standard_error
 
@@ -63,10 +63,10 @@ class Evidence:
     """Share of samples at or beyond the torque limit."""
 
 
-def usual_scale(record: Record, candidates: Sequence[Candidate], resolution: float | None) -> Scale:
+def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution: float | None) -> Scale:
     """What is usual in a run; from its plateaus, or from all of it where there is none."""
     velocity, time = _signal(record.velocity), record.time
-    plateaus = [s for s in candidates if s.plateau] or [Candidate(0, time.size, False)]
+    plateaus = [s for s in candidates if s.plateau] or [CandidateSpan(0, time.size, False)]
     durations = np.array([time[s.stop - 1] - time[s.start] for s in plateaus])
     speeds = np.array([abs(float(np.mean(velocity[s.start : s.stop]))) for s in plateaus])
     steps = np.abs(np.diff(record.position)) if record.position is not None else np.zeros(0)
@@ -81,7 +81,7 @@ def usual_scale(record: Record, candidates: Sequence[Candidate], resolution: flo
     )
 
 
-def evidence(record: Record, candidate: Candidate, usual: Scale, torque_limit: float | None) -> Evidence:
+def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limit: float | None) -> Evidence:
     """Measure one candidate of a run."""
     part = slice(candidate.start, candidate.stop)
     time, v, torque = record.time[part], _signal(record.velocity)[part], _signal(record.torque)[part]
