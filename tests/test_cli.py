@@ -26,6 +26,7 @@ from bristle.errors import InputError
 from bristle.identification.measured import measure
 from bristle.model.rollout import rollout
 from bristle.page import output_folder as report_files
+from bristle.page.wording import measured
 from bristle.questions.compensation import ablation, paper_experiments, parameter_studies
 from bristle.simulation.edro import TABLE_1
 
@@ -494,7 +495,7 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
         assert set(fit["parameters"]) == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
         for name, p in fit["parameters"].items():
             assert abs(p["value"] - getattr(TRUTH, name)) < 5 * p["standard_error"]
-            shown = re.escape(f"{p['value']:.7g}")
+            shown = re.escape(measured(p["value"], p["standard_error"]).replace("±", "+/-"))
             assert re.search(rf"{name}: +{shown} ", ran.out)
 
 
