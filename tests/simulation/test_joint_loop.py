@@ -145,21 +145,26 @@ def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, p
     assert 0.25 < (0.9 * run.theta[0, 0, -1] - 0.9) / 0.1 < 0.75
 
 
-def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path) -> None:
-    """An unseen sigma_0 is alpha_0 over a thousandth of the amplitude, an unseen sigma_1 that of (15), in the model and in every draw."""
+@pytest.mark.parametrize(("travel", "how"), [(None, Kind.DEFLECTION_OF_AMPLITUDE), (0.9, Kind.DEFLECTION_OF_TRAVEL)])
+def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel: float | None, how: Kind) -> None:
+    """An unseen sigma_0 is alpha_0 over a thousandth of the travel, as a plan takes it, or of the amplitude where no travel is known.
+
+    An unseen sigma_1 is that of (15), in the model and in every draw.
+    """
+    deflection = 1e-3 * (travel or 0.4)
     fit = unseen(tracked(values_of(GRIPPER)), {"sigma_0+": 1.0, "sigma_1+": 9.0, "sigma_1-": 9.0})
-    one = of_experiment(experiment(tmp_path, "amplitude: 0.4 rad"), joint(fit))
+    one = of_experiment(experiment(tmp_path, "amplitude: 0.4 rad"), replace(joint(fit), travel=travel))
     positive, negative = one.model
-    assert positive.sigma_0 == pytest.approx(GRIPPER.positive.alpha_0 / 0.4e-3)
+    assert positive.sigma_0 == pytest.approx(GRIPPER.positive.alpha_0 / deflection)
     assert positive.sigma_1 == pytest.approx(0.2 * np.sqrt(J * positive.sigma_0))
     assert negative.sigma_0 == pytest.approx(GRIPPER.negative.sigma_0)
     assert negative.sigma_1 == pytest.approx(0.2 * np.sqrt(J * negative.sigma_0))
     filled = [d.numbers for d in of_kind(one.assumptions, Kind.BRISTLE_FILLED)]
     assert [(x["name"], x["direction"]) for x in filled] == [("sigma_0", "+"), ("sigma_1", "+"), ("sigma_1", "-")]
     assert [x["value"] for x in filled] == [positive.sigma_0, positive.sigma_1, negative.sigma_1]
-    assert filled[0]["how"].kind is Kind.DEFLECTION_OF_AMPLITUDE
+    assert filled[0]["how"].kind is how
     for (p, n), inertia in one.draws:
-        assert p.sigma_0 == pytest.approx(p.alpha_0 / 0.4e-3)
+        assert p.sigma_0 == pytest.approx(p.alpha_0 / deflection)
         assert n.sigma_1 == pytest.approx(0.2 * np.sqrt(inertia * n.sigma_0))
 
 

@@ -99,6 +99,7 @@ def identify_joint(
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
         warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
+        travel=_travel(measured),
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
@@ -228,6 +229,11 @@ def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: st
         error,
         source if len(terms) == 2 else f"alpha_0 of {source}, which {'show' if moving else 'shows'} no peak",
     )
+
+
+def _travel(measured: Measured) -> float | None:
+    span = measured.experiment.plan.position or measured.positions
+    return None if span is None else span[1] - span[0]
 
 
 def _input(record: Record) -> Input:

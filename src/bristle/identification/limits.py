@@ -178,11 +178,10 @@ def _hold(measured: Measured) -> float:
 
 def _span(measured: Measured, wanted: float, assumed: list[Diagnostic]) -> tuple[float, float]:
     """From the lowest to the highest position of all runs, or as far as the fastest hold asks for where no run has positions."""
-    q = unit("position", measured.experiment.joint.kind)
-    positions: list[Array] = [run.record.position for run in measured.runs if run.record.position is not None]
-    if not positions:
+    q, positions = unit("position", measured.experiment.joint.kind), measured.positions
+    if positions is None:
         assumed.append(Kind.LIMIT_POSITIONS_GUESSED(high=wanted, unit=q))
         return 0.0, float(f"{wanted:.3g}")
-    low, high = min(float(x.min()) for x in positions), max(float(x.max()) for x in positions)
+    low, high = positions
     assumed.append(Kind.LIMIT_POSITIONS(low=low, high=high, unit=q))
     return low, high

@@ -36,6 +36,12 @@ class Measured:
         return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
 
     @property
+    def positions(self) -> tuple[float, float] | None:
+        """The lowest and the highest position of all runs, rad; None where no run has positions."""
+        logged = [run.record.position for run in self.runs if run.record.position is not None]
+        return (min(float(q.min()) for q in logged), max(float(q.max()) for q in logged)) if logged else None
+
+    @property
     def slow(self) -> tuple[Record, ...]:
         """Records of the presliding runs that are fitted."""
         return tuple(run.record for run in self.runs if run.kind == "presliding" and not run.hold_out)

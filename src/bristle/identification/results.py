@@ -391,6 +391,8 @@ class Joint:
     models: tuple[ModelComparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
     warnings: tuple[Diagnostic, ...] = ()
+    travel: float | None = None
+    """From the lowest to the highest position, declared under `plan` or measured, rad; None where neither is known."""
     truth: Mapping[str, LugreByName] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""
     simulated: bool = False

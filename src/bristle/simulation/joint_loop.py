@@ -161,9 +161,15 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     if asked.amplitude is None or asked.frequency is None:
         q = unit("position", joint.kind)
         assumed.append(Kind.REFERENCE_TAKEN(amplitude=amplitude, unit=q, frequency=frequency))
-    model = known.pair(amplitude, J)
+    travel = joint.travel or amplitude
+    model = known.pair(travel, J)
+    by_deflection = (Kind.DEFLECTION_OF_TRAVEL if joint.travel else Kind.DEFLECTION_OF_AMPLITUDE)(share=DEFLECTION)
     for d, p in zip(SIGNED, model, strict=True):
-        assumed += [_filled(p, name, d, joint.kind) for name in ("sigma_0", "sigma_1") if name in known.missing(d)]
+        assumed += [
+            _filled(p, name, d, joint.kind, by_deflection)
+            for name in ("sigma_0", "sigma_1")
+            if name in known.missing(d)
+        ]
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
@@ -176,20 +182,16 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     assumed.append(Kind.DRIVE_WITHOUT_LIMIT(quantity=effort, period=asked.period))
     loop = JointLoop(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
-        draws=draws_of(joint, known, amplitude, J),
+        draws=draws_of(joint, known, travel, J),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
         start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
     )  # fmt: skip  # a list of values
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
 
 
-def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind) -> Diagnostic:
+def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind, by_deflection: Diagnostic) -> Diagnostic:
     """What is said of a parameter that was filled in."""
-    how = (
-        Kind.DEFLECTION_OF_AMPLITUDE(share=DEFLECTION)
-        if name == "sigma_0"
-        else Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia="")
-    )
+    how = by_deflection if name == "sigma_0" else Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia="")
     return Kind.BRISTLE_FILLED(name=name, direction=direction, value=getattr(p, name), unit=unit(name, kind), how=how)
 
 
