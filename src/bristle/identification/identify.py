@@ -63,14 +63,7 @@ def identify_joint(
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
     experiment = measured.experiment
-    training = measured.moving(hold_out=False)
-    if training:
-        refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
-        refuse_opposing_runs(experiment, training)
-    elif experiment.fit.predict == "position":
-        raise InputError(
-            f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
-        )
+    training = _training(measured)
     points = measured.points(hold_out=False)
     static, checks, left_out = _static(measured, points, timings)
     stages = DynamicStages()
@@ -99,12 +92,25 @@ def identify_joint(
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
         warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
-        travel=_travel(measured),
+        travel=measured.travel,
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
         settings=_settings(experiment, moving=bool(training)),
     ).with_subjects()
+
+
+def _training(measured: Measured) -> tuple[Record, ...]:
+    """The moving runs that are fitted. Raises InputError where they do not go together, or where there should be some."""
+    experiment, training = measured.experiment, measured.moving(hold_out=False)
+    if training:
+        refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
+        refuse_opposing_runs(experiment, training)
+    elif experiment.fit.predict == "position":
+        raise InputError(
+            f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
+        )
+    return training
 
 
 def _moving(
@@ -229,11 +235,6 @@ def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: st
         error,
         source if len(terms) == 2 else f"alpha_0 of {source}, which {'show' if moving else 'shows'} no peak",
     )
-
-
-def _travel(measured: Measured) -> float | None:
-    span = measured.experiment.plan.position or measured.positions
-    return None if span is None else span[1] - span[0]
 
 
 def _input(record: Record) -> Input:

@@ -42,6 +42,12 @@ class Measured:
         return (min(float(q.min()) for q in logged), max(float(q.max()) for q in logged)) if logged else None
 
     @property
+    def travel(self) -> float | None:
+        """From the lowest to the highest position, as declared under `plan` or as measured, rad; None where neither is known."""
+        span = self.experiment.plan.position or self.positions
+        return None if span is None else span[1] - span[0]
+
+    @property
     def slow(self) -> tuple[Record, ...]:
         """Records of the presliding runs that are fitted."""
         return tuple(run.record for run in self.runs if run.kind == "presliding" and not run.hold_out)
