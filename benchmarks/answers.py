@@ -41,9 +41,9 @@ class Difference(NamedTuple):
 
 
 def numbers(document: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Every value of a JSON document with its place; of sentences, nothing but why a segment was rejected."""
+    """Every value of a JSON document with its place; of sentences, nothing but what stands before a colon."""
     if isinstance(document, dict) and {"kind", "text"} <= document.keys():
-        yield place, document["text"]
+        yield place, document["text"].partition(":")[0]
     elif isinstance(document, dict):
         for key, value in document.items():
             if key not in _SENTENCES | _UNCOMPARED:
@@ -52,7 +52,7 @@ def numbers(document: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[
         for index, value in enumerate(document):
             yield from numbers(value, (*place, str(index)))
     else:
-        yield place, document
+        yield place, document.partition(":")[0] if isinstance(document, str) else document
 
 
 def _renamed(fields: dict[str, Any], names: dict[str, str]) -> dict[str, Any]:
