@@ -192,6 +192,7 @@ def test_inf_and_nothing_are_read_not_refused(tmp_path: Path) -> None:
         ("t,q\n0,1\n", "x", "no column named 'x'; there are: t, q"),
         ("t,q\n0,1\n", 2, "no column 2; columns count from 0"),
         ("0,1\n2,3\n", "1", "without quotes"),
+        ("t,q,v\n0,1\n2,3\n", "v", "the header names 'v' as column 3, but its rows have 2 columns"),
         ("t,t\n0,1\n", "t", "several columns named 't'"),
         ("t,q\n0,1\n1,oops\n", "q", "row 2 of column 'q' holds 'oops'"),
         ("0,1\n2,3\n4,5,6,7\n", 1, "differ in width"),

@@ -320,7 +320,13 @@ def _place(key: Key, layout: Layout) -> int:
         problem = "several columns" if column in layout.names else "no column"
         advice = "; a column number is written without quotes" if column.isdigit() else ""
         raise InputError(f"{problem} named {short(column)}; there are: {there}{advice}")
-    return layout.names.index(column)
+    place = layout.names.index(column)
+    if place >= layout.width:
+        raise InputError(
+            f"the header names {short(column)} as column {place + 1}, but its rows have {layout.width} columns; "
+            "expected a number in every column of every row"
+        )
+    return place
 
 
 def _cell(cell: object) -> object:
