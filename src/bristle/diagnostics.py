@@ -264,6 +264,19 @@ class Kind(Enum):
 
     POINT_AT_REST = _NOTE, "At rest: friction at zero velocity is not a function of velocity; remove such rows."
 
+    BELOW_BREAKAWAY = (
+        _NOTE,
+        (
+            "Below breakaway: at {speed:.3g} its torque is {torque:.4g}, and that of the sliding points around it {expected:.4g}; "
+            "leave it out, or measure there for longer."
+        ),
+    )
+    STRAY_DROPPED = (
+        _NOTE,
+        "Off the law of the others by {deviations:.0f} standard deviations; fit.stray: report would make it pass.",
+    )
+    EXCLUDED = _NOTE, "Excluded: fit.exclude names it."
+
     # segments: what warns about one that is kept
     STICK_SLIP = (
         _CAUTION,
@@ -386,6 +399,40 @@ class Kind(Enum):
     )
 
     # static fits
+    STRAYS = (
+        _CAUTION,
+        "{count} point{count!e} off the law of the others: {points!m}. {other} To leave out: fit: {{stray: drop}}.",
+    )
+    STRAYS_MATTER = (
+        _CRITICAL,
+        (
+            "{count} point{count!e} off the law of the others: {points!m}. {other} That is more than one standard error of "
+            "{moved!j}. To leave out: fit: {{stray: drop}}."
+        ),
+    )
+    STRAYS_LEFT_OUT = (
+        _CAUTION,
+        (
+            "{count} point{count!e} off the law of the others, left out: {points!m}. {other} To keep: fit: {{stray: report}}."
+        ),
+    )
+    STRAY_POINT = _NOTE, "{file} {where} ({torque:.4g} at {velocity:.3g}, {deviations:+.0f} standard deviations off)"
+    POINT_NAMED = _NOTE, "{file} {where} ({torque:.4g} at {velocity:.3g})"
+    WITHOUT_STRAYS = _NOTE, "Without: {values!l}; relative error {error:.2g} % instead of {now:.2g} %."
+    WITH_STRAYS = _NOTE, "With: {values!l}; relative error {error:.2g} % instead of {now:.2g} %."
+    PARAMETER_VALUE = _NOTE, "{name} {value:.4g}"
+    PARAMETER_WITH_ERROR = _NOTE, "{name} {value:.4g} +/- {error:.2g}"
+    MISFIT = (
+        _CRITICAL,
+        (
+            "The law does not fit{direction!d}: more than one point in {share} would have to be left out, {points!m} first. "
+            "Look at the residuals for what is missing."
+        ),
+    )
+    RESTING_LEFT_OUT = (
+        _NOTE,
+        "{count} point{count!e} below breakaway left out{direction!d}: {points!m}; the joint does not slide there.",
+    )
     STATIC_CONVERGED = _NOTE, "Converged."
     STATIC_AT_BOUND = _CAUTION, "A parameter lies at its physical bound; its interval is one-sided."
     STATIC_AT_EDGE = (

@@ -4,7 +4,7 @@ Each is counted and said.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -101,7 +101,8 @@ def make_points(
     _enough(rows)
     _refuse_constant(rows)
     rows.data["time"] = np.arange(rows.number.size, dtype=float)
-    return _record(file, table, rows, (0,), labels or {})
+    lines = None if table.header is None else table.header + rows.number
+    return replace(_record(file, table, rows, (0,), labels or {}), lines=lines)
 
 
 def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:

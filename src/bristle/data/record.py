@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic
@@ -52,6 +53,8 @@ class Record:
     """What was counted, assumed and done."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """Run-level labels: temperature, load."""
+    lines: NDArray[np.intp] | None = None
+    """Of velocity-torque points, the line of each in the file, from 1, (n,); None where that is not known."""
 
     def __post_init__(self) -> None:
         """Copy, freeze and check every array."""

@@ -208,6 +208,8 @@ class RawTable:
     rows: int
     sha256: str
     notes: tuple[Diagnostic, ...] = ()
+    header: int | None = None
+    """Lines of a text file before its first row of numbers; None where rows and lines do not go together."""
 
 
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
@@ -217,7 +219,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
     numbers.
     """
     name = shown or str(path)
-    notes: tuple[Diagnostic, ...] = ()
+    notes, header = tuple[Diagnostic, ...](), None
     with naming(name):
         check_regular(path, name)
         binary = path.suffix.lower() in BINARY
@@ -225,7 +227,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
         if binary:
             columns: Mapping[Key, Array] = BINARY[path.suffix.lower()](path, keys)
         else:
-            columns, notes = _read_text(path, keys)
+            columns, notes, header = _read_text(path, keys)
     lengths = {key: column.size for key, column in columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(
@@ -234,7 +236,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
     rows = next(iter(lengths.values()), 0)
     if rows == 0 and keys:
         raise InputError(f"{name}: holds no row of numbers; expected a log with a row per sample")
-    return RawTable(columns=columns, rows=rows, sha256=digest, notes=notes)
+    return RawTable(columns=columns, rows=rows, sha256=digest, notes=notes, header=header)
 
 
 @contextmanager
@@ -271,7 +273,7 @@ def _digest(path: Path, *, text: bool) -> str:
     return digest.hexdigest()
 
 
-def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple[Diagnostic, ...]]:
+def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple[Diagnostic, ...], int | None]:
     import pandas as pd
 
     layout = text_layout(path)
@@ -302,7 +304,19 @@ def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple
         *([layout.note] if layout.note else []),
         *([Kind.DECIMAL_COMMA()] if layout.decimal == "," else []),
     )
-    return {key: _numbers(frame[place], key) for key, place in where.items()}, notes
+    columns = {key: _numbers(frame[place], key) for key, place in where.items()}
+    return columns, notes, layout.skip if _line_by_line(path, layout, len(frame)) else None
+
+
+def _line_by_line(path: Path, layout: Layout, rows: int) -> bool:
+    """Whether each line after the header is one row of numbers, in a file that is short enough to look."""
+    if path.stat().st_size > _SAMPLE:
+        return False
+    with path.open(encoding=layout.encoding, errors="replace") as file:
+        lines = [line.strip() for line in file]
+    while lines and not lines[-1]:
+        lines.pop()
+    return len(lines) - layout.skip == rows and all(lines[layout.skip :])
 
 
 def _place(key: Key, layout: Layout) -> int:

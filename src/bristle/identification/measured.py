@@ -1,7 +1,7 @@
 """What an experiment measured: its runs, read and cut into segments where the velocity is constant."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,8 @@ from bristle.data.constant_velocity.segments import Segment, find_segments, noth
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
-from bristle.errors import InputError
+from bristle.errors import InputError, short, short_list
+from bristle.identification.static.points import PointSearch, search_points, without_strays
 
 _STILL = 1e-12
 """Of the fastest point: a slower one is at rest, and its velocity rounding."""
@@ -25,6 +26,8 @@ class Measured:
     runs: tuple[Run, ...]
     segments: tuple[tuple[Segment, ...], ...]
     """Per run; empty for moving data."""
+    searches: tuple[PointSearch, ...] = ()
+    """Which points of each solve do not belong to its law."""
 
     def points(self, *, hold_out: bool) -> tuple[Segment, ...]:
         """Accepted velocity-torque points of the runs that are, or are not, held out."""
@@ -61,7 +64,11 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
     _refuse_repeated(experiment, runs)
-    return Measured(experiment=experiment, runs=runs, segments=tuple(_segments(experiment, run) for run in runs))
+    whole = Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs))
+    searches = search_points(experiment, whole.points(hold_out=False))
+    left_out = {s.place: s for s in without_strays(experiment, searches)}
+    segments = tuple(tuple(left_out.get(s.place, s) for s in candidates) for candidates in whole.segments)
+    return replace(whole, segments=segments, searches=searches)
 
 
 def nothing_to_fit(measured: Measured) -> str:
@@ -92,6 +99,28 @@ def _equal(a: Array | None, b: Array | None) -> bool:
     return (a is None) == (b is None) and (a is None or b is None or np.array_equal(a, b))
 
 
+def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:
+    """The candidates of each run, those rejected that `fit.exclude` names. Raises InputError where it names none."""
+    segments = [list(_segments(experiment, run)) for run in runs]
+    for number, excluded in enumerate(experiment.fit.exclude, 1):
+        first, last = excluded.rows
+        named = [
+            (candidates, k)
+            for candidates in segments
+            for k, s in enumerate(candidates)
+            if s.file == excluded.file and s.rows[0] <= last and first <= s.rows[1]
+        ]
+        if not named:
+            files = short_list([run.record.file for run in runs])
+            raise InputError(
+                f"{experiment.path.name}: fit.exclude: entry {number} names no point or segment (rows {first} to {last} of "
+                f"{short(excluded.file)}); expected rows as `bristle inspect` prints them, of one of: {files}"
+            )
+        for candidates, k in named:
+            candidates[k] = replace(candidates[k], accepted=False, reasons=(Kind.EXCLUDED(),))
+    return tuple(map(tuple, segments))
+
+
 def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
     if run.kind == "ramp":
         return find_segments(run.record, experiment.segments, experiment.encoder_resolution)
@@ -108,6 +137,7 @@ def _given_points(record: Record) -> tuple[Segment, ...]:
             file=record.file,
             start=k,
             stop=k + 1,
+            line=None if record.lines is None else int(record.lines[k]),
             velocity=float(v),
             torque=float(t),
             standard_error=None,

@@ -100,6 +100,40 @@ class HoldOut:
     """100 * norm(measured - predicted) / norm(measured), percent."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stray:
+    """A velocity-torque point that does not belong to the law of the others."""
+
+    file: str
+    where: str
+    """Its rows, or the line of the file."""
+    velocity: Number
+    """rad/s."""
+    torque: Number
+    """N*m."""
+    deviations: Number
+    """Torque less that of the law of the others, in standard deviations of this difference."""
+    without: Mapping[str, Number]
+    """Each parameter fitted without this point alone."""
+
+    @property
+    def subject(self) -> tuple[str, ...]:
+        """What a warning about it names."""
+        return self.file, self.where
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherPoints:
+    """The same fit with another choice of points: without the strays, or with them where they are left out."""
+
+    n: int
+    rms: Number
+    """Root mean square residual, N*m."""
+    relative_error: Number
+    """100 * norm(residual) / norm(torque), percent."""
+    parameters: Mapping[str, Estimate]
+
+
 @result
 class StaticFit:
     """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
@@ -127,6 +161,10 @@ class StaticFit:
     """The parameters of the Huber refit."""
     without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
     """The parameters fitted without the segments that stick and slip; empty where there are none."""
+    strays: tuple[Stray, ...] = ()
+    """Points that do not belong to the law of the others, the one that lowers the cost most first."""
+    other_points: OtherPoints | None = None
+    """The fit without them, or with them where they are left out (`fit.stray: drop`); None where there are none."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """What was fitted: velocity, rad/s, shape (n,)."""
     torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
@@ -453,6 +491,7 @@ _SUBJECTS = {
     **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
     "sigma_1": ("sigma_1",),
     "without_stick_slip": ("without stick-slip",),
+    "other_points": ("other points",),
     "tracking": ("moving runs",),
     "joint_fit": ("joint fit",),
     "models": ("models",),

@@ -58,6 +58,8 @@ class Segment:
     """Mean position, rad."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """temperature and load of its run."""
+    line: int | None = None
+    """Of a given point, its line in the file; None where that is not known."""
 
     @property
     def place(self) -> tuple[str, int, int]:
@@ -67,7 +69,12 @@ class Segment:
     @property
     def subject(self) -> tuple[str, ...]:
         """What a warning about it names."""
-        return self.file, f"rows {self.start}-{self.stop}"
+        return self.file, f"rows {self.start}-{self.stop}" if self.line is None else f"line {self.line}"
+
+    @property
+    def rows(self) -> tuple[int, int]:
+        """Its first and last row, as `fit.exclude` names them: the line of a point, else samples of the run."""
+        return (self.start, self.stop) if self.line is None else (self.line, self.line)
 
     def __str__(self) -> str:
         return f"{' '.join(self.subject)} at {self.velocity:.3g}"

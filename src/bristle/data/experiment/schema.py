@@ -124,11 +124,37 @@ class SegmentLimits(StrictModel):
     minimum_velocity: Speed | None = None
 
 
+def _rows(value: object) -> object:
+    """Read `12` or `12-40`: the first row and the last."""
+    if isinstance(value, tuple):
+        return value
+    ends = str(value).split("-") if isinstance(value, int | str) and not isinstance(value, bool) else []
+    if len(ends) not in {1, 2} or not all(end.strip().isdecimal() and len(end) < 12 for end in ends):
+        raise InputError(f"got {short(value)}; expected a row such as 12, or rows such as 12-40")
+    first, last = int(ends[0]), int(ends[-1])
+    if last < first:
+        raise InputError(f"got {short(value)}; expected the first row before the last")
+    return first, last
+
+
+class ExcludedRows(StrictModel):
+    """Points or segments that are not fitted."""
+
+    file: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
+    """As `bristle inspect` prints it."""
+    rows: Annotated[tuple[int, int], BeforeValidator(_rows)]
+    """Of a run the rows that `bristle inspect` prints, of given points the lines of the file: 12 or 12-40; all that they touch are left out."""
+
+
 class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
     directions: Literal["separate", "symmetric"] = "separate"
     loss: Literal["least-squares", "huber"] = "least-squares"
+    stray: Literal["report", "drop"] = "report"
+    """Points that do not belong to the law of the others: name them, or leave them out as well."""
+    exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()
+    """Points and segments that are left out."""
     regressors: tuple[Regressor, ...] | None = None
     """None: none for ramp and points, inertia (and offset, if symmetric) for tracking."""
     v_s_range: tuple[Speed, Speed] | None = None

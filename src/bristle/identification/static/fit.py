@@ -16,8 +16,10 @@ from bristle.estimation.autocorrelation import residual_warnings
 from bristle.identification.results import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.solution import StaticSolution, huber, solve_static
+from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
@@ -33,6 +35,8 @@ class PointInfo:
     """s from the start of its run, (n,); empty where unknown."""
     position: Array = field(default_factory=lambda: np.zeros(0))
     """rad, (n,); empty where unknown."""
+    search: PointSearch | None = None
+    """Which points do not belong to the law; None for moving data."""
 
     @property
     def stick_slip(self) -> NDArray[np.bool_]:
@@ -158,6 +162,7 @@ class _Comparisons:
     robust: Mapping[ParameterName, float]
     without: Mapping[ParameterName, Estimate]
     three: Mapping[ParameterName, Uncertainty]
+    strays: StrayReport
     warnings: tuple[Diagnostic, ...]
 
 
@@ -179,10 +184,8 @@ def _comparisons(
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
-    warnings = [
-        *_huber_warnings(core, robust, errors, weight, where),
-        *core.warnings,
-    ]
+    strays = report_strays(core, where.search, options, kind)
+    warnings = [*strays.warnings, *_huber_warnings(core, robust, errors, weight, where), *core.warnings]
     without: Mapping[ParameterName, Estimate] = {}
     if (sticks := where.stick_slip).any():
         rest = problem.rows(np.logical_not(sticks))
@@ -197,7 +200,9 @@ def _comparisons(
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]
     warnings += residual_warnings(residuals, velocity, where.time, where.position)
     three = three_ways(core, v_s_range)
-    return _Comparisons(plain=plain, robust=robust, without=without, three=three, warnings=tuple(warnings))
+    return _Comparisons(
+        plain=plain, robust=robust, without=without, three=three, strays=strays, warnings=tuple(warnings)
+    )
 
 
 def _static_fit(
@@ -243,6 +248,8 @@ def _static_fit(
         plain_grid={name.name: x for name, x in comparisons.plain.items() if name in names},
         huber={name.name: x for name, x in comparisons.robust.items() if name in names},
         without_stick_slip={n.name: e for n, e in comparisons.without.items() if not two or n.direction is part},
+        strays=comparisons.strays.of(part),
+        other_points=comparisons.strays.other.get(part),
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],

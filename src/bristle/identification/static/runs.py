@@ -15,10 +15,11 @@ from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import DIRECTIONS, directions, gravity, inertia, refuse_opposing, regressors
+from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
 from bristle.identification.results import Crosscheck, StaticFit
 from bristle.identification.static.fit import PointInfo, fit_static
-from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
+from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
+from bristle.identification.static.problem import Regression, from_records, with_prior
 from bristle.model.parameters import INERTIA, Stribeck
 
 
@@ -29,11 +30,8 @@ def fit_points(
 
     Raises InputError where a regressor needs what points do not have, or torque opposes velocity.
     """
-    experiment = measured.experiment
-    asked = tuple(experiment.fit.regressors or ())
-    if measured.moving(hold_out=False):  # which can tell the inertia, as points cannot
-        asked = tuple(r for r in asked if r != "inertia")
-    if "inertia" in asked:
+    experiment, asked = measured.experiment, point_regressors(measured.experiment)
+    if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):  # which can tell it
         raise InputError(
             f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
             "leave it out, or give the runs as experiment: tracking"
@@ -44,7 +42,8 @@ def fit_points(
     for d, sign in DIRECTIONS.items() if not asked else ():
         v, T = (np.array([getattr(s, x) for s in points if s.velocity * sign > 0]) for x in ("velocity", "torque"))
         refuse_opposing(experiment, v, T, f"at the {v.size} points of direction {d}")
-    for sides, group in _groups(points, asked, symmetric=experiment.fit.directions == "symmetric"):
+    searches = {search.sides: search for search in measured.searches}
+    for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
         by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
         tests = [(file, points_problem(s, sides, asked)) for file, s in by_file.items() if s]
@@ -52,7 +51,7 @@ def fit_points(
             points_problem(group, sides, asked),
             experiment.fit,
             experiment.joint.kind,
-            _point_info(group),
+            _point_info(group, searches.get(sides)),
             tests,
             timings,
         )
@@ -61,38 +60,7 @@ def fit_points(
     return static, checks
 
 
-def _groups(
-    points: Sequence[Segment], asked: Sequence[str], *, symmetric: bool
-) -> list[tuple[tuple[str, ...], tuple[Segment, ...]]]:
-    """The points of each solve, with the directions that it is of."""
-    if symmetric:
-        return [(("both",), tuple(points))]
-    groups = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
-    present = [(sides, group) for sides, group in groups if group]
-    if asked and len(present) == 2:  # what both directions share comes from one solve
-        return [(tuple(DIRECTIONS), tuple(points))]
-    return [*present]
-
-
-def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str]) -> Regression:
-    """The regression of some points in these directions, with an offset or gravity where asked for.
-
-    Raises InputError where gravity is asked for and a point has no position.
-    """
-    extra: dict[str, Array] = {}
-    if "offset" in asked:
-        extra["offset"] = np.ones(len(points))
-    if "gravity" in asked:
-        if any(s.position is None for s in points):
-            raise InputError(
-                "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
-            )
-        extra |= gravity(np.array([s.position for s in points], dtype=float))
-    velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
-    return from_points(velocity, torque, sides, extra)
-
-
-def _point_info(points: Sequence[Segment]) -> PointInfo:
+def _point_info(points: Sequence[Segment], search: PointSearch | None) -> PointInfo:
     def known(values: list[float | None]) -> Array:
         """The values, or none of them where any is missing."""
         return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
@@ -102,6 +70,7 @@ def _point_info(points: Sequence[Segment]) -> PointInfo:
         segments=tuple(points),
         time=known([s.time for s in points]) if alone < len(points) else np.zeros(0),
         position=known([s.position for s in points]),
+        search=search,
     )
 
 

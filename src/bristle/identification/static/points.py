@@ -1,0 +1,156 @@
+"""Velocity-torque points as static problems, one for each solve, and those of them that do not belong to the law."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.load import Experiment
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.estimation.linear import inverse_gram
+from bristle.identification.moving_runs import DIRECTIONS, gravity
+from bristle.identification.static.problem import Regression, from_points
+from bristle.identification.static.strays import find_strays, refit
+
+_VANISHING = 1 / 3
+"""Of the slowest point that belongs to the law: a stray that is slower may be at rest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointSearch:
+    """The points of one solve, and which of them do not belong to its law."""
+
+    sides: tuple[str, ...]
+    """The directions of the solve, or `both`."""
+    points: tuple[Segment, ...]
+    problem: Regression
+    """Of all these points."""
+    strays: tuple[int, ...] = ()
+    """The strays among the points that slide, the one that lowers the cost most first."""
+    resting: tuple[int, ...] = ()
+    """Points slower than all others whose torque is below the law: below breakaway."""
+    misfit: bool = False
+    """Whether more points would have to be left out than can be strays."""
+    deviations: Array
+    """Torque of each point less the law's of those that belong, in standard deviations of that difference, (n,)."""
+    expected: Array
+    """The law's torque, N*m, (n,)."""
+
+    @property
+    def sliding(self) -> NDArray[np.bool_]:
+        """Which points slide, (n,)."""
+        return _all_but(len(self.points), self.resting)
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Which points belong to the law, (n,)."""
+        return _all_but(len(self.points), (*self.resting, *self.strays))
+
+
+def search_points(experiment: Experiment, points: Sequence[Segment]) -> tuple[PointSearch, ...]:
+    """The points of an experiment that do not belong to the law of the others, solve by solve."""
+    asked = point_regressors(experiment)
+    options = experiment.fit
+    return tuple(_search(sides, group, asked, options.v_s_range) for sides, group in groups(experiment, points))
+
+
+def _search(
+    sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], v_s_range: tuple[float, float] | None
+) -> PointSearch:
+    problem = points_problem(points, sides, asked)
+    search = find_strays(problem, v_s_range)
+    n = len(points)
+    kept = _all_but(n, search.rows)
+    if search.misfit or not search.rows:
+        return PointSearch(
+            sides=sides,
+            points=points,
+            problem=problem,
+            strays=search.rows,
+            misfit=search.misfit,
+            deviations=np.zeros(n),
+            expected=problem.torque,
+        )
+    belongs = problem.rows(kept)
+    law = refit(belongs, v_s_range)
+    residuals = problem.residuals(law.theta)
+    free = np.linalg.norm(law.jacobian, axis=0) > 0
+    J = problem.jacobian(law.theta)[:, free]
+    variance = law.cost / max(belongs.torque.size - law.theta.size, 1)
+    spread = np.sqrt(variance * (1 + np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free]), J)))
+    resting = tuple(k for k in search.rows if _rests(problem.velocity, residuals, kept, k))
+    return PointSearch(
+        sides=sides,
+        points=points,
+        problem=problem,
+        strays=tuple(k for k in search.rows if k not in resting),
+        resting=resting,
+        deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0),
+        expected=problem.torque - residuals,
+    )
+
+
+def _rests(velocity: Array, residuals: Array, kept: NDArray[np.bool_], k: int) -> bool:
+    """Whether point k hardly moves, and its torque is smaller than friction there."""
+    sign = np.sign(velocity[k])
+    speeds = np.abs(velocity[kept & (velocity * sign > 0)])
+    return bool(speeds.size and abs(velocity[k]) < _VANISHING * speeds.min() and residuals[k] * sign < 0)
+
+
+def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:
+    """The points that are left out, each with the reason: those below breakaway, and with `fit.stray: drop` all that do not belong."""
+    dropped = experiment.fit.stray == "drop"
+    for search in searches:
+        for k in search.resting:
+            s = search.points[k]
+            reason = Kind.BELOW_BREAKAWAY(speed=abs(s.velocity), torque=s.torque, expected=search.expected[k])
+            yield replace(s, accepted=False, reasons=(reason,))
+        for k in search.strays if dropped and not search.misfit else ():
+            reason = Kind.STRAY_DROPPED(deviations=abs(search.deviations[k]))
+            yield replace(search.points[k], accepted=False, reasons=(reason,))
+
+
+def point_regressors(experiment: Experiment) -> tuple[str, ...]:
+    """Regressors of the points: as asked for, without the inertia, which needs acceleration."""
+    return tuple(name for name in experiment.fit.regressors or () if name != "inertia")
+
+
+def groups(
+    experiment: Experiment, points: Sequence[Segment]
+) -> tuple[tuple[tuple[str, ...], tuple[Segment, ...]], ...]:
+    """The points of each solve, with the directions that it is of."""
+    if experiment.fit.directions == "symmetric":
+        return ((("both",), tuple(points)),) if points else ()
+    apart = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
+    present = [(sides, group) for sides, group in apart if group]
+    if point_regressors(experiment) and len(present) == 2:  # what both directions share comes from one solve
+        return ((tuple(DIRECTIONS), tuple(points)),)
+    return tuple(present)
+
+
+def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str]) -> Regression:
+    """The regression of some points in these directions, with an offset or gravity where asked for.
+
+    Raises InputError where gravity is asked for and a point has no position.
+    """
+    extra: dict[str, Array] = {}
+    if "offset" in asked:
+        extra["offset"] = np.ones(len(points))
+    if "gravity" in asked:
+        if any(s.position is None for s in points):
+            raise InputError(
+                "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
+            )
+        extra |= gravity(np.array([s.position for s in points], dtype=float))
+    velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
+    return from_points(velocity, torque, sides, extra)
+
+
+def _all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
+    keep = np.ones(n, dtype=bool)
+    keep[list(rows)] = False
+    return keep

@@ -1,0 +1,148 @@
+"""What is said of points that do not belong to the law: how far off they are, and what the fit becomes without them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bristle.data.experiment.schema import FitOptions
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.moving_runs import DIRECTIONS
+from bristle.identification.results import Estimate, OtherPoints, Stray
+from bristle.identification.static.grid import default_range
+from bristle.identification.static.points import PointSearch
+from bristle.identification.static.problem import Regression
+from bristle.identification.static.solution import StaticSolution, solve_static
+from bristle.identification.static.strays import SHARE
+from bristle.model.parameters import Direction, ParameterName
+from bristle.model.parameters import Kind as JointKind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StrayReport:
+    """What is said of the points of one solve that do not belong to its law."""
+
+    strays: tuple[Stray, ...] = ()
+    other: Mapping[Direction, OtherPoints] = field(default_factory=dict)
+    """The fit with another choice of points, by direction."""
+    warnings: tuple[Diagnostic, ...] = ()
+
+    def of(self, part: Direction) -> tuple[Stray, ...]:
+        """Those of a direction; all of what both share."""
+        sign = DIRECTIONS.get(part)
+        return tuple(stray for stray in self.strays if sign is None or stray.velocity * sign > 0)
+
+
+def report_strays(
+    core: StaticSolution, search: PointSearch | None, options: FitOptions, kind: JointKind
+) -> StrayReport:
+    """The strays of a solve, and the fit without them, or with them where they are left out.
+
+    Args:
+        core: the fit.
+        search: which of its points do not belong; None: nobody looked.
+        options: the experiment's `fit`.
+        kind: for units.
+    """
+    if search is None:
+        return StrayReport()
+    side = search.sides[0] if len(search.sides) == 1 else ""
+    warnings = []
+    if search.resting:
+        warnings.append(
+            Kind.RESTING_LEFT_OUT(
+                count=len(search.resting), direction=side, points=tuple(_named(search, k) for k in search.resting)
+            )
+        )
+    named = tuple(_named(search, k) for k in search.strays)
+    if search.misfit:
+        warnings.append(Kind.MISFIT(direction=side, share=SHARE, points=named))
+    if search.misfit or not named:
+        return StrayReport(warnings=tuple(warnings))
+    dropped = options.stray == "drop"
+    second = _solved(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
+    strays = tuple(_stray(search, k, options, kind) for k in search.strays)
+    values = _values(core, second)
+    numbers = {"values": values, "error": _relative_error(second), "now": _relative_error(core)}
+    moved = _moved(core, second)
+    if dropped:
+        warning = Kind.STRAYS_LEFT_OUT(count=len(named), points=named, other=Kind.WITH_STRAYS(**numbers))
+    elif moved:
+        other = Kind.WITHOUT_STRAYS(**numbers)
+        warning = Kind.STRAYS_MATTER(count=len(named), points=named, other=other, moved=moved)
+    else:
+        warning = Kind.STRAYS(count=len(named), points=named, other=Kind.WITHOUT_STRAYS(**numbers))
+    parts = search.problem.directions
+    return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
+
+
+def _named(search: PointSearch, k: int) -> Diagnostic:
+    s = search.points[k]
+    file, where = s.subject
+    number = {"file": file, "where": where, "torque": s.torque, "velocity": s.velocity}
+    off = search.deviations[k]
+    return Kind.STRAY_POINT(**number, deviations=off) if off else Kind.POINT_NAMED(**number)
+
+
+def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) -> Stray:
+    """One stray, and what the parameters become without it alone."""
+    s = search.points[k]
+    keep = search.sliding
+    keep[k] = False
+    alone = _solved(search.problem.rows(keep), options, kind)
+    file, where = s.subject
+    own = {n.name: e for n, e in alone.parameters.items() if len(search.sides) == 1 or _is_of(n, s.velocity)}
+    return Stray(
+        file=file, where=where, velocity=s.velocity, torque=s.torque, deviations=float(search.deviations[k]),
+        without={name: e.value for name, e in own.items() if e.value is not None},
+    )  # fmt: skip  # a list of values
+
+
+def _is_of(name: ParameterName, velocity: float) -> bool:
+    sign = DIRECTIONS.get(name.direction)
+    return sign is None or velocity * sign > 0
+
+
+def _solved(problem: Regression, options: FitOptions, kind: JointKind) -> StaticSolution:
+    return solve_static(problem, options, kind, options.v_s_range or default_range(problem.velocity))
+
+
+def _relative_error(solved: StaticSolution) -> float:
+    return solved.problem.relative_error(solved.solution.theta)
+
+
+def _values(core: StaticSolution, second: StaticSolution) -> tuple[Diagnostic, ...]:
+    """The second fit's parameters, each with its error."""
+    return tuple(
+        Kind.PARAMETER_WITH_ERROR(name=core.problem.text(name), value=e.value, error=e.standard_error)
+        if e.standard_error
+        else Kind.PARAMETER_VALUE(name=core.problem.text(name), value=e.value)
+        for name, e in second.parameters.items()
+        if e.value is not None
+    )
+
+
+def _moved(core: StaticSolution, second: StaticSolution) -> tuple[str, ...]:
+    """Parameters that differ by more than a standard error of the fit, or that one of the two does not identify."""
+    names = dict.fromkeys((*core.parameters, *second.parameters))
+    return tuple(core.problem.text(n) for n in names if _differ(core.parameters.get(n), second.parameters.get(n)))
+
+
+def _differ(one: Estimate | None, other: Estimate | None) -> bool:
+    if one is None or other is None or one.value is None or other.value is None:
+        return True
+    return abs(one.value - other.value) > (one.standard_error or 0.0)
+
+
+def _other_points(solved: StaticSolution, part: Direction) -> OtherPoints:
+    """The second fit's part of one direction."""
+    problem, theta = solved.problem, solved.solution.theta
+    one = len(problem.directions) == 1
+    rows = np.ones(problem.torque.size, bool) if one else problem.velocity * DIRECTIONS[part] > 0
+    residuals = problem.residuals(theta)[rows]
+    return OtherPoints(
+        n=int(rows.sum()),
+        rms=float(np.sqrt(np.mean(residuals**2))),
+        relative_error=float(100 * np.linalg.norm(residuals) / np.linalg.norm(problem.measured[rows])),
+        parameters={n.name: e for n, e in solved.parameters.items() if one or n.direction is part},
+    )

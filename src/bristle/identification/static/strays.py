@@ -1,0 +1,157 @@
+"""Points that do not belong to the law: which ones, left out, lower the refitted cost by more than chance.
+
+One after another the point is left out whose absence lowers the cost of the refit (10) most, while an F test says that
+this is no chance; where no point alone is, pairs are tried, for two strays can hide each other. At most an eighth of
+the points are strays: where one more would be, it is the law that does not fit.
+
+To leave a point out is to give it a parameter of its own. So at a given v_s the cost falls by r**2 / (1 - h), with r
+the point's residual and h its leverage, and by a quadratic form in two residuals for a pair: every point and every pair
+is tried at every v_s of a grid in a few array operations, and the best few are refitted exactly (Cook and Weisberg,
+Residuals and Influence in Regression, 1982).
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from bristle.arrays import Array
+from bristle.identification.static.grid import Projected, Solution, default_range, solve
+from bristle.identification.static.problem import Regression, log_grid
+
+LEVEL = 0.01
+"""Of the F test, over all the points or pairs that it was chosen from (Bonferroni)."""
+SHARE = 8
+"""At most one point in so many is a stray."""
+_GRIDS = {1: 96, 2: 24}
+"""Values of v_s for each of so many peaks."""
+_PAIRED = 200
+"""Of more points only those that lower the cost most by themselves are tried in pairs."""
+_REFITTED = 5
+"""Of the points or pairs that lower the cost most on the grid, so many are refitted."""
+_VANISHED = 1e-9
+"""A point with less than this share of itself off the fit's columns is fitted whatever its torque is."""
+
+
+class StraySearch(NamedTuple):
+    """What does not belong to a problem's law."""
+
+    rows: tuple[int, ...]
+    """Equations left out, the one that lowers the cost most first."""
+    misfit: bool
+    """Whether one more would be significant than can be strays."""
+
+
+def find_strays(problem: Regression, v_s_range: tuple[float, float] | None = None) -> StraySearch:
+    """The points of a problem that do not belong to its law; none where there are too few to tell.
+
+    Args:
+        problem: n points, not moving data; a peak in every direction.
+        v_s_range: where v_s is searched, rad/s; None: from the speeds of the points that are left.
+    """
+    n, out = problem.torque.size, list[int]()
+    while True:
+        kept = np.delete(np.arange(n), out)
+        more = _significant(problem.rows(_without(n, out)), v_s_range)
+        if not more:
+            return StraySearch(tuple(out), False)
+        out += kept[more].tolist()
+        if len(out) > n // SHARE:
+            return StraySearch(tuple(out), True)
+
+
+def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> list[int]:
+    """The point, or else the two, without which the refitted cost is lower by more than chance; none otherwise."""
+    n, p = problem.torque.size, len(problem.names)
+    if n < p + 2:
+        return []
+    base = refit(problem, v_s_range).cost
+    noise = 1e-20 * float(problem.torque @ problem.torque)
+    for chosen, tried in _candidates(problem, v_s_range):
+        freedom = n - p - len(chosen[0])
+        if freedom < 1:
+            continue
+        costs = [refit(problem.rows(_without(n, rows)), v_s_range).cost for rows in chosen]
+        least = int(np.argmin(costs))
+        fall = (base - costs[least]) / len(chosen[0])
+        if fall > noise and fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried < LEVEL:
+            return list(chosen[least])
+    return []
+
+
+def refit(problem: Regression, v_s_range: tuple[float, float] | None = None) -> Solution:
+    """The problem's own solution, over the range of v_s that its speeds give if no other is asked for."""
+    return solve(problem, v_s_range or default_range(problem.velocity))
+
+
+def _without(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
+    keep = np.ones(n, dtype=bool)
+    keep[list(rows)] = False
+    return keep
+
+
+def _candidates(
+    problem: Regression, v_s_range: tuple[float, float] | None
+) -> Iterator[tuple[list[tuple[int, ...]], int]]:
+    """The single points that lower the cost most on the grid, then the pairs; each with how many they were chosen from."""
+    n = problem.torque.size
+    nodes = list(_nodes(problem, v_s_range or default_range(problem.velocity)))
+    alone = np.min([node.cost - node.residuals**2 / node.own for node in nodes], axis=0)
+    order = np.argsort(alone)
+    yield [(int(k),) for k in order[:_REFITTED]], n
+    tried = np.sort(order[:_PAIRED])
+    pairs = np.full((tried.size, tried.size), np.inf)
+    for node in nodes:
+        np.minimum(pairs, node.cost - node.falls(tried), out=pairs)
+    first, second = np.triu_indices(tried.size, 1)
+    best = np.argsort(pairs[first, second])[:_REFITTED]
+    yield [(int(tried[first[k]]), int(tried[second[k]])) for k in best], first.size
+
+
+class _Node(NamedTuple):
+    """The problem at one v_s of each peak."""
+
+    cost: float
+    residuals: Array
+    """(n,)."""
+    basis: Array
+    """Orthonormal columns of the fit, (n, p)."""
+
+    @property
+    def own(self) -> Array:
+        """One less the leverage of each point, (n,)."""
+        own: Array = np.maximum(1 - np.einsum("np,np->n", self.basis, self.basis), _VANISHED)
+        return own
+
+    def falls(self, rows: NDArray[np.intp]) -> Array:
+        """By how much the cost falls without two of these points, (k, k); without one of them on the diagonal."""
+        r, own, basis = self.residuals[rows], self.own[rows], self.basis[rows]
+        across = -basis @ basis.T
+        determinant = np.outer(own, own) - across**2
+        square = np.outer(r**2, own)
+        both = square + square.T - 2 * np.outer(r, r) * across
+        apart = determinant > _VANISHED * np.outer(own, own)
+        falls: Array = np.divide(both, determinant, out=np.zeros_like(both), where=apart)
+        np.fill_diagonal(falls, r**2 / own)
+        return falls
+
+
+def _nodes(problem: Regression, v_s_range: tuple[float, float]) -> Iterator[_Node]:
+    """The problem at each v_s of a grid, without the Stribeck terms that would be negative there; bounds on the others are left to the refit."""
+    projected = Projected(problem)
+    peaks = len(problem.peaks)
+    values = log_grid(v_s_range, _GRIDS[peaks])
+    columns = []
+    for k in range(peaks):
+        off, length = projected.off(values, k)
+        columns.append(off / np.sqrt(length))
+    for chosen in product(range(values.size), repeat=peaks):
+        own = np.stack([unit[:, j] for unit, j in zip(columns, chosen, strict=True)], axis=1)
+        basis = np.linalg.qr(own)[0] if peaks > 1 else own
+        along = np.linalg.lstsq(own, projected.rest, rcond=None)[0] if peaks > 1 else own.T @ projected.rest
+        basis = basis if (along > 0).all() else own[:, (along > 0) & (own.T @ projected.rest > 0)][:, :1]
+        residuals = projected.rest - basis @ (basis.T @ projected.rest)
+        yield _Node(float(residuals @ residuals), residuals, np.concatenate([projected.q, basis], axis=1))
