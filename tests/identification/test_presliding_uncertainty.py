@@ -1,5 +1,7 @@
 """The stiffness's interval three ways, with a g0 that is known with an error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -10,7 +12,7 @@ from bristle.data.slow_loading import Loading, find_loadings
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.fit import fit_presliding
-from bristle.identification.presliding.stiffness import KnownValue, by_edges, of_loading, stiffness
+from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Uncertainty
 from bristle.model import functions
@@ -160,3 +162,16 @@ def test_a_g0_without_an_error_that_is_a_number_is_taken_as_it_is(way: str, erro
     estimate = stiffness(own, KnownValue(G0, 0.0, ""), "revolute")[way]
     unknown, exact = (stiffness_uncertainty(own, KnownValue(G0, e, ""), way, estimate) for e in (error, 0.0))
     assert unknown.profile == exact.profile
+
+
+def test_a_loading_that_starts_above_a_lower_g0_tells_nothing_there() -> None:
+    """Where no sample is left below a g0 within its error, that g0 is left out: no end of an interval is nan, or the other end."""
+    (whole,) = loadings(0, 0.0, runs=1)
+    few = slice(-12, None)
+    late = replace(whole, quantum=0.0, **{n: getattr(whole, n)[few] for n in ("time", "displacement", "torque")})
+    level = KnownValue(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0, "")
+    assert late.torque[0] > REACH * (level.value - level.standard_error)
+    three = three_ways([late], level, "samples")
+    for interval in (three.covariance, three.profile):
+        assert interval is not None
+        assert interval[0] < interval[1]
