@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 
+from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
 from bristle.questions.joint_report import page, sections
 from bristle.questions.joint_report.next_measurements import next_measurements
 
+from ..sameness import of_kind
 from .conftest import HOSTILE
 from .moving import CORRELATED, DIFFER, IPOPT, NOT_SHOWN, UNSEEN, moving, tracked
 
@@ -93,9 +95,9 @@ def test_moving_runs_alone_make_a_report(moved: Joint, tmp_path: Path) -> None:
 def test_hold_out_of_moving_runs_is_one(moved: Joint) -> None:
     """Nobody is asked to hold back a run where a moving run was held back."""
     static = {d: replace(fit, hold_out=()) for d, fit in moved.static.items()}
-    assert not [x for x in next_measurements(replace(moved, static=static)) if "Hold back" in x]
+    assert not of_kind(next_measurements(replace(moved, static=static)), Kind.HOLD_BACK)
     bare = replace(moved, static=static, tracking=tracked(hold_out=()), joint_fit=None)
-    assert [x for x in next_measurements(bare) if "Hold back" in x]
+    assert of_kind(next_measurements(bare), Kind.HOLD_BACK)
 
 
 def test_two_writes_give_the_same_bytes_and_names_stay_text(tmp_path: Path) -> None:
