@@ -40,7 +40,7 @@ def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path)
     text = written(moved, tmp_path / "out")
     section = text[text.index('<section id="gripper-rotation--tracking">') :]
     section = section[: section.index("</section>")]
-    for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "began from the other stages",
+    for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "Initialised at the other stages",
                   "1701 samples,\n2 segments",
                   "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", str(IPOPT), str(DIFFER), str(NOT_SHOWN),
                   "from 4.75 to 7.75 s", "segment 2 of 2", "thinned to 400 points"):  # fmt: skip  # words

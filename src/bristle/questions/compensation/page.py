@@ -90,10 +90,10 @@ def context(study: Study) -> dict[str, Any]:
         "tried": len(study.ablation),
         "band": study.band,
         "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
-        "replays": shown(tables.replay(study)) if study.replays else None,
+        "replays": shown(_in_print(tables.replay(study))) if study.replays else None,
         "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
         "of_replay": [
-            (x.file, f"{_start(x)}, by the {x.adaptation.law} law", in_print(x.verdict)) for x in study.replays[:_MOST_REPLAYS]
+            (x.file, f"{in_print(_start(x))}, by the {x.adaptation.law} law", in_print(x.verdict)) for x in study.replays[:_MOST_REPLAYS]
         ],
         **_tables(study),
     }  # fmt: skip  # a table
@@ -162,12 +162,12 @@ def _tables(study: Study) -> dict[str, Table]:
 
 def lines(study: Study) -> Iterator[str]:
     """The study in words, a line each."""
-    yield from map(str, results(study))
+    yield from map(str, outcomes_of(study))
     for replay in study.replays:
         yield f"{replay.file}, {replay.adaptation.law} law, initialised at {_start(replay)}: {replay.verdict}"
 
 
-def results(study: Study) -> Iterator[Diagnostic]:
+def outcomes_of(study: Study) -> Iterator[Diagnostic]:
     """What compensation does to each error without inertia feed-forward, and where each adapted parameter ends."""
     first = study.loops[0]
     for row in study.errors:
@@ -187,6 +187,11 @@ def results(study: Study) -> Iterator[Diagnostic]:
 def _milli(study: Study) -> str:
     """The unit of a position error in thousandths: mrad (mm)."""
     return f"m{unit('position', study.loops[0].kind)}"
+
+
+def _in_print(replays: pd.DataFrame) -> pd.DataFrame:
+    """The table of replays with parameters as symbols; names of files stay as they are."""
+    return replays.assign(**{name: replays[name].map(in_print) for name in ("begun", "shares", "verdict")})
 
 
 def _start(replay: Replay) -> str:
