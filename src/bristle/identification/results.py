@@ -187,7 +187,8 @@ class PreslidingFit:
     level: Number
     """g0, the torque at which slow loading slides, N*m."""
     level_standard_error: Number
-    level_source: str
+    level_source: Diagnostic
+    """Where g0 comes from."""
     quantum: float
     """One count, rad; 0 where no counts are seen."""
     counts: int
@@ -353,8 +354,8 @@ class ModelComparison:
     """Equations."""
     effective: Number
     """How many of them are independent."""
-    hold_out_by: str
-    """What `hold_out` is about; empty where nothing was held out."""
+    hold_out_by: Diagnostic | None
+    """What `hold_out` is about; None where nothing was held out."""
     rows: tuple[ModelRow, ...]
     sentence: Diagnostic
     """Which to use, and why."""

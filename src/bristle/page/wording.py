@@ -38,6 +38,11 @@ def in_symbols(sentence: str) -> str:
     return re.sub(r"\b(alpha_[012]|sigma_[01]|v_s)\b([+-](?=\W|$))?", lambda name: symbol(name[0]), sentence)
 
 
+def in_print(sentence: object) -> str:
+    """The sentence of a diagnostic as a page has it: parameters as symbols, units in print."""
+    return pretty(in_symbols(str(sentence)))
+
+
 def direction(name: str) -> str:
     """A direction as a heading says it: + -> (+)."""
     return _DIRECTIONS.get(name, name)

@@ -44,7 +44,7 @@ class KnownValue(NamedTuple):
 
     value: float
     standard_error: float
-    source: str
+    source: Diagnostic
 
 
 @dataclass(frozen=True, slots=True)

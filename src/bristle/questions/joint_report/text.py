@@ -121,7 +121,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
     level = f"{_pair(fit.level, fit.level_standard_error)} {unit('torque', joint.kind)}"
     yield f"  [[presliding {fit.direction}]] {choice(fit)}"
     yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
-    yield f"    {'level g0':<15}= {level}, from {printable(fit.level_source)}"
+    yield f"    {'level g0':<15}= {level}, from {fit.level_source}"
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
