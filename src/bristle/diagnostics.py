@@ -556,7 +556,7 @@ class Kind(Enum):
         "The fit did not move from its initial values: it may be at a bound, or where the cost is flat.",
     )
     OUT_OF_STEPS = _CRITICAL, "The fit reached its limit of iterations before it converged."
-    FEW_STARTS = _CAUTION, "Only {reached} of {starts} starts reached the lowest cost."
+    FEW_STARTS = _CAUTION, "Only {reached} of {starts} starts reached the lowest cost; the others ended in a worse fit."
     NOTHING_SEEN = _CAUTION, "{name} is not identifiable: the torque does not depend on it in this motion."
     HARDLY_SEEN = _CAUTION, "{name} is hardly identifiable from these data."
     ONLY_AGAINST = (
@@ -569,7 +569,10 @@ class Kind(Enum):
     )
     NOT_PASSIVE = (
         _CAUTION,
-        "Not passive{direction!d}: alpha_2 = {alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {least:.3g}.",
+        (
+            "The model can feed energy back{direction!d}: alpha_2 = {alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {least:.3g}. "
+            "The fit stands; test a compensator that uses it with care."
+        ),
     )
     ODD_DAMPING = _CAUTION, "The damping ratio in presliding{direction!d} would be {ratio:.2g}; 0.1 to 1 is usual."
     TORQUE_DELAYED = (
@@ -814,11 +817,17 @@ class Kind(Enum):
         _NOTE,
         (
             "The paper's plain grid of {values} adds an error of v_s of {share:.3g} % of its standard error; "
-            "{enough} (a step divided by √12 predicts {predicted}). The refined grid adds none."
+            "{enough}. The refined grid adds none."
         ),
     )
-    FINE_GRID = _NOTE, "the smallest of the grids tried that stays below {most:.3g} % has {values} values"
-    NO_FINE_GRID = _NOTE, "none of the grids tried stays below {most:.3g} %"
+    FINE_GRID = (
+        _NOTE,
+        (
+            "the smallest of the grids tried that stays below {most:.3g} % has {values} values "
+            "(a step divided by √12 predicts {predicted})"
+        ),
+    )
+    NO_FINE_GRID = _NOTE, "to stay below {most:.3g} % it would need about {predicted} values"
     LOWER_OUTSIDE_RANGE = (
         _CAUTION,
         (
@@ -834,9 +843,10 @@ class Kind(Enum):
         _NOTE,
         (
             "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
-            " the plausible values of v_s, the motion over {others} other plausible joints."
+            " the plausible values of v_s{others}."
         ),
     )
+    AND_OTHER_JOINTS = _NOTE, ", the motion over {count} other plausible joints"
     REFERENCES_FOLLOWED = (
         _NOTE,
         "Each reference is followed exactly; friction is LuGre, independent of position and time.",
@@ -953,6 +963,10 @@ class Kind(Enum):
             "Noise: a sample of a moving run, one every {step:.3g} s, scatters by {rms:.2g} {unit} as so far, "
             "and counts as 1/{inflation:.2g} of an independent one: residuals are correlated."
         ),
+    )
+    NOISE_OF_INDEPENDENT = (
+        _NOTE,
+        "Noise: a sample of a moving run, one every {step:.3g} s, scatters by {rms:.2g} {unit} as so far.",
     )
     NOISE_AVERAGED = (
         _NOTE,
@@ -1242,7 +1256,7 @@ class Kind(Enum):
     )
     SAMPLING = (
         _NOTE,
-        "Sampling interval {step:.4g} s (median, {rate:.6g} Hz); jitter: at most {jitter:.2g} % off.",
+        "Sampling interval {step:.4g} s (median, {rate:.6g} Hz); jitter: at most {jitter:.0f} %.",
     )
     GAPS = (
         _CAUTION,

@@ -171,7 +171,7 @@ def test_a_loading_that_starts_above_a_lower_g0_tells_nothing_there() -> None:
     (whole,) = loadings(0, 0.0, runs=1)
     few = slice(-12, None)
     late = replace(whole, quantum=0.0, **{n: getattr(whole, n)[few] for n in ("time", "displacement", "torque")})
-    level = KnownValue(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0, "")
+    level = KnownValue(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0, SOURCE)
     assert late.torque[0] > REACH * (level.value - level.standard_error)
     three = three_ways([late], level, "samples")
     for interval in (three.covariance, three.profile):

@@ -403,6 +403,13 @@ class Joint:
     inputs: tuple[Input, ...]
     segments: tuple[Segment, ...]
 
+    def __repr__(self) -> str:
+        """In a line: what there is, not every number of it."""
+        fits = (*(f"static {d}" for d in self.static), *(["presliding"] if self.presliding else []))
+        return (
+            f"Joint({self.name!r}: {', '.join((*fits, *(['moving runs'] if self.moving else []))) or 'nothing fitted'})"
+        )
+
     @property
     def moving(self) -> TrackingFit | None:
         """The fit of moving runs to use.

@@ -20,7 +20,7 @@ from bristle.identification.results import (
     TrackingFit,
 )
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import FITS, WORK, counted, measured, percent, printable
+from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, span
 from bristle.questions.joint_report.sentences import bias, bias_text, biased, choice, cost_change, methods, reached
 
 _CORRELATED = 0.5
@@ -82,7 +82,7 @@ def _estimate(e: Estimate) -> str:
         return "not estimated"
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f" ({share:.2g} %)"
-    interval = "no interval" if e.interval is None else f"[{_number(e.interval[0])}, {_number(e.interval[1])}]"
+    interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
     return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}, 95 %: {interval}"
 
 
@@ -105,7 +105,8 @@ def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> It
 def _check(check: Crosscheck, of: str = "the grid") -> Iterator[str]:
     yield "    [[cross-check]]"
     yield f"      {printable(str(check.verdict))}"
-    yield f"      cost: {cost_change(check, of)}"
+    if not check.agrees:
+        yield f"      cost: {cost_change(check, of)}"
 
 
 def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
