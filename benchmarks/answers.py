@@ -25,7 +25,7 @@ import pandas as pd
 
 PLACES = 40
 """Differences that are printed."""
-_SENTENCES = {"doubts", "warnings", "outcome", "verdict", "sentence", "notes", "advice"}
+_SENTENCES = {"doubts", "warnings", "outcome", "verdict", "sentence", "notes", "advice", "level_source", "hold_out_by"}
 _UNCOMPARED = {"schema", "bristle"}
 _INTERVALS = {"interval", "covariance", "profile", "bootstrap"}
 

@@ -25,10 +25,10 @@ KINDS = list(Kind.__members__.values())
 words = st.text("abcXYZ0123456789_.-+/*<>&' ", min_size=1, max_size=12)
 numbers = st.floats(-1e6, 1e6)
 OF_CONVERSION: dict[str, st.SearchStrategy[Any]] = {
-    **dict.fromkeys("ljm", st.lists(words, min_size=1, max_size=4).map(tuple)),
+    **dict.fromkeys("ljmt", st.lists(words, min_size=1, max_size=4).map(tuple)),
     "g": st.lists(numbers, min_size=1, max_size=4).map(tuple),
     "e": st.integers(0, 1000),
-    **dict.fromkeys("cpx", st.lists(st.tuples(words, numbers), min_size=1, max_size=4).map(tuple)),
+    **dict.fromkeys("cnpx", st.lists(st.tuples(words, numbers), min_size=1, max_size=4).map(tuple)),
     "i": st.lists(st.tuples(words, numbers, numbers | st.just(np.inf)), min_size=1, max_size=3).map(tuple),
     **dict.fromkeys("bd", st.sampled_from(["+", "-", "both"])),
     "w": st.booleans(),
@@ -68,7 +68,7 @@ def test_every_kind_makes_a_sentence(kind: Kind, data: st.DataObject) -> None:
     assert sentence.isprintable()
     assert not set("{}") & set(sentence)
     for name, (conversion, spec) in fields(kind).items():
-        if conversion in {"l", "j", "m"}:
+        if conversion in {"l", "j", "m", "t"}:
             assert all(word in sentence for word in given_[name])
         elif not conversion and not spec:
             assert str(given_[name]) in sentence

@@ -1,28 +1,83 @@
 """Nothing in the package decides by a sentence."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 import bristle
-from bristle.data.experiment.load import load_experiment
+from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.measured import measure
+from bristle.identification.results import Joint
+from bristle.questions.compensation.replay import replays
+from bristle.questions.joint_report.next_measurements import next_measurements
+from bristle.questions.joint_report.sentences import agreement, bias, choice
+from bristle.questions.sensitivity.text import findings, sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import of_experiment, of_paper
 
 from .sameness import held, without_sentences
 
 
+def scarce(joint: Joint) -> Joint:
+    """As if little had been measured: one direction, no run held out, open intervals, and moving runs that show nothing."""
+    fit, moving = joint.static["+"], joint.tracking
+    assert moving is not None
+    open_ = {name: replace(e, standard_error=e.value, interval=(0.0, np.inf)) for name, e in fit.parameters.items()}
+    unseen = {name: replace(e, value=None) for name, e in moving.parameters.items()}
+    return replace(
+        joint,
+        static={"+": replace(fit, parameters=open_, hold_out=())},
+        tracking=replace(moving, parameters=unseen, hold_out=()),
+        joint_fit=None,
+    )
+
+
+def advised(joints: tuple[Joint, ...]) -> Iterator[Diagnostic | None]:
+    """What to measure next, which sigma_0 to use, what (14) would be off by, and whether the stages agree."""
+    for joint in (*joints, *map(scarce, joints)):
+        yield from next_measurements(joint)
+        yield agreement(joint)
+        for fit in joint.presliding.fits.values() if joint.presliding else ():
+            yield from (choice(fit), bias(fit, joint.kind))
+
+
+def found(experiment: Experiment, joint: Joint) -> Iterator[Diagnostic]:
+    """What is said of a joint's sensitivity, Sobol indices included, and of the adaptation on its runs."""
+    study = bristle.sensitivity(experiment, samples=32)
+    assert study.sobol is not None
+    yield from (*findings(study), *sobol_sentences(study.sobol, study.kind))
+    yield from (x.verdict for x in replays(of_experiment(experiment, joint), joint, measure(experiment)))
+
+
 def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """With every template replaced by its kind's name, the embedded joints come out the same in every number, kind and severity; so does --strict.
 
-    The notes on their files, the advice on models and the assumptions of their loops are among them.
+    The notes on their files, the advice on models and on what to measure next, the assumptions of their loops, and what is found of sensitivity and
+    adaptation are among them.
     """
     experiments = edro.experiments()
     gripper = load_experiment(experiments[0])
     first = bristle.identify(*experiments)
     worded = [str(warning) for warning in first.warnings]
     loops = held((*of_paper(first.joints), of_experiment(gripper, first.joints[0])))
+    said = (*advised(first.joints), *found(gripper, first.joints[0]))
+    kinds = {x.kind for x in said if x is not None}
+    before = held(said)
     without_sentences(monkeypatch)
     second = bristle.identify(*experiments)
     assert held(second.joints) == held(first.joints)
     assert held((*of_paper(second.joints), of_experiment(gripper, second.joints[0]))) == loops
+    assert held((*advised(second.joints), *found(gripper, second.joints[0]))) == before
+    assert {
+        Kind.UNLIMITED_BELOW,
+        Kind.ALPHA_2_WIDE,
+        Kind.BRISTLE_OPEN,
+        Kind.HOLD_BACK,
+        Kind.CLAIM_ON_MAP,
+        Kind.SOBOL_INDICES,
+    } < kinds
     assert [d.kind for d in first.serious] == [d.kind for d in second.serious]
     assert worded != [str(warning) for warning in second.warnings]

@@ -165,12 +165,14 @@ _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "j": lambda words: " and ".join(map(str, words)),
     "l": lambda words: ", ".join(map(str, words)),
     "m": lambda words: "; ".join(map(str, words)),
+    "n": lambda numbers: ", ".join(f"{name} {number:.3g}" for name, number in numbers),
     "p": lambda numbers: ", ".join(f"{name} ({number:.1f})" for name, number in numbers),
+    "t": lambda sentences: "".join(f" {sentence}" for sentence in sentences),
     "w": lambda alone: "would make it pass" if alone else "would remove this reason, not the other",
     "x": lambda numbers: ", ".join(f"{name} {number:.2g}" for name, number in numbers),
 }
 """Of a direction in brackets, of named percentages, of a direction, the ending of what is counted, of numbers, of named intervals, of lists of names
-and of long things, of named numbers, of whether a reason stands alone, and of named ratios."""
+and of long things, of named numbers, the same in brackets, of sentences that follow, of whether a reason stands alone, and of named ratios."""
 _FORMATTER = _Formatter()
 _CRITICAL, _CAUTION, _NOTE = Severity.CRITICAL, Severity.CAUTION, Severity.NOTE
 
@@ -601,7 +603,7 @@ class Kind(Enum):
         "The fit did not move from its initial values: it may be at a bound, or where the cost is flat.",
     )
     OUT_OF_STEPS = _CRITICAL, "The fit reached its limit of iterations before it converged."
-    FEW_STARTS = _CAUTION, "Only {reached} of {starts} starts reached the lowest cost."
+    FEW_STARTS = _CAUTION, "Only {reached} of {starts} starts reached the lowest cost; the others ended in a worse fit."
     NOTHING_SEEN = _CAUTION, "{name} is not identifiable: the torque does not depend on it in this motion."
     HARDLY_SEEN = _CAUTION, "{name} is hardly identifiable from these data."
     ONLY_AGAINST = (
@@ -614,7 +616,10 @@ class Kind(Enum):
     )
     NOT_PASSIVE = (
         _CAUTION,
-        "Not passive{direction!d}: alpha_2 = {alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {least:.3g}.",
+        (
+            "The model can feed energy back{direction!d}: alpha_2 = {alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {least:.3g}. "
+            "The fit stands; test a compensator that uses it with care."
+        ),
     )
     ODD_DAMPING = _CAUTION, "The damping ratio in presliding{direction!d} would be {ratio:.2g}; 0.1 to 1 is usual."
     TORQUE_DELAYED = (
@@ -859,11 +864,17 @@ class Kind(Enum):
         _NOTE,
         (
             "The paper's plain grid of {values} adds an error of v_s of {share:.3g} % of its standard error; "
-            "{enough} (a step divided by √12 predicts {predicted}). The refined grid adds none."
+            "{enough}. The refined grid adds none."
         ),
     )
-    FINE_GRID = _NOTE, "the smallest of the grids tried that stays below {most:.3g} % has {values} values"
-    NO_FINE_GRID = _NOTE, "none of the grids tried stays below {most:.3g} %"
+    FINE_GRID = (
+        _NOTE,
+        (
+            "the smallest of the grids tried that stays below {most:.3g} % has {values} values "
+            "(a step divided by √12 predicts {predicted})"
+        ),
+    )
+    NO_FINE_GRID = _NOTE, "to stay below {most:.3g} % it would need about {predicted} values"
     LOWER_OUTSIDE_RANGE = (
         _CAUTION,
         (
@@ -879,9 +890,10 @@ class Kind(Enum):
         _NOTE,
         (
             "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
-            " the plausible values of v_s, the motion over {others} other plausible joints."
+            " the plausible values of v_s{others}."
         ),
     )
+    AND_OTHER_JOINTS = _NOTE, ", the motion over {count} other plausible joints"
     REFERENCES_FOLLOWED = (
         _NOTE,
         "Each reference is followed exactly; friction is LuGre, independent of position and time.",
@@ -998,6 +1010,10 @@ class Kind(Enum):
             "Noise: a sample of a moving run, one every {step:.3g} s, scatters by {rms:.2g} {unit} as so far, "
             "and counts as 1/{inflation:.2g} of an independent one: residuals are correlated."
         ),
+    )
+    NOISE_OF_INDEPENDENT = (
+        _NOTE,
+        "Noise: a sample of a moving run, one every {step:.3g} s, scatters by {rms:.2g} {unit} as so far.",
     )
     NOISE_AVERAGED = (
         _NOTE,
@@ -1287,7 +1303,7 @@ class Kind(Enum):
     )
     SAMPLING = (
         _NOTE,
-        "Sampling interval {step:.4g} s (median, {rate:.6g} Hz); jitter: at most {jitter:.2g} % off.",
+        "Sampling interval {step:.4g} s (median, {rate:.6g} Hz); jitter: at most {jitter:.0f} %.",
     )
     GAPS = (
         _CAUTION,
@@ -1316,6 +1332,287 @@ class Kind(Enum):
     CUTOFF_LOWERED = _CAUTION, ", lowered from {asked:g} Hz, which is not below the Nyquist frequency"
     TORQUE_FROM_CURRENT = _NOTE, "Torque from current: k_t = {k_t:g} {unit}."
     TORQUE_FROM_VOLTAGE = _NOTE, "Torque from voltage by (8): k_t = {k_t:g} {unit}, R = {R:g} ohm."
+
+    # what to measure next, about the static fit of a direction
+    MEASURE_SPEEDS = (
+        _NOTE,
+        ("Measure at least eight constant speeds, evenly spread in log(v) over two decades or what the joint allows."),
+    )
+    RISES_BELOW = (
+        _NOTE,
+        (
+            "If friction rises at low speed, it does so below what was measured: try five constant speeds from "
+            "{low:.2g} to {high:.2g} {unit}."
+        ),
+    )
+    RISE_NOT_SHOWN = (
+        _NOTE,
+        (
+            "If friction rises at low speed, these data do not show it: try five constant speeds from {low:.2g} to "
+            "{high:.2g} {unit}."
+        ),
+    )
+    FEW_POINTS_BELOW = (
+        _NOTE,
+        "Fewer than three points lie below v_s: measure five constant speeds from {low:.2g} to {high:.2g} {unit}.",
+    )
+    UNLIMITED_BELOW = (
+        _NOTE,
+        "Nothing limits v_s below: measure five constant speeds from {low:.2g} to {high:.2g} {unit}.",
+    )
+    UNLIMITED_ABOVE = _NOTE, "Nothing limits v_s above: measure more speeds from {low:.2g} to {high:.2g} {unit}."
+    V_S_WIDE = (
+        _NOTE,
+        (
+            "v_s is wide: measure more speeds, or longer runs, from {low:.2g} to {high:.2g} {unit}, where the curve "
+            "bends."
+        ),
+    )
+    ALPHA_2_WIDE = (
+        _NOTE,
+        "alpha_2 is wide: measure faster, {low:.2g} to {high:.2g} {unit}, where the viscous part is larger.",
+    )
+
+    # what to measure next, about a joint and its moving runs
+    REPEAT_STICKING = (
+        _NOTE,
+        (
+            "Repeat {files!l} with a stiffer velocity loop, or slightly faster: these runs stick and slip, so their "
+            "mean torque is not the friction of steady sliding."
+        ),
+    )
+    MEASURE_DIRECTION = _NOTE, "Measure direction {direction} at the same speeds: nothing is known of it."
+    PEAK_OPEN = (
+        _NOTE,
+        (
+            "The moving runs leave {names!j} open: add constant velocities below and around v_s (experiment: ramp), "
+            "or move long and slowly there."
+        ),
+    )
+    VISCOUS_OPEN = (
+        _NOTE,
+        "The moving runs leave {names!j} open: move faster, where the viscous part is larger.",
+    )
+    BRISTLE_OPEN = (
+        _NOTE,
+        (
+            "The moving runs leave {names!j} open: add slow loading below breakaway (experiment: presliding), or turn "
+            "often and slowly, by a few times the way in which friction builds up."
+        ),
+    )
+    INERTIA_OPEN = _NOTE, "The moving runs leave {names!j} open: accelerate harder, or give the inertia."
+    AVOID_COUNTS = (
+        _NOTE,
+        ("Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."),
+    )
+    HOLD_BACK = (
+        _NOTE,
+        "Hold back one run (hold_out: true): the error on data that were not fitted is the one to trust.",
+    )
+
+    # which sigma_0 to use, and what (14) would be off by
+    FROM_TRANSITIONS = (
+        _NOTE,
+        "sigma_0 from encoder transitions; insensitive to where inside a count the joint rests.",
+    )
+    FROM_SAMPLES = (
+        _NOTE,
+        "sigma_0 from all samples; no counts are seen in the displacement, so there are no edges to go by.",
+    )
+    SIGMA_0_AT_LEAST = _CAUTION, "No sigma_0 can be given; it is at least {least:.3g} {unit}."
+    SIGMA_0_UNKNOWN = _CAUTION, "No sigma_0 can be given."
+    BIAS_OF_PRINTED = (
+        _NOTE,
+        (
+            "{on_edge:+.1%} where the joint rests on a count edge; {mean:+.0%} on average, with a spread of "
+            "{spread:.0%}, where it rests anywhere in a count (one count is {count:.4g} {unit}; noise in the torque "
+            "comes on top)."
+        ),
+    )
+    BIAS_UNKNOWN = _NOTE, "unknown: that needs encoder counts and a sigma_0."
+
+    # where the torque at which slow loading slides, and the inertia, come from
+    OF_STATIC_FIT = _NOTE, "the static fit"
+    OF_MOVING_RUNS = _NOTE, "the moving runs"
+    OF_EXPERIMENT_FILE = _NOTE, "the experiment file"
+    OF_STATIC_FIT_WITHOUT_PEAK = _NOTE, "alpha_0 of the static fit, which shows no peak"
+    OF_MOVING_RUNS_WITHOUT_PEAK = _NOTE, "alpha_0 of the moving runs, which show no peak"
+    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}"
+    OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}; its error of {share:.0%} is a guess"
+
+    # how a fit of moving runs and a full fit ended, whether the stages agree, what was held out
+    STARTS_REACHED = _NOTE, "{reached} of {starts} starts reached the lowest cost."
+    NO_STARTS = _NOTE, "Initialised at the other stages' estimates alone."
+    COST_HIGHER = (
+        _NOTE,
+        "the full fit's is higher by {change:.1g} of {first}'s; {reached} of {starts} starts reached it",
+    )
+    COST_LOWER = (
+        _NOTE,
+        "the full fit's is lower by {change:.1g} of {first}'s; {reached} of {starts} starts reached it",
+    )
+    COST_EQUAL = _NOTE, "the full fit's equals {first}'s; {reached} of {starts} starts reached it"
+    STAGES_COMPARED = (
+        _NOTE,
+        (
+            "{agreed} of {compared} parameters agree between their own stage and the moving data; the largest "
+            "difference is {largest:.2g} standard errors ({name}){more}."
+        ),
+    )
+    MORE_UNSEEN = _NOTE, "; {count} more not identifiable from the tracking runs"
+    NONE_COMPARED = _NOTE, "The moving data show none of the parameters that the other stages know."
+    HELD_OUT_RUNS = _NOTE, "Hold-out: held-out runs."
+    EACH_LEFT_OUT = _NOTE, "Hold-out: each point predicted from all others."
+
+    # sensitivity: which parameters matter
+    CLAIM_HOLDS = (
+        _NOTE,
+        (
+            "The paper's claim that alpha_0 and alpha_2 matter most holds for {amplitude:.3g} {unit} at "
+            "{frequency:.3g} Hz: RMS of p · dT/dp relative to that of T: {largest!x} (total).{settled}"
+        ),
+    )
+    CLAIM_FAILS = (
+        _NOTE,
+        (
+            "The paper's claim that alpha_0 and alpha_2 matter most does not hold for {amplitude:.3g} {unit} at "
+            "{frequency:.3g} Hz: RMS of p · dT/dp relative to that of T: {largest!x} (total).{settled}"
+        ),
+    )
+    ONCE_SETTLED = _NOTE, " In its last period, after the bristle's first deflection: {largest!x}."
+    OTHER_AT_FIXED_Z = (
+        _NOTE,
+        "At fixed z the order would be {names!l}: the bristle's response to a parameter matters.",
+    )
+    CLAIM_ON_MAP = (
+        _NOTE,
+        (
+            "Of {motions} motions on the map it holds for {held}: {where!l}. Parameters that rank first somewhere: "
+            "{first!l}."
+        ),
+    )
+    AT_EVERY_AMPLITUDE = _NOTE, "at {frequency:.2g} Hz at every amplitude"
+    NOT_AT_THE_LARGEST = _NOTE, "at {frequency:.2g} Hz not at the largest amplitude"
+    FROM_AMPLITUDE = _NOTE, "at {frequency:.2g} Hz from {amplitude:.2g} {unit} up"
+    ALL_TOLD = _NOTE, "From {what} alone all of {names!l} are identifiable.{more!t}"
+    NOT_TOLD = (
+        _CAUTION,
+        "From {what} alone {names!l} would not be identifiable (standard error over half the value).{more!t}",
+    )
+
+    # sensitivity: Sobol indices
+    SOBOL_INDICES = (
+        _NOTE,
+        "{output}: total index {indices!l}{more}; {samples} samples, {evaluations} evaluations.",
+    )
+    SOBOL_INDEX = _NOTE, "{name} {total:.2f} ± {half:.2f} ({first:.2f} alone)"
+    INTERACTIONS = _NOTE, "; interactions account for {share:.2f}"
+    NO_INDICES = _NOTE, "{output}: {why}"
+    NOTHING_CHANGES_IT = _NOTE, "None of the parameters drawn changes it."
+    PLANTS_REFUSED = _CAUTION, "Not every plant drawn can be run: {why}."
+    LOOP_DIVERGES = (
+        _CAUTION,
+        "The loop diverges with {diverged} of the {drawn} plants drawn; narrow the box, or lower the gains.",
+    )
+    DRAWN_FROM = (
+        _NOTE,
+        (
+            "Parameters are drawn uniformly unless stated otherwise, and independently, although those of a fit are "
+            "correlated: {spans!l}. Seed {seed}."
+        ),
+    )
+    DRAWN_SPAN = _NOTE, "{name} [{low:.3g}, {high:.3g}]"
+    DRAWN_LOGARITHM = _NOTE, "{name} [{low:.3g}, {high:.3g}] (log-uniform)"
+    INDICES_SIMULATED = (
+        _NOTE,
+        (
+            "SIMULATED: a sine of {amplitude:.3g} {unit} at {frequency:.3g} Hz; in the loop the compensator keeps the "
+            "nominal parameters while the plant is drawn. ± of an index is its {level:.0%} bootstrap interval, which "
+            "is conservative for these samples."
+        ),
+    )
+
+    # sensitivity: what the printed law of adaptation is
+    PRINTED_IS = _NOTE, "The right-hand side of the paper's (19) is, term by term, {derivatives!l}.{extra}"
+    PRINTED_IS_NONE = (
+        _NOTE,
+        "The right-hand side of the paper's (19) is, term by term, none of these derivatives.{extra}",
+    )
+    PRINTED_IS_ANOTHER = _NOTE, " It is not dT_f/dalpha_0, which it is said to be."
+    TOTAL_DERIVATIVES = (
+        _NOTE,
+        (
+            "Total derivatives add dT_f/dz dz/dp, with z through the whole motion; in steady sliding they are those of "
+            "T_ss above."
+        ),
+    )
+
+    # compensation
+    ERRORS_COMPENSATED = (
+        _NOTE,
+        (
+            "{joint}, {frequency:g} Hz: RMS error {without:.3g} {unit} without, {identified:.3g} {unit} "
+            "({identified_percent:.2g} %) with and {adaptive:.3g} {unit} ({adaptive_percent:.2g} %) with adaptive "
+            "compensation."
+        ),
+    )
+    ERROR_REDUCED = (
+        _NOTE,
+        (
+            "LuGre feed-forward reduces the RMS error of {joint} at {frequency:g} Hz from {without:.3g} {unit} to "
+            "{identified:.3g} {unit} ({percent:.2g} %)."
+        ),
+    )
+    ERROR_INCREASED = (
+        _CAUTION,
+        (
+            "LuGre feed-forward increases the RMS error of {joint} at {frequency:g} Hz from {without:.3g} {unit} to "
+            "{identified:.3g} {unit} ({percent:.2g} %)."
+        ),
+    )
+    ADAPTED_TO = _NOTE, "{joint}, {law}: {name} from {initial:g} to {final:.3f} of its {reference} value."
+    ABLATED = (
+        _NOTE,
+        "{cycling} of {tried} end in a limit cycle, {leading} over-compensate, {diverging} diverge.",
+    )
+
+    # compensation: whether adaptation helps on a measured run
+    GAIN_AT_LIMIT = (
+        _CAUTION,
+        (
+            "A gain ended at its limit ({ratios!n}; {after:.3g} % of the torque is left unexplained instead of "
+            "{before:.3g} %): widen adapt.limits if friction may have changed that much; otherwise leave it off, or "
+            "lower gamma."
+        ),
+    )
+    MODEL_UNFIT = (
+        _CAUTION,
+        (
+            "The identified model leaves {before:.3g} % of this run unexplained ({after:.3g} % adapted): check units, "
+            "sign and columns of the run; until then its gains mean nothing."
+        ),
+    )
+    ADAPTATION_HELPS = (
+        _NOTE,
+        (
+            "It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios "
+            "{ratios!n}."
+        ),
+    )
+    ADAPTATION_IDLE = (
+        _NOTE,
+        (
+            "It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with "
+            "it, at ratios {ratios!n}."
+        ),
+    )
+    ADAPTATION_HARMS = (
+        _CAUTION,
+        (
+            "Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios "
+            "{ratios!n}."
+        ),
+    )
 
 
 NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})

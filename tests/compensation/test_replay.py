@@ -8,6 +8,7 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
+from bristle.diagnostics import Kind
 from bristle.identification.measured import measure
 from bristle.model.parameters import Pair
 from bristle.model.rollout import rollout
@@ -64,7 +65,7 @@ def test_a_model_that_is_right_stays(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.theta, 1.0, atol=0.01)
     before, after = run.relative_errors()
     assert max(before, after) < 1.0
-    assert run.verdict.startswith("It changes nothing here: ")
+    assert run.verdict == Kind.ADAPTATION_IDLE(before=before, after=after, ratios=run.ratios)
 
 
 def test_a_model_that_is_wrong_is_mended(tmp_path: Path) -> None:
@@ -75,8 +76,8 @@ def test_a_model_that_is_wrong_is_mended(tmp_path: Path) -> None:
     before, after = run.relative_errors()
     assert before == pytest.approx(100 / 3, abs=1.0)
     assert after < 0.5 * before
-    assert run.verdict.startswith("It helps here: ")
-    assert run.shares in run.verdict
+    assert run.verdict == Kind.ADAPTATION_HELPS(before=before, after=after, ratios=run.ratios)
+    assert run.shares in str(run.verdict)
     np.testing.assert_allclose(wrong.theta[:, 0], [0.3, 0.5], rtol=0.01)
     assert (wrong.theta[:, -1] > wrong.theta[:, 0]).all()
     assert wrong.relative_errors()[1] < wrong.relative_errors()[0]
@@ -119,7 +120,7 @@ def test_a_gain_at_its_limit_is_not_trusted(tmp_path: Path) -> None:
     one = joint_loop(adaptation=Adaptation(limits=(0.5, 1.2)))
     run, _ = replayed(tmp_path, 1.5, one)
     assert run.theta.max() == pytest.approx(1.2)
-    assert run.verdict.startswith("A gain ended at its limit")
+    assert run.verdict.kind is Kind.GAIN_AT_LIMIT
 
 
 def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
@@ -127,17 +128,17 @@ def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
     run, _ = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
     before, after = run.relative_errors()
     assert after > before + 10
-    assert run.verdict.startswith("Leave it off: ")
+    assert run.verdict.kind is Kind.ADAPTATION_HARMS
 
 
 def test_a_gain_is_judged_by_how_far_it_went(tmp_path: Path) -> None:
     """Limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two."""
     still = joint_loop(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
-    assert "limit" not in replayed(tmp_path, 1.0, still)[1].verdict
+    assert replayed(tmp_path, 1.0, still)[1].verdict.kind is not Kind.GAIN_AT_LIMIT
     driven = joint_loop(
         start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
     )
-    assert "A gain ended at its limit" in replayed(tmp_path, 1.0, driven)[1].verdict
+    assert replayed(tmp_path, 1.0, driven)[1].verdict.kind is Kind.GAIN_AT_LIMIT
 
 
 def test_without_adaptation_a_replay_is_the_rollout(tmp_path: Path) -> None:

@@ -5,8 +5,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.questions.compensation import ablation, parameter_studies
+from bristle.questions.compensation.page import outcomes_of
 from bristle.questions.compensation.study import Study, study
 
 from ..simulation.joints import joint_loop
@@ -34,15 +36,18 @@ def test_its_frame_is_fig_8(compensated: Study) -> None:
 
 def test_its_text_has_a_line_for_each_error_and_each_adapted_parameter(compensated: Study) -> None:
     """One line each, without inertia feed-forward, with what is left of the error and where each factor ends."""
-    lines = compensated.text().splitlines()
+    found = list(outcomes_of(compensated))
     plain = [row for row in compensated.errors if not row.inertia]
     factors = compensated.adapted.factors
-    assert len(lines) == len(plain) + len(factors)
-    for line, row in zip(lines, plain, strict=False):
-        assert f"RMS error {1e3 * row.without:.3g} mrad without, {1e3 * row.identified:.3g} mrad" in line
-        assert f"({100 * row.identified / row.without:.2g} %) with and" in line
-    for line, factor in zip(lines[len(plain) :], factors, strict=True):
-        assert f"{factor.law}: {factor.parameter} from {factor.initial:g} to {factor.final:.3f}" in line
+    assert compensated.text().splitlines() == list(map(str, found))
+    assert [x.kind for x in found] == [Kind.ERRORS_COMPENSATED] * len(plain) + [Kind.ADAPTED_TO] * len(factors)
+    for said, row in zip(found, plain, strict=False):
+        assert said.numbers["unit"] == "mrad"
+        assert (said.numbers["without"], said.numbers["identified"]) == (1e3 * row.without, 1e3 * row.identified)
+        assert said.numbers["identified_percent"] == 100 * row.identified / row.without
+    for said, factor in zip(found[len(plain) :], factors, strict=True):
+        ends = {"law": factor.law, "name": factor.parameter, "initial": factor.initial, "final": factor.final}
+        assert ends.items() <= said.numbers.items()
 
 
 def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path: Path) -> None:

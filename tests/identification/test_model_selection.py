@@ -285,7 +285,7 @@ def test_a_bristle_that_the_motion_does_not_show_is_not_advised(moved: tuple[Mod
         )
         for r in compared.rows
     ]
-    judged = choose("moving runs", found, "", 1.0, 1.0, {}, replace(alone, parameters=blind), ())
+    judged = choose("moving runs", found, None, 1.0, 1.0, {}, replace(alone, parameters=blind), ())
     assert judged is not None
     assert used(judged).model == STRIBECK
     assert reasons(judged, Kind.BRISTLE_NOT_SHOWN)
@@ -301,7 +301,7 @@ def test_a_term_that_the_fit_refused_is_not_advised_however_low_its_bic(tmp_path
         ModelCandidate(model=m, directions=ONE, parameters=k, residuals=np.full(50, x), hold_out=None)
         for (m, x), k in zip(sizes.items(), (1, 2, 4), strict=True)
     ]
-    judged = choose("points", found, "", 1.0, 100.0, static, None, ())
+    judged = choose("points", found, None, 1.0, 100.0, static, None, ())
     assert judged is not None
     assert used(judged).model == VISCOUS
     (refused,) = reasons(judged, Kind.PEAK_NOT_SUPPORTED)

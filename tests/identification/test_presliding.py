@@ -19,7 +19,8 @@ from bristle.model.vectorize import evaluate
 from .conftest import GRIPPER
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
-LEVEL = KnownValue(G0, 0.002 * G0, "the static fit")
+SOURCE = Kind.OF_STATIC_FIT()
+LEVEL = KnownValue(G0, 0.002 * G0, SOURCE)
 TIME = np.arange(0, 20, 0.01)
 TORQUE = 0.85 * G0 * TIME / 20
 
@@ -106,8 +107,10 @@ def _holds(fit: PreslidingFit) -> bool:
 def test_the_error_of_g0_enters() -> None:
     """An uncertain g0 widens the interval of sigma_0, by about what moving g0 moves it."""
     loadings = find_loadings(run(2 * np.pi / 2**14, 0.3), 1e3, 2 * np.pi / 2**14, None)
-    sure, unsure = (fit_presliding(loadings, KnownValue(G0, s * G0, ""), None, "revolute").edges for s in (1e-6, 0.02))
-    moved = fit_presliding(loadings, KnownValue(1.02 * G0, 0.0, ""), None, "revolute").edges
+    sure, unsure = (
+        fit_presliding(loadings, KnownValue(G0, s * G0, SOURCE), None, "revolute").edges for s in (1e-6, 0.02)
+    )
+    moved = fit_presliding(loadings, KnownValue(1.02 * G0, 0.0, SOURCE), None, "revolute").edges
     assert sure.standard_error is not None
     assert unsure.standard_error is not None
     assert moved.value is not None
@@ -132,7 +135,7 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
     """(15): 0.2 sqrt(J sigma_0), with the errors of both, called a prior; without J it is absent, with the reason."""
     loadings = find_loadings(run(2 * np.pi / 2**16, 0.2), 1e3, 2 * np.pi / 2**16, None)
     J = 1.37e-3
-    fit = fit_presliding(loadings, LEVEL, KnownValue(J, 0.1 * J, "the experiment file"), "revolute")
+    fit = fit_presliding(loadings, LEVEL, KnownValue(J, 0.1 * J, Kind.OF_EXPERIMENT_FILE()), "revolute")
     assert fit.edges.value is not None
     assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * fit.edges.value), rel=1e-12)
     assert fit.sigma_1.value is not None
@@ -156,7 +159,7 @@ def test_an_outlier_among_breakaways_is_named() -> None:
     result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
     assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
     assert str(next(d for d in result.warnings if d.kind is Kind.OUTLIER)).startswith("b.csv is an outlier")
-    assert result.fits["+"].level_source.startswith("breakaway")
+    assert result.fits["+"].level_source.kind in {Kind.OF_BREAKAWAY, Kind.OF_ONE_BREAKAWAY}
 
 
 def test_without_a_level_there_is_no_sigma_0() -> None:

@@ -1,5 +1,7 @@
 """The stiffness's interval three ways, with a g0 that is known with an error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -10,13 +12,15 @@ from bristle.data.slow_loading import Loading, find_loadings
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.identification.presliding.fit import fit_presliding
-from bristle.identification.presliding.stiffness import KnownValue, by_edges, of_loading, stiffness
+from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Uncertainty
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
 
 from .conftest import GRIPPER
+
+SOURCE = Kind.OF_STATIC_FIT()
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
 TIME = np.arange(0, 20, 0.02)
@@ -55,7 +59,7 @@ def widths(three: Uncertainty) -> Array:
 
 def test_with_a_g0_that_is_known_the_profile_is_the_covariance() -> None:
     """At given g0 the line through the count edges is linear least squares: both intervals are the same to 1e-6 of the width."""
-    three = three_ways(loadings(0), KnownValue(G0, 0.0, ""), "edges")
+    three = three_ways(loadings(0), KnownValue(G0, 0.0, SOURCE), "edges")
     np.testing.assert_allclose(ends(three)[1], ends(three)[0], rtol=0, atol=1e-6 * widths(three)[0])
     assert not three.warnings
 
@@ -64,7 +68,7 @@ def test_with_a_g0_that_is_known_the_profile_is_the_covariance() -> None:
 def test_a_small_error_of_g0_leaves_them_together(way: str) -> None:
     """With an error of g0 over which the estimator is nearly a line all three widths agree, and are wider than without it."""
     own = loadings(0)
-    sure, unsure = (three_ways(own, KnownValue(G0, share * G0, ""), way) for share in (0.0, 0.003))
+    sure, unsure = (three_ways(own, KnownValue(G0, share * G0, SOURCE), way) for share in (0.0, 0.003))
     assert (widths(unsure) > widths(sure)).all()
     assert widths(unsure) == pytest.approx(widths(unsure)[0], rel=0.15)
 
@@ -73,7 +77,7 @@ def test_a_small_error_of_g0_leaves_them_together(way: str) -> None:
 def test_a_profile_ends_where_the_least_over_g0_is_the_threshold(share: float) -> None:
     """At each end ((u - u(g0)) / e(g0))**2 + ((g0 - level) / error)**2, minimised by another method, is the square of Student's t."""
     own, error = loadings(1), share * G0
-    three = three_ways(own, KnownValue(G0, error, ""), "edges")
+    three = three_ways(own, KnownValue(G0, error, SOURCE), "edges")
     freedom = by_edges([of_loading(x, G0) for x in own])[2]
     assert three.profile is not None
     for end in three.profile:
@@ -89,8 +93,8 @@ def test_a_profile_ends_where_the_least_over_g0_is_the_threshold(share: float) -
 
 def test_an_unsure_g0_skews_the_profile_as_it_skews_the_estimate() -> None:
     """A g0 that may be much lower makes a much stiffer joint: the profile reaches farther up than the covariance, which is symmetric."""
-    own, level = loadings(2), KnownValue(G0, 0.06 * G0, "")
-    low, high = (stiffness(own, KnownValue(g0, 0.0, ""), "revolute")["edges"].value for g0 in (0.9 * G0, 1.1 * G0))
+    own, level = loadings(2), KnownValue(G0, 0.06 * G0, SOURCE)
+    low, high = (stiffness(own, KnownValue(g0, 0.0, SOURCE), "revolute")["edges"].value for g0 in (0.9 * G0, 1.1 * G0))
     three = three_ways(own, level, "edges")
     value = stiffness(own, level, "revolute")["edges"].value
     assert low is not None
@@ -106,7 +110,7 @@ def test_an_unsure_g0_skews_the_profile_as_it_skews_the_estimate() -> None:
 @pytest.mark.parametrize("way", WAYS)
 def test_the_curve_is_zero_at_the_estimate_and_one_at_the_ends(way: str) -> None:
     """It ascends in value and is the statistic of which the interval is made."""
-    own, level = loadings(3), KnownValue(G0, 0.003 * G0, "")
+    own, level = loadings(3), KnownValue(G0, 0.003 * G0, SOURCE)
     three, value = three_ways(own, level, way), stiffness(own, level, "revolute")[way].value
     assert three.profile is not None
     assert value is not None
@@ -121,7 +125,7 @@ def test_intervals_hold_the_truth(way: str) -> None:
     rng, hits = np.random.default_rng(0), np.zeros(3)
     for seed in range(40):
         error = 0.004 * G0
-        three = three_ways(loadings(seed), KnownValue(G0 + error * rng.standard_normal(), error, ""), way)
+        three = three_ways(loadings(seed), KnownValue(G0 + error * rng.standard_normal(), error, SOURCE), way)
         for k, interval in enumerate((three.covariance, three.profile, three.bootstrap)):
             assert interval is not None
             hits[k] += interval[0] <= GRIPPER.sigma_0 <= interval[1]
@@ -130,7 +134,7 @@ def test_intervals_hold_the_truth(way: str) -> None:
 
 def test_a_lower_bound_is_all_there_is() -> None:
     """Where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn."""
-    own, level = loadings(0), KnownValue(G0, 0.01 * G0, "")
+    own, level = loadings(0), KnownValue(G0, 0.01 * G0, SOURCE)
     estimates = stiffness(own, level, "revolute")
     finer = Kind.WITHIN_NOISE(edges=Kind.ONE_EDGE(), least=2.0, unit="N*m/rad")
     hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, warnings=(finer,))
@@ -145,7 +149,7 @@ def test_a_lower_bound_is_all_there_is() -> None:
 
 def test_the_fit_has_it_and_the_seed_says_it_all() -> None:
     """The presliding fit carries the recommended estimator's; the same seed draws the same bytes, another one others."""
-    own, level = loadings(0), KnownValue(G0, 0.003 * G0, "")
+    own, level = loadings(0), KnownValue(G0, 0.003 * G0, SOURCE)
     fit = fit_presliding(own, level, None, "revolute")
     same, other = (three_ways(own, level, fit.recommended, seed) for seed in (0, 1))
     assert fit.uncertainty["sigma_0"].draws.tobytes() == same.draws.tobytes() != other.draws.tobytes()
@@ -157,6 +161,19 @@ def test_the_fit_has_it_and_the_seed_says_it_all() -> None:
 def test_a_g0_without_an_error_that_is_a_number_is_taken_as_it_is(way: str, error: float) -> None:
     """Where nothing tells how well g0 is known, the profile is the one at that g0, and no fault of ours."""
     own = loadings(0)
-    estimate = stiffness(own, KnownValue(G0, 0.0, ""), "revolute")[way]
-    unknown, exact = (stiffness_uncertainty(own, KnownValue(G0, e, ""), way, estimate) for e in (error, 0.0))
+    estimate = stiffness(own, KnownValue(G0, 0.0, SOURCE), "revolute")[way]
+    unknown, exact = (stiffness_uncertainty(own, KnownValue(G0, e, SOURCE), way, estimate) for e in (error, 0.0))
     assert unknown.profile == exact.profile
+
+
+def test_a_loading_that_starts_above_a_lower_g0_tells_nothing_there() -> None:
+    """Where no sample is left below a g0 within its error, that g0 is left out: no end of an interval is nan, or the other end."""
+    (whole,) = loadings(0, 0.0, runs=1)
+    few = slice(-12, None)
+    late = replace(whole, quantum=0.0, **{n: getattr(whole, n)[few] for n in ("time", "displacement", "torque")})
+    level = KnownValue(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0, SOURCE)
+    assert late.torque[0] > REACH * (level.value - level.standard_error)
+    three = three_ways([late], level, "samples")
+    for interval in (three.covariance, three.profile):
+        assert interval is not None
+        assert interval[0] < interval[1]

@@ -156,7 +156,7 @@ def gripper(name: str = "gripper rotation") -> Joint:
 QUANTUM = 2e-4
 """One count of the encoder that saw the loadings, rad."""
 FEW = Kind.FEW_COUNTS(edges=60, loadings=3)
-PRIOR = Kind.PRIOR(ratio=0.1, source="the experiment file")
+PRIOR = Kind.PRIOR(ratio=0.1, source=Kind.OF_EXPERIMENT_FILE())
 UNKNOWN_REST = Kind.WHOLE_COUNT()
 
 
@@ -187,7 +187,7 @@ def slow_fit(direction: str) -> PreslidingFit:
     return PreslidingFit(
         direction=direction, printed=first, corrected=replace(first, value=1.1 * half), edges=stiffness, samples=replace(stiffness, value=1.05 * s),
         sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), standard_error=1e-4, warnings=(PRIOR,)),
-        recommended="edges", level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source="the static fit", quantum=QUANTUM, counts=60,
+        recommended="edges", level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source=Kind.OF_STATIC_FIT(), quantum=QUANTUM, counts=60,
         bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
         loadings=tuple(loading(direction, phase, f"slow_{k}.csv") for k, phase in enumerate((0.1, 0.45, 0.8))),
         warnings=(FEW,) if direction == "+" else (),

@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 
+from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
 from bristle.questions.joint_report import page, sections
 from bristle.questions.joint_report.next_measurements import next_measurements
 
+from ..sameness import of_kind
 from .conftest import HOSTILE
 from .moving import CORRELATED, DIFFER, IPOPT, NOT_SHOWN, UNSEEN, moving, tracked
 
@@ -38,7 +40,7 @@ def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path)
     text = written(moved, tmp_path / "out")
     section = text[text.index('<section id="gripper-rotation--tracking">') :]
     section = section[: section.index("</section>")]
-    for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "began from the other stages",
+    for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "Initialised at the other stages",
                   "1701 samples,\n2 segments",
                   "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", str(IPOPT), str(DIFFER), str(NOT_SHOWN),
                   "from 4.75 to 7.75 s", "segment 2 of 2", "thinned to 400 points"):  # fmt: skip  # words
@@ -93,9 +95,9 @@ def test_moving_runs_alone_make_a_report(moved: Joint, tmp_path: Path) -> None:
 def test_hold_out_of_moving_runs_is_one(moved: Joint) -> None:
     """Nobody is asked to hold back a run where a moving run was held back."""
     static = {d: replace(fit, hold_out=()) for d, fit in moved.static.items()}
-    assert not [x for x in next_measurements(replace(moved, static=static)) if "Hold back" in x]
+    assert not of_kind(next_measurements(replace(moved, static=static)), Kind.HOLD_BACK)
     bare = replace(moved, static=static, tracking=tracked(hold_out=()), joint_fit=None)
-    assert [x for x in next_measurements(bare) if "Hold back" in x]
+    assert of_kind(next_measurements(bare), Kind.HOLD_BACK)
 
 
 def test_two_writes_give_the_same_bytes_and_names_stay_text(tmp_path: Path) -> None:

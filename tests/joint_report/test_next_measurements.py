@@ -1,4 +1,3 @@
-import re
 from dataclasses import replace
 from typing import Any
 
@@ -8,6 +7,8 @@ import pytest
 from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
 from bristle.questions.joint_report.next_measurements import next_measurements
+
+from ..sameness import of_kind
 
 
 def changed(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:
@@ -19,8 +20,7 @@ def changed(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:
 
 def ranges(joint: Joint) -> list[tuple[float, float]]:
     """Every range of speeds that is proposed."""
-    text = "\n".join(next_measurements(joint))
-    return [(float(a), float(b)) for a, b in re.findall(r"([\d.e-]+) to ([\d.e-]+) rad/s", text)]
+    return [(x.numbers["low"], x.numbers["high"]) for x in next_measurements(joint) if "low" in x.numbers]
 
 
 def moving(joint: Joint, **changes: Any) -> Joint:
@@ -32,15 +32,17 @@ def moving(joint: Joint, **changes: Any) -> Joint:
 def test_advice_follows_from_the_warnings(joint: Joint) -> None:
     """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
     one = replace(changed(joint, {"interval": (0.0, 0.1)}, hold_out=()), segments=joint.segments)
-    text = "\n".join(next_measurements(one))
-    assert "nothing limits vₛ below" in text
-    assert "Repeat run_1.csv" in text
-    assert "Measure direction (−)" in text
-    assert "hold_out: true" in text
+    below, *others = next_measurements(one)
+    assert (below.kind, below.subject) == (Kind.UNLIMITED_BELOW, ("static", "+"))
+    assert others == [
+        Kind.REPEAT_STICKING(files=("run_1.csv",)),
+        Kind.MEASURE_DIRECTION(direction="-"),
+        Kind.HOLD_BACK(),
+    ]
     none = replace(joint, static={"both": replace(joint.static["+"], outcome=Kind.STATIC_NO_STRIBECK())}, segments=())
-    assert next_measurements(none) == (
-        "both directions: if friction rises at low speed, it does so below what was measured: try five constant speeds from 0.008 to 0.015 rad/s.",
-    )
+    (said,) = next_measurements(none)
+    assert (said.kind, said.subject) == (Kind.RISES_BELOW, ("static", "both"))
+    assert str(said).endswith("five constant speeds from 0.008 to 0.015 rad/s.")
 
 
 @pytest.mark.parametrize("outcome", [Kind.STATIC_CONVERGED, Kind.STATIC_NO_STRIBECK])
@@ -53,7 +55,7 @@ def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Kind) 
     for low, high in found:
         assert low >= fastest / 100
         assert high >= 1.4 * low
-    said = [x for x in next_measurements(own) if "these data do not show it" in x]
+    said = of_kind(next_measurements(own), Kind.RISE_NOT_SHOWN)
     assert bool(said) == (outcome is Kind.STATIC_NO_STRIBECK)
 
 

@@ -12,11 +12,12 @@ import numpy as np
 
 from bristle.diagnostics import Kind
 from bristle.identification.results import Joint, Presliding
-from bristle.page.wording import METHODS
+from bristle.page.wording import METHODS, in_print
 from bristle.questions.joint_report import page, results_file, sections, sentences, tables
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.text import fit_report
 
+from ..sameness import of_kind
 from .conftest import (
     FEW,
     PRIOR,
@@ -61,8 +62,8 @@ def test_json_holds_every_estimate_of_both_directions(slow: Joint) -> None:
         }
         assert found[d]["sigma_1"]["value"] == TABLE_1[d].sigma_1
         assert [found[d][f"bias_{x}"] for x in ("on_edge", "mean", "spread")] == [-0.024, -0.51, 0.28]
-        level = (found[d]["level"], found[d]["level_standard_error"], found[d]["level_source"])
-        assert level == (fit.level, 2e-4, "the static fit")
+        level = (found[d]["level"], found[d]["level_standard_error"], found[d]["level_source"]["kind"])
+        assert level == (fit.level, 2e-4, "OF_STATIC_FIT")
         assert (found[d]["recommended"], found[d]["quantum"], found[d]["counts"]) == ("edges", QUANTUM, 60)
     assert {d: e["value"] for d, e in whole["breakaway"].items()} == {"+": 0.025}
 
@@ -167,7 +168,7 @@ def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path:
     text = written(slow, tmp_path / "out")
     section = text[text.index('<section id="gripper-rotation--presliding">') :]
     section = section[: section.index("</section>")]
-    for words in (*METHODS.values(), "Use the edges", "-2.4 % where the joint rests",
+    for words in (*METHODS.values(), in_print(Kind.FROM_TRANSITIONS()), "-2.4 % where the joint rests",
                   "-51 % on average, with a spread of 28 %",
                   "from the static fit", "Prior of", "assumed damping ratio", "median breakaway torque",
                   "is an outlier", "differ because the loop is wide",
@@ -205,12 +206,12 @@ def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> Non
     """Without any static fit the page has the section, and no empty curve or cross-check; its links land."""
     alone = replace(only(slow, fits={"+": nothing_seen()}), static={}, crosscheck={}, segments=())
     text = written(alone, tmp_path / "out")
-    assert "it is at least 12.5 N*m/rad" in text
+    assert in_print(Kind.SIGMA_0_AT_LEAST(least=12.5, unit="N*m/rad")) in text
     assert "Cross-check" not in text
     assert not list((tmp_path / "out" / "figures").glob("*-curve.svg"))
     assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
     assert "no run at constant velocity was given" in text
-    assert not [x for x in next_measurements(alone) if "Hold back" in x]
+    assert not of_kind(next_measurements(alone), Kind.HOLD_BACK)
 
 
 def test_nothing_but_a_warning_still_makes_a_section(slow: Joint, tmp_path: Path) -> None:

@@ -127,12 +127,12 @@ def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
     said = Kind.INTERVALS_DIFFER(
         sides=("above", "below"), ends=(("profile", 0.5, math.inf), (name, np.float64(1), -math.inf)), reason=inner
     )
-    text = results_file.to_json([replace(slide, warnings=(said, Kind.PLAN_LOCAL(others=np.int64(3))))])
+    text = results_file.to_json([replace(slide, warnings=(said, Kind.AND_OTHER_JOINTS(count=np.int64(3))))])
     written, counted = json.loads(text)["joints"]["slide"]["warnings"]
     assert (written["kind"], written["severity"], written["text"]) == ("INTERVALS_DIFFER", Severity.CAUTION, str(said))
     assert written["numbers"]["ends"] == [["profile", 0.5, "inf"], ["alpha_0+", 1.0, "-inf"]]
     assert written["numbers"]["reason"]["kind"] == inner.kind.name
-    assert counted["numbers"] == {"others": 3}
+    assert counted["numbers"] == {"count": 3}
     (read,) = adapter().validate_json(text, strict=True).joints.values()
     back, _ = read.warnings
     assert (back.kind, str(back)) == (said.kind, str(said))

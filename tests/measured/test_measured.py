@@ -175,7 +175,7 @@ def replayed(folder: Path, joint: Joint, most: float) -> None:
         assert before < most
         assert 0.8 < right.theta.min() < right.theta.max() < 1.25
         assert wrong.relative_errors()[1] < 0.5 * wrong.relative_errors()[0]
-        assert "It helps" in wrong.verdict
+        assert wrong.verdict.kind is Kind.ADAPTATION_HELPS
 
 
 def closed_loop(file: Path, fit: TrackingFit) -> dict[str, float]:

@@ -1,6 +1,9 @@
+"""Names, units and numbers as a reader meets them."""
+
 import pytest
 
-from bristle.page.wording import in_symbols
+from bristle.diagnostics import Kind
+from bristle.page.wording import in_print, in_symbols
 
 
 @pytest.mark.parametrize(
@@ -15,3 +18,10 @@ from bristle.page.wording import in_symbols
 def test_parameters_of_a_sentence_become_symbols(sentence: str, expected: str) -> None:
     """Each LuGre parameter, with the sign of its direction where one ends it, and nothing else, is written as the paper does."""
     assert in_symbols(sentence) == expected
+
+
+def test_a_diagnostic_in_print_has_symbols_and_units_in_print() -> None:
+    """A page shows alpha_0 as its symbol and N*m/rad as N·m/rad; the terminal's sentence has neither."""
+    made = Kind.SIGMA_0_AT_LEAST(least=12.5, unit="N*m/rad")
+    assert str(made) == "No sigma_0 can be given; it is at least 12.5 N*m/rad."
+    assert in_print(made) == "No σ₀ can be given; it is at least 12.5 N·m/rad."

@@ -40,6 +40,7 @@ from bristle.questions.sensitivity.local import (
     sensitivity_map,
     tornado,
 )
+from bristle.questions.sensitivity.text import findings
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW
@@ -310,11 +311,13 @@ def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.Se
 
 
 def test_the_text_says_what_was_found(known: study.SensitivityStudy) -> None:
-    """Six parameters with three shares each, a sentence on the claim, and every assumption."""
+    """Six parameters with three shares each, everything found, the claim first, and every assumption."""
     lines = known.text().splitlines()
     assert sum(line.split()[0] in Lugre._fields for line in lines[2:8]) == 6
-    assert sum(line.startswith("The paper's claim") for line in lines) == 1
-    assert len([line for line in lines if "assumed" in line]) >= 2
+    found = findings(known)
+    assert found[0].kind in {Kind.CLAIM_HOLDS, Kind.CLAIM_FAILS}
+    assert lines[8:] == list(map(str, (*found, *known.assumptions)))
+    assert len(of_kind(known.assumptions, Kind.BRISTLE_ASSUMED)) >= 2
 
 
 def test_the_study_is_a_frame_and_a_page(known: study.SensitivityStudy, folder: Path) -> None:

@@ -146,7 +146,7 @@ def _moving(
     J = fit.parameters.get(INERTIA) if fit else None
     if stages.presliding is None or experiment.inertia is not None or J is None or not J.value:
         return stages
-    known = KnownValue(J.value, J.standard_error or 0.0, "the moving runs")
+    known = KnownValue(J.value, J.standard_error or 0.0, Kind.OF_MOVING_RUNS())
     return stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
 
 
@@ -203,7 +203,7 @@ def _presliding(
     """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
     levels = {d: level for d in DIRECTIONS if (level := _breakaway_torque(fit, d)) is not None}
     J = experiment.inertia
-    known = None if J is None else KnownValue(J.value, J.standard_error or 0.0, "the experiment file")
+    known = None if J is None else KnownValue(J.value, J.standard_error or 0.0, Kind.OF_EXPERIMENT_FILE())
     return identify_presliding(
         slow, levels, known, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
     )
@@ -230,12 +230,9 @@ def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: st
     value = sum(estimates[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
-    source = "the moving runs" if moving else "the static fit"
-    return KnownValue(
-        value,
-        error,
-        source if len(terms) == 2 else f"alpha_0 of {source}, which {'show' if moving else 'shows'} no peak",
-    )
+    whole = Kind.OF_MOVING_RUNS if moving else Kind.OF_STATIC_FIT
+    without_peak = Kind.OF_MOVING_RUNS_WITHOUT_PEAK if moving else Kind.OF_STATIC_FIT_WITHOUT_PEAK
+    return KnownValue(value, error, whole() if len(terms) == 2 else without_peak())
 
 
 def _input(record: Record) -> Input:

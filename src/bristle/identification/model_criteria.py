@@ -50,7 +50,7 @@ def power_of(x: Array) -> float:
 def rank_models(
     data: Literal["points", "moving runs"],
     candidates: Sequence[ModelCandidate],
-    held_by: str,
+    held_by: Diagnostic | None,
     variance_inflation: float,
     power: float,
     static: Mapping[str, StaticFit],
@@ -62,7 +62,7 @@ def rank_models(
     Args:
         data: what the equations are about.
         candidates: the candidates, on the same n equations.
-        held_by: what their `hold_out` is about.
+        held_by: what their `hold_out` is about; None where nothing was held out.
         variance_inflation: n over the number of independent equations.
         power: sum of squares of what they explain, (N*m)**2.
         static: static fits of these data.

@@ -35,7 +35,6 @@ from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
 from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
 
-HELD, LEFT_OUT = "held-out runs", "each point predicted from all others"
 _STEPS = 8
 """Of the LuGre fit that no stage has done yet: it begins where the other one ended."""
 _DEPENDENT = 1e8
@@ -59,9 +58,9 @@ def compare_on_points(
         static: what the fit found.
     """
     candidates, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
-    held = bool(pose(("both",), ())[1])
+    held_by = (Kind.HELD_OUT_RUNS if pose(("both",), ())[1] else Kind.EACH_LEFT_OUT)()
     left_out = (*left, Kind.LUGRE_IS_ITS_CURVE())
-    return rank_models("points", candidates, HELD if held else LEFT_OUT, 1.0, _measured(pose), static, None, left_out)
+    return rank_models("points", candidates, held_by, 1.0, _measured(pose), static, None, left_out)
 
 
 def compare_on_motion(
@@ -103,9 +102,8 @@ def compare_on_motion(
     unsettled = (Kind.LUGRE_UNSETTLED(model=LUGRE, directions=c.directions) for c in candidates if not c.settled)
     left = (*left, *unsettled)
     variance_inflation = inflation(min((c.residuals for c in candidates), key=power_of, default=np.zeros(0)))
-    return rank_models(
-        "moving runs", candidates, HELD if held else "", variance_inflation, _measured(pose), static, alone, left
-    )
+    held_by = Kind.HELD_OUT_RUNS() if held else None
+    return rank_models("moving runs", candidates, held_by, variance_inflation, _measured(pose), static, alone, left)
 
 
 def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, moving: bool) -> tuple[str, ...]:

@@ -225,7 +225,8 @@ class PreslidingFit:
     level: Number
     """g0, the torque at which slow loading slides, N*m."""
     level_standard_error: Number
-    level_source: str
+    level_source: Diagnostic
+    """Where g0 comes from."""
     quantum: float
     """One count, rad; 0 where no counts are seen."""
     counts: int
@@ -391,8 +392,8 @@ class ModelComparison:
     """Equations."""
     effective: Number
     """How many of them are independent."""
-    hold_out_by: str
-    """What `hold_out` is about; empty where nothing was held out."""
+    hold_out_by: Diagnostic | None
+    """What `hold_out` is about; None where nothing was held out."""
     rows: tuple[ModelRow, ...]
     sentence: Diagnostic
     """Which to use, and why."""
@@ -439,6 +440,13 @@ class Joint:
     """Thresholds, cut-offs and options in force, as the report states them."""
     inputs: tuple[Input, ...]
     segments: tuple[Segment, ...]
+
+    def __repr__(self) -> str:
+        """In a line: what there is, not every number of it."""
+        fits = (*(f"static {d}" for d in self.static), *(["presliding"] if self.presliding else []))
+        return (
+            f"Joint({self.name!r}: {', '.join((*fits, *(['moving runs'] if self.moving else []))) or 'nothing fitted'})"
+        )
 
     @property
     def moving(self) -> TrackingFit | None:

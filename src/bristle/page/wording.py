@@ -38,6 +38,11 @@ def in_symbols(sentence: str) -> str:
     return re.sub(r"\b(alpha_[012]|sigma_[01]|v_s)\b([+-](?=\W|$))?", lambda name: symbol(name[0]), sentence)
 
 
+def in_print(sentence: object) -> str:
+    """The sentence of a diagnostic as a page has it: parameters as symbols, units in print."""
+    return pretty(in_symbols(str(sentence)))
+
+
 def direction(name: str) -> str:
     """A direction as a heading says it: + -> (+)."""
     return _DIRECTIONS.get(name, name)
@@ -74,9 +79,16 @@ def measured(value: float | None, error: float | None) -> str:
     return f"{value:.{places}f} ± {error:.{places}f}"
 
 
-def span(interval: tuple[float, float] | None, digits: int = 4) -> str:
-    """An interval as [low, high]."""
-    return MISSING if interval is None else f"[{number(interval[0], digits)}, {number(interval[1], digits)}]"
+def span(interval: tuple[float, float] | None) -> str:
+    """An interval as [low, high], both to the second digit of a quarter of its width; an open one in four digits."""
+    if interval is None:
+        return MISSING
+    low, high = interval
+    width = high - low
+    if not (math.isfinite(width) and width > 0 and 1e-5 <= max(abs(low), abs(high)) < 1e6):
+        return f"[{number(low)}, {number(high)}]"
+    places = min(max(1 - math.floor(math.log10(width / 4)), 0), 12)
+    return f"[{low:.{places}f}, {high:.{places}f}]"
 
 
 def percent(value: float | None, error: float | None) -> float | None:

@@ -76,7 +76,7 @@ def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, 
     )
     kind: Kind = "prismatic" if linear else "revolute"
     run, unknown = _run_kind(data_file, guesses)
-    unknown += [f"kind of the joint: assumed {kind}"]
+    unknown += [f"joint.kind; {kind} is assumed"]
     lines = [f"joint: {{name: {_text(data_file.stem[:200])}, kind: {kind}}}   # revolute or prismatic"]
     if drive in ("voltage", "current"):
         lines += [

@@ -162,8 +162,8 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> KnownV
     for d in (direction, "-" if direction == "+" else "+"):
         if d in breakaway:
             value, error = breakaway[d].value or 0.0, breakaway[d].standard_error
-            guess = "" if error else f"; its error of {_SINGLE:.0%} is a guess"
-            return KnownValue(value, error or _SINGLE * value, f"breakaway in direction {d}{guess}")
+            source = Kind.OF_BREAKAWAY(direction=d) if error else Kind.OF_ONE_BREAKAWAY(direction=d, share=_SINGLE)
+            return KnownValue(value, error or _SINGLE * value, source)
     return None
 
 

@@ -44,7 +44,7 @@ class KnownValue(NamedTuple):
 
     value: float
     standard_error: float
-    source: str
+    source: Diagnostic
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
         for g0 in (level.value, level.value - width, level.value + width)
     )
     value, error, freedom = by_samples(pieces)
-    by_level = (by_samples(more)[0] - by_samples(less)[0]) / (2 * width) * level.standard_error
+    by_level = _slope(by_samples(less)[0], value, by_samples(more)[0], width) * level.standard_error
     if quantum == 0:
         absent = Estimate(
             value=None,
@@ -145,7 +145,7 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
     warnings = (Kind.COUNTS_BIAS(share=bias / value),) if abs(bias) > error else ()
     samples = _estimate(value, error, freedom, kind, warnings)
     value, error, freedom = by_edges(pieces)
-    by_level = (by_edges(more)[0] - by_edges(less)[0]) / (2 * width) * level.standard_error
+    by_level = _slope(by_edges(less)[0], value, by_edges(more)[0], width) * level.standard_error
     return {
         "printed": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=False),
         "corrected": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=True),
@@ -154,11 +154,19 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
     }
 
 
+def _slope(less: float, value: float, more: float, width: float) -> float:
+    """How an estimate changes with g0, from it and those `width` below and above, of which one may not exist."""
+    steps = [x for x in (value - less, more - value) if np.isfinite(x)]
+    return float(np.mean(steps)) / width if steps else np.inf
+
+
 def _estimate(
     value: float, error: float, freedom: float, kind: JointKind, warnings: tuple[Diagnostic, ...] = ()
 ) -> Estimate:
+    wrong = () if 0 < value < np.inf and np.isfinite(error) else (Kind.NOT_POSITIVE(),)
+    if not (np.isfinite(value) and np.isfinite(error)):
+        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(*warnings, *wrong))
     reach = student(freedom) * error
-    wrong = () if value > 0 else (Kind.NOT_POSITIVE(),)
     return Estimate(
         value=value,
         unit=unit("sigma_0", kind),
@@ -206,8 +214,13 @@ def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:
 
 
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
-    """Slope of U over y at the count edges by weighted least squares, its standard error and degrees of freedom."""
+    """Slope of U over y at the count edges by weighted least squares, its standard error and degrees of freedom.
+
+    Infinite, with an infinite error, where no loading has two edges.
+    """
     ys, Us = centred(pieces)
+    if not ys:
+        return np.inf, np.inf, 1.0
     y, U = np.concatenate(ys), np.concatenate(Us)
     slope = float(y @ U / (y @ y))
     score, freedom = y * (U - slope * y), y.size - len(ys) - 1
@@ -228,8 +241,15 @@ def _noise(pieces: Sequence[Piece]) -> float:
 
 
 def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
-    """One over the slope of y over U with time as the instrument, its standard error, and its degrees of freedom."""
-    columns = [p.time for p in pieces], shifted or [p.y for p in pieces], [p.U for p in pieces]
+    """One over the slope of y over U with time as the instrument, its standard error, and its degrees of freedom.
+
+    Infinite, with an infinite error, where the displacement does not change with the torque.
+    """
+    pieces = [p for p in pieces if p.time.size]
+    shifted = [y for y in shifted or [p.y for p in pieces] if y.size]
+    if not pieces:
+        return np.inf, np.inf, 1.0
+    columns = [p.time for p in pieces], shifted, [p.U for p in pieces]
     t, y, U = (np.concatenate([values - values.mean() for values in column]) for column in columns)
     along = float(t @ U)
     compliance = float(t @ y) / along if along else 0.0
@@ -240,8 +260,9 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(pieces) - 1, 1)) / abs(
         along or 1.0
     )
-    value = 1 / compliance if compliance else float("inf")
-    return value, float(error * value**2), freedom
+    if not compliance:
+        return np.inf, np.inf, freedom
+    return 1 / compliance, float(error / compliance**2), freedom
 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:

@@ -137,6 +137,8 @@ def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inve
         if not inverse and not any(one.edge_y.size > 1 for one in pieces):
             return np.nan, np.nan, 1.0
         value, error, freedom = by_samples(pieces) if inverse else by_edges(pieces)
+        if not np.isfinite(value):
+            return np.nan, np.nan, 1.0
         return (1 / value, float(np.hypot(error / value**2, spread)), freedom) if inverse else (value, error, freedom)
 
     reach = student(at(level.value)[2])

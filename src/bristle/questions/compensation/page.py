@@ -8,12 +8,13 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import Section, element, html, tables_of, versions, write_page
 from bristle.page.style import styled
-from bristle.page.wording import number, pretty
+from bristle.page.wording import in_print, number, pretty
 from bristle.questions.compensation import figures, tables
 from bristle.questions.compensation.replay import Replay
 from bristle.questions.compensation.study import Study
@@ -83,32 +84,37 @@ def context(study: Study) -> dict[str, Any]:
         "gamma": ", ".join(number(g, 3) for g in study.adapting.adaptation.gamma),
         "assumptions": loop.assumptions,
         "table_2": shown(tables.table_2(study)),
-        "worth": _worth(study),
+        "worth": in_print(_worth(study)),
         "ends": " and ".join(f"{x.final:.3f}" for x in study.adapted.factors if x.law == study.adapted.adaptation.law),
-        "counts": {
-            "tried": len(study.ablation), "cycling": sum(x.limit_cycle for x in study.ablation),
-            "leading": sum(x.over_compensated for x in study.ablation), "diverging": sum(x.diverges for x in study.ablation),
-        },
+        "ablated": in_print(_ablated(study)),
+        "tried": len(study.ablation),
         "band": study.band,
         "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
-        "replays": shown(tables.replay(study)) if study.replays else None,
+        "replays": shown(_in_print(tables.replay(study))) if study.replays else None,
         "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
         "of_replay": [
-            (x.file, f"{_start(x)}, by the {x.adaptation.law} law", x.verdict) for x in study.replays[:_MOST_REPLAYS]
+            (x.file, f"{in_print(_start(x))}, by the {x.adaptation.law} law", in_print(x.verdict)) for x in study.replays[:_MOST_REPLAYS]
         ],
         **_tables(study),
     }  # fmt: skip  # a table
 
 
-def _worth(study: Study) -> str:
+def _worth(study: Study) -> Diagnostic:
     """What LuGre feed-forward does to the first error, in numbers: that of the slow reference, without inertia feed-forward."""
-    row, q = study.errors[0], pretty(unit("position", study.loops[0].kind))
-    does = "reduces" if row.identified < row.without else "increases"
-    with_compensation = _beside(row.identified, row.without, q)
-    return (
-        f"LuGre feed-forward {does} the RMS error of {row.joint} at {row.frequency:g} Hz "
-        f"from {_milli(row.without, q)} to {with_compensation}."
-    )
+    row = study.errors[0]
+    return (Kind.ERROR_REDUCED if row.identified < row.without else Kind.ERROR_INCREASED)(
+        joint=row.joint, frequency=row.frequency, without=1e3 * row.without, identified=1e3 * row.identified,
+        percent=100 * row.identified / row.without, unit=_milli(study),
+    )  # fmt: skip  # a list of values
+
+
+def _ablated(study: Study) -> Diagnostic:
+    """How many of the ablation's cases fail, by how."""
+    rows = study.ablation
+    return Kind.ABLATED(
+        tried=len(rows), cycling=sum(x.limit_cycle for x in rows), leading=sum(x.over_compensated for x in rows),
+        diverging=sum(x.diverges for x in rows),
+    )  # fmt: skip  # a list of values
 
 
 def _tables(study: Study) -> dict[str, Table]:
@@ -156,29 +162,36 @@ def _tables(study: Study) -> dict[str, Table]:
 
 def lines(study: Study) -> Iterator[str]:
     """The study in words, a line each."""
-    first = study.loops[0]
-    q, value = unit("position", first.kind), "true" if study.paper else "identified"
-    for row in study.errors:
-        if not row.inertia:
-            identified, adaptive = (_beside(x, row.without, q) for x in (row.identified, row.adaptive))
-            yield (
-                f"{row.joint}, {row.frequency:g} Hz: RMS error {_milli(row.without, q)} without, "
-                f"{identified} with and {adaptive} with adaptive compensation."
-            )
-    for x in study.adapted.factors:
-        yield f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {value} value."
+    yield from map(str, outcomes_of(study))
     for replay in study.replays:
         yield f"{replay.file}, {replay.adaptation.law} law, initialised at {_start(replay)}: {replay.verdict}"
 
 
-def _milli(x: float, q: str) -> str:
-    """A position error, rad (m), in mrad (mm)."""
-    return f"{1e3 * x:.3g} m{q}"
+def outcomes_of(study: Study) -> Iterator[Diagnostic]:
+    """What compensation does to each error without inertia feed-forward, and where each adapted parameter ends."""
+    first = study.loops[0]
+    for row in study.errors:
+        if not row.inertia:
+            yield Kind.ERRORS_COMPENSATED(
+                joint=row.joint, frequency=row.frequency, without=1e3 * row.without, unit=_milli(study),
+                identified=1e3 * row.identified, identified_percent=100 * row.identified / row.without,
+                adaptive=1e3 * row.adaptive, adaptive_percent=100 * row.adaptive / row.without,
+            )  # fmt: skip  # a list of values
+    for x in study.adapted.factors:
+        yield Kind.ADAPTED_TO(
+            joint=first.name, law=x.law, name=x.parameter, initial=x.initial, final=x.final,
+            reference="true" if study.paper else "identified",
+        )  # fmt: skip  # a list of values
 
 
-def _beside(x: float, without: float, q: str) -> str:
-    """A position error and its ratio to that without compensation, percent."""
-    return f"{_milli(x, q)} ({100 * x / without:.2g} %)"
+def _milli(study: Study) -> str:
+    """The unit of a position error in thousandths: mrad (mm)."""
+    return f"m{unit('position', study.loops[0].kind)}"
+
+
+def _in_print(replays: pd.DataFrame) -> pd.DataFrame:
+    """The table of replays with parameters as symbols; names of files stay as they are."""
+    return replays.assign(**{name: replays[name].map(in_print) for name in ("begun", "shares", "verdict")})
 
 
 def _start(replay: Replay) -> str:

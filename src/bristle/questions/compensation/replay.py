@@ -16,6 +16,7 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.control_period import flat, symbols
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import inertia, regressors
@@ -64,33 +65,36 @@ class Replay:
         return tuple(100 * float(np.linalg.norm((self.measured - x)[late])) / over for x in (self.fixed, self.adapted))  # type: ignore[return-value]
 
     @property
-    def shares(self) -> str:
-        """Where the gains end, as shares of the identified parameters."""
-        return ", ".join(f"{n} {s:.3g}" for n, s in zip(self.adaptation.parameters, self.theta[:, -1], strict=True))
+    def ratios(self) -> tuple[tuple[str, float], ...]:
+        """Where the gains end, as shares of the identified parameters, by name."""
+        return tuple(zip(self.adaptation.parameters, self.theta[:, -1].tolist(), strict=True))
 
     @property
-    def verdict(self) -> str:
-        """Whether to switch the adaptation on; one sentence."""
+    def shares(self) -> str:
+        """The same in words."""
+        return ", ".join(f"{name} {share:.3g}" for name, share in self.ratios)
+
+    @property
+    def verdict(self) -> Diagnostic:
+        """Whether to switch the adaptation on."""
         before, after = self.relative_errors()
-        ends = self.shares
+        kind = self._found(before, after)
+        if kind is Kind.MODEL_UNFIT:
+            return kind(before=before, after=after)
+        return kind(before=before, after=after, ratios=self.ratios)
+
+    def _found(self, before: float, after: float) -> Kind:
+        """What replaying showed, by the percentages left unexplained without and with adaptation."""
         low, high = self.adaptation.limits
         gains = self.theta[:, -1] / self.start
         if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
-            return (
-                f"A gain ended at its limit ({ends}; {after:.3g} % of the torque is left unexplained instead of {before:.3g} %): widen adapt.limits "
-                "if friction may have changed that much; otherwise leave it off, or lower gamma."
-            )
+            return Kind.GAIN_AT_LIMIT
         if self.begun == "identified" and before > _STRANGE:
-            return (
-                f"The identified model leaves {before:.3g} % of this run unexplained ({after:.3g} % adapted): "
-                "check units, sign and columns of the run; until then its gains mean nothing."
-            )
+            return Kind.MODEL_UNFIT
         little = max(_LITTLE, 0.02 * before)
         if after < before - little:
-            return f"It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios {ends}."
-        if after <= before + little:
-            return f"It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with it, at ratios {ends}."
-        return f"Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios {ends}."
+            return Kind.ADAPTATION_HELPS
+        return Kind.ADAPTATION_IDLE if after <= before + little else Kind.ADAPTATION_HARMS
 
 
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:

@@ -99,7 +99,7 @@ def sampling(study: Study) -> pd.DataFrame:
 
 def replay(study: Study) -> pd.DataFrame:
     """One row per replayed run and start: torque left unexplained without and with adaptation, percent, where the gains end, and the verdict."""
-    rows = [(x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, x.verdict) for x in study.replays]
+    rows = [(x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, str(x.verdict)) for x in study.replays]
     return pd.DataFrame(rows, columns=["file", "begun", "law", "gains_of_1", "adapted", "shares", "verdict"])
 
 

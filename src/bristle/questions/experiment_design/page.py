@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from bristle.model.parameters import Direction, Kind, Stribeck, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
-from bristle.page.wording import in_symbols, measured, number, pretty, symbol
+from bristle.page.wording import in_print, measured, number, pretty, symbol
 from bristle.questions.experiment_design import figures, tables
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
@@ -67,7 +67,7 @@ def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
         "settle": SETTLE,
         "deflections": DEFLECTIONS,
         "rate": number(plan.limits.rate),
-        "warnings": [pretty(in_symbols(str(warning))) for warning in plan.warnings],
+        "warnings": [*map(in_print, plan.warnings)],
         "assumptions": [pretty(str(assumption)) for assumption in plan.assumptions],
     }
 

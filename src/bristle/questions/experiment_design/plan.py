@@ -178,7 +178,7 @@ def plan(
             *of_limits,
             *of_frequency,
             *start.assumptions,
-            Kind.PLAN_LOCAL(others=len(problem.sets) - 1),
+            Kind.PLAN_LOCAL(others=Kind.AND_OTHER_JOINTS(count=others) if (others := len(problem.sets) - 1) else ""),
             Kind.REFERENCES_FOLLOWED(),
             Kind.RUN_IN(settle=SETTLE, deflections=DEFLECTIONS),
             Kind.ENCODER_COUNT(count=start.resolution, unit=unit("position", joint.kind))

@@ -213,7 +213,11 @@ def _noises(
         step = float(np.median(np.diff(moving.time)))
         variance_inflation = inflation(moving.residuals)
         equation = moving.rms * float(np.sqrt(variance_inflation))
-        assumptions.append(Kind.NOISE_OF_EQUATIONS(step=step, rms=moving.rms, unit=T, inflation=variance_inflation))
+        assumptions.append(
+            Kind.NOISE_OF_EQUATIONS(step=step, rms=moving.rms, unit=T, inflation=variance_inflation)
+            if variance_inflation > 1
+            else Kind.NOISE_OF_INDEPENDENT(step=step, rms=moving.rms, unit=T)
+        )
         if not noise:
             noise = dict.fromkeys(sets, equation * float(np.sqrt(step / limits.hold)))
             assumptions.append(Kind.NOISE_AVERAGED(scatter=max(noise.values()), unit=T))

@@ -3,28 +3,35 @@
 from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
+from bristle.diagnostics import Diagnostic, Severity
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Crosscheck, Joint
 from bristle.page.wording import FITS, counted
-from bristle.questions.joint_report.sentences import cost_change
+from bristle.questions.joint_report.sentences import choice, cost_change
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """How each fit of each joint ended, and how many warnings it has."""
+    """How each fit of each joint ended, how many warnings it has, and what is critical among them."""
     for joint in joints:
         for direction, fit in joint.static.items():
-            yield f"{joint.name} {direction}: {fit.outcome} {counted(len(fit.warnings), 'warning')}."
+            yield from _outcome(f"{joint.name} {direction}", str(fit.outcome), fit.warnings)
+        for direction, slow in (joint.presliding.fits if joint.presliding else {}).items():
+            yield from _outcome(f"{joint.name}, presliding {direction}", str(choice(slow)), slow.warnings)
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
-            yield (
-                f"{joint.name}, {FITS[kind]}: {moving.outcome} Relative error {moving.relative_error:.2g} %{held}. "
-                f"{counted(len(moving.warnings), 'warning')}."
-            )
-        if joint.warnings:
-            yield f"{joint.name}: {counted(len(joint.warnings), 'warning')} about the joint as a whole."
+            ended = f"{moving.outcome} Relative error {moving.relative_error:.2g} %{held}."
+            yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, moving.warnings)
+        whole = (*joint.warnings, *(joint.presliding.warnings if joint.presliding else ()))
+        if whole:
+            yield from _outcome(joint.name, "As a whole:", whole)
+
+
+def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic]) -> Iterator[str]:
+    yield f"{what}: {ended} {counted(len(warnings), 'warning')}."
+    yield from (f"  critical: {warning}" for warning in warnings if warning.severity is Severity.CRITICAL)
 
 
 def checks(joint: Joint) -> Iterator[str]:
@@ -39,7 +46,8 @@ def checks(joint: Joint) -> Iterator[str]:
 
 def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> Iterator[str]:
     yield f"{title}: {check.verdict}"
-    yield f"  cost: {cost_change(check, first)}"
+    if not check.agrees:
+        yield f"  cost: {cost_change(check, first)}"
     for name, value in check.parameters.items():
         distance = check.difference_in_se.get(name)
         apart = "" if distance is None else f" {distance:+.1e} standard errors from {first}"

@@ -5,49 +5,43 @@ from collections.abc import Iterator
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Diagnostic, Kind, with_subjects
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint, StaticFit
 from bristle.model.parameters import unit
-from bristle.page.wording import direction as named
-from bristle.page.wording import number, pretty, symbol
 
 WIDE = 0.15
 """A standard error above this share of its value is called wide."""
 _MOTIONS = {
-    ("alpha_1", "v_s"): "add constant velocities below and around vₛ (experiment: ramp), or move long and slowly there",
-    ("alpha_2",): "move faster, where the viscous part is larger",
-    (
-        "sigma_0",
-        "sigma_1",
-    ): "add slow loading below breakaway (experiment: presliding), or turn often and slowly, by a few times the way in which friction builds up",
-    ("inertia",): "accelerate harder, or give the inertia",
+    ("alpha_1", "v_s"): Kind.PEAK_OPEN,
+    ("alpha_2",): Kind.VISCOUS_OPEN,
+    ("sigma_0", "sigma_1"): Kind.BRISTLE_OPEN,
+    ("inertia",): Kind.INERTIA_OPEN,
 }
 """Parameters that moving runs may leave open, and what would show them."""
 _CLEAR = 1.1
 """How far above a speed that sticks and slips a proposed one lies."""
 
 
-def next_measurements(joint: Joint) -> tuple[str, ...]:
-    """Sentences that say which runs would help most, each with its range; empty where there is nothing to warn of."""
-    advice = [f"{named(d)}: {text}" for d, fit in joint.static.items() if d != "shared" for text in _of_fit(joint, fit)]
+def next_measurements(joint: Joint) -> tuple[Diagnostic, ...]:
+    """Which runs would help most, each with its range; empty where there is nothing to warn of. That of a static fit has it as its subject."""
+    advice: list[Diagnostic] = []
+    for d, fit in joint.static.items():
+        if d != "shared":
+            advice += with_subjects(tuple(_of_fit(joint, fit)), {}, ("static", d))
     sticking = sorted({s.file for s in joint.segments if s.stick_slip})
     if sticking:
-        advice.append(
-            f"Repeat {', '.join(sticking)} with a stiffer velocity loop, or slightly faster: these runs stick and slip, so their mean "
-            "torque is not the friction of steady sliding."
-        )
+        advice.append(Kind.REPEAT_STICKING(files=tuple(sticking)))
     if {"+", "-"} & set(joint.static) and not {"+", "-"} <= set(joint.static):
-        missing = "-" if "+" in joint.static else "+"
-        advice.append(f"Measure direction {named(missing)} at the same speeds: nothing is known of it.")
+        advice.append(Kind.MEASURE_DIRECTION(direction="-" if "+" in joint.static else "+"))
     advice += _of_moving(joint)
     held = [*(fit.hold_out for fit in joint.static.values()), *(fit.hold_out for fit in moving_fits(joint).values())]
     if joint.static and not any(held):
-        advice.append("Hold back one run (hold_out: true): the error on data that were not fitted is the one to trust.")
+        advice.append(Kind.HOLD_BACK())
     return tuple(advice)
 
 
-def _of_moving(joint: Joint) -> Iterator[str]:
+def _of_moving(joint: Joint) -> Iterator[Diagnostic]:
     """What moving runs leave open, and which motion would show it."""
     fit = joint.moving
     if fit is None:
@@ -57,30 +51,30 @@ def _of_moving(joint: Joint) -> Iterator[str]:
         for name, e in fit.parameters.items()
         if e.value is None or (e.standard_error or 0.0) > WIDE * abs(e.value)
     }
-    for names, how in _MOTIONS.items():
-        open_ones = [symbol(name) for name in names if name in wide]
+    for names, kind in _MOTIONS.items():
+        open_ones = tuple(name for name in names if name in wide)
         if open_ones:
-            yield f"The moving runs leave {' and '.join(open_ones)} open: {how}."
+            yield kind(names=open_ones)
     if fit.quantity == "torque" and any(warning.kind is Kind.COUNT_BIAS for warning in fit.warnings):
-        yield "Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."
+        yield Kind.AVOID_COUNTS()
 
 
-def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[str]:
+def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Diagnostic]:
     speeds = np.abs(fit.velocity[fit.velocity != 0])
-    v_unit = pretty(unit("velocity", joint.kind))
+    v_unit = unit("velocity", joint.kind)
     if fit.outcome.kind is Kind.STATIC_TOO_FEW or speeds.size == 0:
-        yield "measure at least eight constant speeds, evenly spread in log(v) over two decades or what the joint allows."
+        yield Kind.MEASURE_SPEEDS()
         return
-    fast, floor = float(speeds.max()), _slowest(joint, fit)
-    slower = f"{_between(speeds.min() / 10, speeds.min(), floor)} {v_unit}"
+    slowest, fast, floor = float(speeds.min()), float(speeds.max()), _slowest(joint, fit)
+    low, high = _between(slowest / 10, slowest, floor)
     if fit.outcome.kind is Kind.STATIC_NO_STRIBECK:
-        where = "it does so below what was measured" if speeds.min() > floor else "these data do not show it"
-        yield f"if friction rises at low speed, {where}: try five constant speeds from {slower}."
+        rises = Kind.RISES_BELOW if slowest > floor else Kind.RISE_NOT_SHOWN
+        yield rises(low=low, high=high, unit=v_unit)
         return
-    yield from _of_stribeck(fit, speeds, v_unit, slower, floor)
+    yield from _of_stribeck(fit, speeds, v_unit, (low, high), floor)
     viscous = fit.parameters.get("alpha_2")
     if viscous and viscous.value and viscous.standard_error and viscous.standard_error > WIDE * viscous.value:
-        yield f"α₂ is wide: measure faster, {number(fast, 2)} to {number(2 * fast, 2)} {v_unit}, where the viscous part is larger."
+        yield Kind.ALPHA_2_WIDE(low=fast, high=2 * fast, unit=v_unit)
 
 
 def _slowest(joint: Joint, fit: StaticFit) -> float:
@@ -90,32 +84,33 @@ def _slowest(joint: Joint, fit: StaticFit) -> float:
     return max(float(np.abs(fit.velocity).max()) / 100, _CLEAR * max(sticking, default=0.0))
 
 
-def _between(low: float, high: float, floor: float) -> str:
-    """A range of speeds in two digits from `low`, or from `floor` where that is higher, to `high`, or to what leaves room for five speeds."""
+def _between(low: float, high: float, floor: float) -> tuple[float, float]:
+    """A range of speeds from `low`, or `floor` where that is higher, in two digits, to `high`, or to what leaves room for five speeds."""
     low = max(low, floor)
-    high = high if high >= 1.5 * low else 3 * low
-    return f"{_rounded_up(low)} to {number(high, 2)}"
+    return _rounded_up(low), high if high >= 1.5 * low else 3 * low
 
 
-def _rounded_up(x: float) -> str:
-    """In two digits, never less than it is."""
+def _rounded_up(x: float) -> float:
+    """To two digits, never less than it is."""
     digit = 10.0 ** (np.floor(np.log10(x)) - 1)
-    return number(float(np.ceil(x / digit * (1 - 1e-12)) * digit), 2)
+    return float(np.ceil(x / digit * (1 - 1e-12)) * digit)
 
 
-def _of_stribeck(fit: StaticFit, speeds: Array, v_unit: str, slower: str, floor: float) -> Iterator[str]:
+def _of_stribeck(
+    fit: StaticFit, speeds: Array, v_unit: str, slower: tuple[float, float], floor: float
+) -> Iterator[Diagnostic]:
     v_s = fit.parameters.get("v_s")
     if v_s is None or v_s.value is None:
         return
     low, high = v_s.interval or (0.0, np.inf)
     if np.count_nonzero(speeds < v_s.value) < 3:
-        wanted = _between(v_s.value / 5, v_s.value, floor)
-        yield f"fewer than three points lie below vₛ: measure five constant speeds from {wanted} {v_unit}."
+        first, last = _between(v_s.value / 5, v_s.value, floor)
+        yield Kind.FEW_POINTS_BELOW(low=first, high=last, unit=v_unit)
     elif low <= 0:
-        yield f"nothing limits vₛ below: measure five constant speeds from {slower}."
+        yield Kind.UNLIMITED_BELOW(low=slower[0], high=slower[1], unit=v_unit)
     if np.isinf(high):
-        wanted = _between(v_s.value, 2 * float(speeds.max()), floor)
-        yield f"nothing limits vₛ above: measure more speeds from {wanted} {v_unit}."
+        first, last = _between(v_s.value, 2 * float(speeds.max()), floor)
+        yield Kind.UNLIMITED_ABOVE(low=first, high=last, unit=v_unit)
     elif v_s.standard_error and v_s.standard_error > WIDE * v_s.value:
-        wanted = _between(v_s.value / 2, 2 * v_s.value, floor)
-        yield f"vₛ is wide: measure more speeds, or longer runs, from {wanted} {v_unit}, where the curve bends."
+        first, last = _between(v_s.value / 2, 2 * v_s.value, floor)
+        yield Kind.V_S_WIDE(low=first, high=last, unit=v_unit)

@@ -5,7 +5,7 @@ from typing import Any
 from bristle.identification.results import Joint, PreslidingFit
 from bristle.model.parameters import unit
 from bristle.page.columns import shown
-from bristle.page.wording import WORK, direction, measured, pretty, span
+from bristle.page.wording import WORK, direction, in_print, measured, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
 from bristle.questions.joint_report.sentences import bias, choice
@@ -17,7 +17,7 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
     return [
         {
             "direction": f"presliding {direction(d)}",
-            "outcome": choice(fit),
+            "outcome": in_print(choice(fit)),
             "relative_error": None,
             "warnings": len(set(slow.warnings_of(d))),
             "estimates": [
@@ -59,10 +59,10 @@ def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
     prior = fit.sigma_1
     return {
         "direction": fit.direction,
-        "choice": choice(fit),
-        "bias": bias(fit, joint.kind),
+        "choice": in_print(choice(fit)),
+        "bias": in_print(bias(fit, joint.kind)),
         "level": f"{measured(fit.level, fit.level_standard_error)} {pretty(unit('torque', joint.kind))}",
-        "source": fit.level_source,
+        "source": in_print(fit.level_source),
         "loadings": len(fit.loadings),
         "counts": fit.counts,
         "sigma_1": None

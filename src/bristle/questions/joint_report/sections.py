@@ -6,12 +6,13 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
+from bristle.diagnostics import Diagnostic
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import versions
 from bristle.page.style import MOST_POINTS
-from bristle.page.wording import direction, measured, number, pretty, slugs, span
+from bristle.page.wording import direction, in_print, measured, number, pretty, slugs, span
 from bristle.questions.joint_report import (
     dynamic_section,
     interval_tables,
@@ -65,7 +66,7 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "complete": _complete(joint),
         "shared": _shared(joint),
         "warnings": _warnings(joint),
-        "next": next_measurements(joint),
+        "next": [(_about(x), in_print(x)) for x in next_measurements(joint)],
         "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > MOST_POINTS,
         "most_points": MOST_POINTS,
         "banded": any(band(fit.velocity[:1], fit) is not None for d, fit in joint.static.items() if d != "shared"),
@@ -92,7 +93,10 @@ def _summary(joint: Joint) -> dict[str, Any]:
     covered = (int(inside.astype(bool).sum()), len(inside)) if len(inside) else None
     fits += [*presliding_section.presliding_summary(joint), *dynamic_section.dynamic_summary(joint)]
     verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
-    return {"fits": fits, "covered": covered, "verdicts": verdicts, "agreement": agreement(joint)}
+    agreed = agreement(joint)
+    return {
+        "fits": fits, "covered": covered, "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
+    }  # fmt: skip  # a list of values
 
 
 def _inputs(joint: Joint) -> dict[str, Any]:
@@ -174,5 +178,10 @@ def _warnings(joint: Joint) -> list[tuple[str, str]]:
     """Each warning once, with what it is about."""
     found: dict[str, list[str]] = {}
     for warning in joint.all_warnings():
-        found.setdefault(str(warning), []).append(" ".join(map(direction, warning.subject)))
+        found.setdefault(str(warning), []).append(_about(warning))
     return [(", ".join(dict.fromkeys(where)), sentence) for sentence, where in found.items()]
+
+
+def _about(x: Diagnostic) -> str:
+    """What a diagnostic is about, in words; empty where it is the joint as a whole."""
+    return " ".join(map(direction, x.subject))

@@ -1,10 +1,12 @@
-"""What is said of moving runs and of presliding, in sentences that page, text and figures share."""
+"""What is said of moving runs and of presliding, in diagnostics that page and text share."""
 
 import math
 
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Crosscheck, Estimate, Joint, PreslidingFit, TrackingFit
-from bristle.model.parameters import Kind, ParameterName, unit
-from bristle.page.wording import METHODS, number, pretty, symbol
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import ParameterName, unit
+from bristle.page.wording import METHODS
 
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
@@ -25,32 +27,29 @@ def bias_text(fit: TrackingFit, name: ParameterName, bias: float, share: float) 
     return f"{bias:+.3g} {fit.parameters[name].unit} ({share:+.1f} standard errors)"
 
 
-def reached(fit: TrackingFit) -> str:
-    """How many starts found the lowest cost; one sentence."""
-    if fit.starts == 1:
-        return "It began from the other stages' estimates alone."
-    return f"{fit.reached} of {fit.starts} starts reached the lowest cost."
+def reached(fit: TrackingFit) -> Diagnostic:
+    """How many starts found the lowest cost."""
+    return Kind.NO_STARTS() if fit.starts == 1 else Kind.STARTS_REACHED(reached=fit.reached, starts=fit.starts)
 
 
-def cost_change(check: Crosscheck, first: str) -> str:
+def cost_change(check: Crosscheck, first: str) -> Diagnostic:
     """How far the costs of the two routes are apart, and how many starts reached the lower one."""
     change = check.cost_full / check.cost_grid - 1 if check.cost_grid else check.cost_full
-    apart = (
-        f"is {'higher' if change > 0 else 'lower'} by {abs(change):.1g} of {first}'s" if change else f"equals {first}'s"
-    )
-    return f"the full fit's {apart}; {check.reached} of {check.starts} starts reached it"
+    starts = {"first": first, "reached": check.reached, "starts": check.starts}
+    if not change:
+        return Kind.COST_EQUAL(**starts)
+    return (Kind.COST_HIGHER if change > 0 else Kind.COST_LOWER)(change=abs(change), **starts)
 
 
-def agreement(joint: Joint) -> str:
-    """How many parameters agree between their own stage and the moving data; one sentence, empty where there is nothing to compare."""
+def agreement(joint: Joint) -> Diagnostic | None:
+    """How many parameters agree between their own stage and the moving data; None where there is nothing to compare."""
     known = {x.parameter: abs(x.difference_in_se) for x in joint.consistency if x.difference_in_se is not None}
     if not known:
-        return "The moving data show none of the parameters that the other stages know." if joint.consistency else ""
+        return Kind.NONE_COMPARED() if joint.consistency else None
     agreed, unseen = len(known) - sum(x.differs for x in joint.consistency), len(joint.consistency) - len(known)
-    said = f"{agreed} of {len(known)} parameters agree between their own stage and the moving data"
     largest = max(known, key=lambda name: known[name])
-    rest = f"; {unseen} more cannot be seen in the moving data" if unseen else ""
-    return f"{said}; the largest difference is {number(known[largest], 2)} standard errors ({symbol(largest)}){rest}."
+    more = Kind.MORE_UNSEEN(count=unseen) if unseen else ""
+    return Kind.STAGES_COMPARED(agreed=agreed, compared=len(known), largest=known[largest], name=largest, more=more)
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:
@@ -58,25 +57,19 @@ def methods(fit: PreslidingFit) -> dict[str, Estimate]:
     return {name: getattr(fit, name) for name in METHODS}
 
 
-def choice(fit: PreslidingFit) -> str:
-    """Which of the four to use, and why; one sentence."""
+def choice(fit: PreslidingFit) -> Diagnostic:
+    """Which of the four to use, and why."""
     if fit.sigma_0.value is None:
         low = (fit.sigma_0.interval or (math.nan,))[0]
-        return (
-            "No sigma_0 can be given."
-            if math.isnan(low)
-            else f"No sigma_0 can be given; it is at least {low:.3g} {fit.sigma_0.unit}."
-        )
-    if fit.recommended == "edges":
-        return "Use the edges: from count edge to count edge it does not matter where inside a count the joint rests, which nobody knows."
-    return "Use the samples: no counts are seen in the displacement, so there are no edges to go by."
+        return Kind.SIGMA_0_UNKNOWN() if math.isnan(low) else Kind.SIGMA_0_AT_LEAST(least=low, unit=fit.sigma_0.unit)
+    return Kind.FROM_TRANSITIONS() if fit.recommended == "edges" else Kind.FROM_SAMPLES()
 
 
-def bias(fit: PreslidingFit, kind: Kind) -> str:
-    """What (14) as printed would be off by with this encoder; one sentence."""
+def bias(fit: PreslidingFit, kind: JointKind) -> Diagnostic:
+    """What (14) as printed would be off by with this encoder."""
     if math.isnan(fit.bias_on_edge):
-        return "unknown: that needs encoder counts and a sigma_0."
-    on_edge, mean, spread = (100 * x for x in (fit.bias_on_edge, fit.bias_mean, fit.bias_spread))
-    count = f"{number(fit.quantum)} {pretty(unit('position', kind))}"
-    anywhere = f"{mean:+.0f} % on average, with a spread of {spread:.0f} %, where it rests anywhere in a count"
-    return f"{on_edge:+.1f} % where the joint rests on a count edge; {anywhere} (one count is {count}; noise in the torque comes on top)."
+        return Kind.BIAS_UNKNOWN()
+    return Kind.BIAS_OF_PRINTED(
+        on_edge=fit.bias_on_edge, mean=fit.bias_mean, spread=fit.bias_spread,
+        count=fit.quantum, unit=unit("position", kind),
+    )  # fmt: skip  # a list of values

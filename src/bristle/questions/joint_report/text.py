@@ -20,7 +20,7 @@ from bristle.identification.results import (
     TrackingFit,
 )
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import FITS, WORK, counted, measured, percent, printable
+from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, span
 from bristle.questions.joint_report.sentences import bias, bias_text, biased, choice, cost_change, methods, reached
 
 _CORRELATED = 0.5
@@ -82,7 +82,7 @@ def _estimate(e: Estimate) -> str:
         return "not estimated"
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f" ({share:.2g} %)"
-    interval = "no interval" if e.interval is None else f"[{_number(e.interval[0])}, {_number(e.interval[1])}]"
+    interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
     return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}, 95 %: {interval}"
 
 
@@ -105,7 +105,8 @@ def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> It
 def _check(check: Crosscheck, of: str = "the grid") -> Iterator[str]:
     yield "    [[cross-check]]"
     yield f"      {printable(str(check.verdict))}"
-    yield f"      cost: {cost_change(check, of)}"
+    if not check.agrees:
+        yield f"      cost: {cost_change(check, of)}"
 
 
 def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
@@ -121,7 +122,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
     level = f"{_pair(fit.level, fit.level_standard_error)} {unit('torque', joint.kind)}"
     yield f"  [[presliding {fit.direction}]] {choice(fit)}"
     yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
-    yield f"    {'level g0':<15}= {level}, from {printable(fit.level_source)}"
+    yield f"    {'level g0':<15}= {level}, from {fit.level_source}"
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"

@@ -100,10 +100,9 @@ def _resolution(result: CaseResult) -> Iterator[Diagnostic]:
         yield Kind.PLAIN_GRID_ERROR(
             values=PLAIN_GRID,
             share=100 * resolution.share(PLAIN_GRID),
-            enough=Kind.FINE_GRID(most=most, values=resolution.enough)
+            enough=Kind.FINE_GRID(most=most, values=resolution.enough, predicted=resolution.predicted)
             if resolution.enough
-            else Kind.NO_FINE_GRID(most=most),
-            predicted=resolution.predicted,
+            else Kind.NO_FINE_GRID(most=most, predicted=resolution.predicted),
         )
 
 

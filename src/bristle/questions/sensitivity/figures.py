@@ -317,7 +317,7 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
     for ax, output in zip(axes, sobol.outputs, strict=True):
         ax.annotate(_panel_title(output, kind), (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9)
         if output.indices is None:
-            _empty(ax, output.reason)
+            _empty(ax, str(output.reason))
         else:
             ax.set_ylabel("Share of variance")
             _bars(ax, output.indices)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from bristle.control.adaptation import printed
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.model import law
 from bristle.model.parameters import Lugre
@@ -65,15 +66,12 @@ class Formulas:
             *(Written(what, as_text(x), as_text(short[what]), as_latex(short[what])) for what, x in others.items()),
         )
 
-    def sentences(self) -> list[str]:
+    def sentences(self) -> tuple[Diagnostic, ...]:
         """What the printed (19) is, compared term by term with CasADi's derivatives."""
-        same = ", ".join(f"dT_f/d{name}" for name in self.printed_is) or "none of these derivatives"
-        extra = "" if "alpha_0" in self.printed_is else " It is not dT_f/dalpha_0, which it is said to be."
-        return [
-            f"The right-hand side of the paper's (19) is, term by term, {same}.{extra}",
-            "Total derivatives add dT_f/dz dz/dp, with z through the whole motion; "
-            "in steady sliding they are those of T_ss above.",
-        ]
+        same = tuple(f"dT_f/d{name}" for name in self.printed_is)
+        extra = "" if "alpha_0" in self.printed_is else Kind.PRINTED_IS_ANOTHER()
+        is_ = Kind.PRINTED_IS(derivatives=same, extra=extra) if same else Kind.PRINTED_IS_NONE(extra=extra)
+        return is_, Kind.TOTAL_DERIVATIVES()
 
     def text(self) -> str:
         """What `bristle sensitivity --symbolic` prints."""
@@ -81,7 +79,7 @@ class Formulas:
         for row in self.rows():
             short = "" if row.with_g == row.formula else f"    = {row.with_g}\n"
             lines.append(f"{row.what}\n    = {row.formula}\n{short}    LaTeX: {row.latex}\n")
-        return "\n".join([*lines, *self.sentences()])
+        return "\n".join([*lines, *map(str, self.sentences())])
 
 
 def formulas() -> Formulas:

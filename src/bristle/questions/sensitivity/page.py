@@ -10,7 +10,7 @@ import pandas as pd
 from bristle.model.parameters import unit
 from bristle.page.columns import shown
 from bristle.page.page import write_part
-from bristle.page.wording import pretty, symbol
+from bristle.page.wording import in_print, pretty, symbol
 from bristle.questions.sensitivity import figures
 from bristle.questions.sensitivity.study import SensitivityStudy
 from bristle.questions.sensitivity.tables import (
@@ -20,7 +20,7 @@ from bristle.questions.sensitivity.tables import (
     sobol_table,
     tables,
 )
-from bristle.questions.sensitivity.text import findings, sobol_sentences, with_symbols
+from bristle.questions.sensitivity.text import findings, sobol_sentences
 
 _COLUMNS = {
     "standard_error": "expected standard error", "percent": "of the value (%)", "own_standard_error": "standard error of the joint's fit",
@@ -53,7 +53,7 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
     """What the template names."""
     measurements = [
         {
-            "what": e.what, "noise": " ".join(map(with_symbols, e.noise)), "unseen": [*map(with_symbols, e.information.unseen)],
+            "what": e.what, "noise": " ".join(map(in_print, e.noise)), "unseen": [*map(in_print, e.information.unseen)],
             "table": shown(information_table(study, e).drop(columns="measurement").rename(columns=_COLUMNS)),
         }
         for e in study.expected
@@ -66,15 +66,15 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
         "T": pretty(unit("torque", study.kind)),
         "q": pretty(unit("position", study.kind)),
         "motion": study.motion,
-        "findings": findings(study),
-        "assumptions": [*map(with_symbols, study.assumptions)],
+        "findings": [*map(in_print, findings(study))],
+        "assumptions": [*map(in_print, study.assumptions)],
         "assumed": [symbol(name) for name in study.model.assumed],
         "parameters": shown(parameter_table(study).rename(columns={"assumed": "assumed?"})),
         "shares": shown(share_table(study).rename(columns={"partial": "at fixed z", "settled": "total, last period"})),
         "measurements": measurements,
         "formulas": _formulas(study),
         "sobol": None if study.sobol is None else shown(sobol_table(study.sobol, study.kind)),
-        "sobol_sentences": () if study.sobol is None else sobol_sentences(study.sobol, study.kind),
+        "sobol_sentences": [] if study.sobol is None else [*map(in_print, sobol_sentences(study.sobol, study.kind))],
     }
 
 

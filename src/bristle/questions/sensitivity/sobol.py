@@ -13,6 +13,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair, ParameterName
@@ -85,7 +86,7 @@ class Output:
     quantity: _Quantity
     """What has its unit."""
     indices: Indices | None
-    reason: str = ""
+    reason: Diagnostic | None = None
     """Why there are no indices, where there are none."""
 
 
@@ -278,7 +279,7 @@ def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array
     indices = _analysed(spans, values, seed)
     if indices.effects:
         return Output(name=name, quantity=quantity, indices=indices)
-    return Output(name=name, quantity=quantity, indices=None, reason="None of the parameters drawn changes it.")
+    return Output(name=name, quantity=quantity, indices=None, reason=Kind.NOTHING_CHANGES_IT())
 
 
 def _tracking_output(
@@ -289,12 +290,10 @@ def _tracking_output(
         _refuse_loop(subject)
         errors = _batched(error, points, _BATCH)
     except InputError as refused:
-        why = f"Not every plant drawn can be run: {refused}."
+        why = Kind.PLANTS_REFUSED(why=str(refused))
         return Output(name=TRACKING, quantity="position", indices=None, reason=why)
     diverged = int(np.count_nonzero(~(errors < _LOST * subject.amplitude)))
     if diverged:
-        why = (
-            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
-        )
+        why = Kind.LOOP_DIVERGES(diverged=diverged, drawn=errors.size)
         return Output(name=TRACKING, quantity="position", indices=None, reason=why)
     return _output(TRACKING, "position", spans, errors, seed)
