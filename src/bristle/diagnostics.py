@@ -266,6 +266,7 @@ class Kind(Enum):
 
     POINT_AT_REST = _NOTE, "At rest: friction at zero velocity is not a function of velocity; remove such rows."
 
+    POINT_TOO_SLOW = _NOTE, "Slower than segments.minimum_velocity: {speed:.3g}, and {least:.3g} is required."
     BELOW_BREAKAWAY = (
         _NOTE,
         (

@@ -37,8 +37,8 @@ from bristle.identification.results import (
     StaticFit,
     TrackingFit,
 )
-from bristle.identification.static.problem import Regression
 from bristle.identification.static.points import points_problem
+from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress

@@ -124,14 +124,15 @@ def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segmen
 def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
     if run.kind == "ramp":
         return find_segments(run.record, experiment.segments, experiment.encoder_resolution)
-    return _given_points(run.record) if run.kind == "points" else ()
+    return _given_points(run.record, experiment.segments.minimum_velocity) if run.kind == "points" else ()
 
 
-def _given_points(record: Record) -> tuple[Segment, ...]:
+def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
     velocity, torque = record.velocity, record.torque
     if velocity is None or torque is None:
         raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
     moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
+    fast = np.abs(velocity) >= (slowest or 0.0)
     return tuple(
         Segment(
             file=record.file,
@@ -141,8 +142,10 @@ def _given_points(record: Record) -> tuple[Segment, ...]:
             velocity=float(v),
             torque=float(t),
             standard_error=None,
-            accepted=bool(moves),
-            reasons=() if moves else (Kind.POINT_AT_REST(),),
+            accepted=bool(moves and fast[k]),
+            reasons=()
+            if moves and fast[k]
+            else (Kind.POINT_TOO_SLOW(speed=abs(v), least=slowest) if moves else Kind.POINT_AT_REST(),),
             labels=record.labels,
             position=None if record.position is None else float(record.position[k]),
         )

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from bristle.diagnostics import Diagnostic
+from bristle.diagnostics import Diagnostic, Severity
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
@@ -82,6 +82,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
             "warnings": len(fit.warnings),
+            "critical": [in_print(str(x)) for x in fit.warnings if x.severity is Severity.CRITICAL],
             "estimates": [
                 (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
                 for name, e in fit.parameters.items()

@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loop
-from bristle.diagnostics import Diagnostic
+from bristle.diagnostics import Diagnostic, Severity
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import (
     Crosscheck,
@@ -56,7 +56,9 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
     points = f"{counted(fit.n, 'point')}, {counted(fit.degrees_of_freedom, 'degree')} of freedom"
+    critical = [warning for warning in fit.warnings if warning.severity is Severity.CRITICAL]
     yield f"  [[{direction}]] {fit.outcome}"
+    yield from _sentences(critical)
     yield f"    {'data':<15}= {points}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit)}".rstrip()
     yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
@@ -65,7 +67,21 @@ def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
     yield from _parameters("parameters", fit.parameters)
     yield from _correlations(fit.names, fit.covariance)
     yield from _parameters("without the points that stick and slip", fit.without_stick_slip)
-    yield from _sentences(fit.warnings)
+    yield from _other_points(fit)
+    yield from _sentences([warning for warning in fit.warnings if warning not in critical])
+
+
+def _other_points(fit: StaticFit) -> Iterator[str]:
+    """The fit without the strays, or with them where they are left out; and what each of them alone does."""
+    other = fit.other_points
+    if other is None:
+        return
+    how = "without" if other.n < fit.n else "with"
+    yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters)
+    yield f"      {'rms residual:':<13}{_number(other.rms)} {_torque_unit(fit)}, relative error {_percent(other.relative_error)}".rstrip()
+    for x in fit.strays:
+        alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
+        yield f"      without {printable(x.file)} {x.where} alone: {alone}"
 
 
 def _parameters(title: str, parameters: Mapping[Any, Estimate]) -> Iterator[str]:

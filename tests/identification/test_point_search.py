@@ -1,0 +1,145 @@
+"""Strays in an experiment: named and judged by default, left out where asked, told from points below breakaway."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.errors import InputError
+from bristle.identification.results import StaticFit
+
+from .conftest import GRIPPER, curve
+
+SPEEDS = np.geomspace(0.005, 1.0, 22)
+NOISE = 0.01 * GRIPPER.alpha_0
+
+
+def torques() -> Array:
+    """On the gripper's law with white noise, N*m."""
+    return curve(SPEEDS, GRIPPER) + NOISE * np.random.default_rng(3).standard_normal(SPEEDS.size)
+
+
+def experiment(folder: Path, velocity: Array, torque: Array, extra: str = "") -> Path:
+    """A file of points, and an experiment file that names it."""
+    rows = "\n".join(f"{v!r},{T!r}" for v, T in zip(velocity.tolist(), torque.tolist(), strict=True))
+    (folder / "points.csv").write_text(f"v,T\n{rows}\n", encoding="utf-8")
+    path = folder / "e.yaml"
+    path.write_text(
+        "joint: {name: wrist}\nsignals: {velocity: {column: v, unit: rad/s}, torque: {column: T, unit: N*m}}\n"
+        f"runs: [{{files: points.csv, experiment: points}}]\n{extra}",
+        encoding="utf-8",
+    )
+    return path
+
+
+def static(path: Path) -> StaticFit:
+    """The static fit of direction +."""
+    return bristle.identify(path).joints[0].static["+"]
+
+
+def of(kinds: set[Kind], fit: StaticFit) -> list[Diagnostic]:
+    """Warnings of these kinds."""
+    return [warning for warning in fit.warnings if warning.kind in kinds]
+
+
+ABOUT = {Kind.STRAYS, Kind.STRAYS_MATTER, Kind.STRAYS_LEFT_OUT, Kind.MISFIT, Kind.RESTING_LEFT_OUT}
+
+
+def test_clean_points_say_nothing(tmp_path: Path) -> None:
+    """Without strays there is no such warning, no other fit, and every point is fitted."""
+    fit = static(experiment(tmp_path, SPEEDS, torques()))
+    assert (of(ABOUT, fit), fit.strays, fit.other_points, fit.n) == ([], (), None, 22)
+
+
+def test_a_stray_is_named_judged_and_kept(tmp_path: Path) -> None:
+    """By default every point is fitted; the stray is named by its line, the fit without it stands beside; what moves the result is critical."""
+    T = torques()
+    T[20] += 20 * NOISE
+    fit = static(experiment(tmp_path, SPEEDS, T))
+    (stray,) = fit.strays
+    assert (stray.file, stray.where, stray.velocity, stray.torque) == ("points.csv", "line 22", SPEEDS[20], T[20])
+    assert stray.deviations == pytest.approx(20, rel=0.4)
+    (warning,) = of(ABOUT, fit)
+    assert (warning.kind, warning.severity) == (Kind.STRAYS_MATTER, Severity.CRITICAL)
+    assert fit.n == 22
+    assert fit.other_points is not None
+    assert (fit.other_points.n, fit.rms) > (20, fit.other_points.rms)
+    for name, e in fit.other_points.parameters.items():
+        assert e.interval is not None
+        assert e.interval[0] <= getattr(GRIPPER, name) <= e.interval[1]
+        assert stray.without[name] == pytest.approx(e.value)
+
+
+def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
+    """With `fit.stray: drop` the fit, the cross-check, the models and a plan are those of a file without the point; the fit with it stands beside."""
+    T = torques()
+    T[6] += 20 * NOISE
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    path = experiment(tmp_path / "a", SPEEDS, T, "fit: {stray: drop}\n")
+    bare = experiment(tmp_path / "b", np.delete(SPEEDS, 6), np.delete(T, 6))
+    dropped, without = (bristle.identify(x).joints[0] for x in (path, bare))
+    for name, e in without.static["+"].parameters.items():
+        assert dropped.static["+"].parameters[name].value == e.value
+        assert dropped.static["+"].parameters[name].interval == e.interval
+    assert dropped.crosscheck["+"].parameters == without.crosscheck["+"].parameters
+    assert [m.rows for m in dropped.models] == [m.rows for m in without.models]
+    plans = [bristle.plan(x, velocities=4).velocities[0].problem.noise for x in (path, bare)]
+    assert plans[0] == plans[1]
+    (warning,) = of(ABOUT, dropped.static["+"])
+    assert warning.kind is Kind.STRAYS_LEFT_OUT
+    assert dropped.static["+"].other_points is not None
+    assert dropped.static["+"].other_points.n == 22
+    (left_out,) = [s for s in dropped.segments if not s.accepted]
+    assert [reason.kind for reason in left_out.reasons] == [Kind.STRAY_DROPPED]
+
+
+def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
+    """At vanishing speed with half the friction a point did not slide: left out by default, with the reason; at ordinary speed it is a stray."""
+    slow = np.concatenate([[1e-5], SPEEDS])
+    T = np.concatenate([[0.5 * GRIPPER.alpha_0], torques()])
+    joint = bristle.identify(experiment(tmp_path, slow, T)).joints[0]
+    assert [s.line for s in joint.segments if not s.accepted] == [2]
+    assert joint.segments[0].reasons[0].kind is Kind.BELOW_BREAKAWAY
+    assert [w.kind for w in of(ABOUT, joint.static["+"])] == [Kind.RESTING_LEFT_OUT]
+    assert joint.static["+"].n == 22
+
+
+def test_what_is_excluded_is_not_fitted(tmp_path: Path) -> None:
+    """`fit.exclude` leaves out the lines that it names and no others, and refuses to name none."""
+    T = torques()
+    path = experiment(
+        tmp_path, SPEEDS, T, "fit: {exclude: [{file: points.csv, rows: 8}, {file: points.csv, rows: 10-11}]}\n"
+    )
+    joint = bristle.identify(path).joints[0]
+    assert [s.line for s in joint.segments if not s.accepted] == [8, 10, 11]
+    assert {reason.kind for s in joint.segments for reason in s.reasons} == {Kind.EXCLUDED}
+    for entry in ("{file: points.csv, rows: 1}", "{file: other.csv, rows: 8}"):
+        with pytest.raises(InputError, match=r"fit\.exclude: entry 1 names no point"):
+            bristle.identify(experiment(tmp_path, SPEEDS, T, f"fit: {{exclude: [{entry}]}}\n"))
+    for rows in ("x", "3-2", "-1", "1.5", "[1]", "1-2-3", "true"):
+        with pytest.raises(InputError, match="rows"):
+            bristle.identify(
+                experiment(tmp_path, SPEEDS, T, f"fit: {{exclude: [{{file: points.csv, rows: {rows}}}]}}\n")
+            )
+
+
+def test_minimum_velocity_holds_for_points(tmp_path: Path) -> None:
+    """Points slower than `segments.minimum_velocity` are rejected, with the reason."""
+    path = experiment(tmp_path, SPEEDS, torques(), f"segments: {{minimum_velocity: {float(SPEEDS[3])!r} rad/s}}\n")
+    joint = bristle.identify(path).joints[0]
+    assert [s.accepted for s in joint.segments] == [False] * 3 + [True] * 19
+    assert {s.reasons[0].kind for s in joint.segments[:3]} == {Kind.POINT_TOO_SLOW}
+
+
+def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
+    """Where more than an eighth of the points would have to go, nothing is left out, and that is critical."""
+    T = torques()
+    T[[3, 8, 13]] += NOISE * np.array([160, -60, 25])
+    for stray in ("report", "drop"):
+        fit = static(experiment(tmp_path, SPEEDS, T, f"fit: {{stray: {stray}}}\n"))
+        (warning,) = of(ABOUT, fit)
+        assert (warning.kind, warning.severity, fit.n) == (Kind.MISFIT, Severity.CRITICAL, 22)
