@@ -404,19 +404,19 @@ class Kind(Enum):
     # static fits
     STRAYS = (
         _CAUTION,
-        "{count} point{count!e} off the law of the others: {points!m}. {other} To leave out: fit: {{stray: drop}}.",
+        "{count} point{count!e} off the law of the others: {points!m}. {other} To leave out, write `stray: drop` under fit.",
     )
     STRAYS_MATTER = (
         _CRITICAL,
         (
             "{count} point{count!e} off the law of the others: {points!m}. {other} That is more than one standard error of "
-            "{moved!j}. To leave out: fit: {{stray: drop}}."
+            "{moved!j}. To leave out, write `stray: drop` under fit."
         ),
     )
     STRAYS_LEFT_OUT = (
         _CAUTION,
         (
-            "{count} point{count!e} off the law of the others, left out: {points!m}. {other} To keep: fit: {{stray: report}}."
+            "{count} point{count!e} off the law of the others, left out: {points!m}. {other} To keep, write `stray: report` under fit."
         ),
     )
     STRAY_POINT = _NOTE, "{file} {where} ({torque:.4g} at {velocity:.3g}, {deviations:+.0f} standard deviations off)"

@@ -55,7 +55,7 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 
 def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
-    points = f"{counted(fit.n, 'point')}, {counted(fit.degrees_of_freedom, 'degree')} of freedom"
+    points = f"{counted(fit.n, 'point' if fit.segments else 'sample')}, {counted(fit.degrees_of_freedom, 'degree')} of freedom"
     critical = [warning for warning in fit.warnings if warning.severity is Severity.CRITICAL]
     yield f"  [[{direction}]] {fit.outcome}"
     yield from _sentences(critical)
@@ -78,7 +78,7 @@ def _other_points(fit: StaticFit) -> Iterator[str]:
         return
     how = "without" if other.n < fit.n else "with"
     yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters)
-    yield f"      {'rms residual:':<13}{_number(other.rms)} {_torque_unit(fit)}, relative error {_percent(other.relative_error)}".rstrip()
+    yield f"      {'rms residual:':<13} {_number(other.rms)} {_torque_unit(fit)}, relative error {_percent(other.relative_error)}".rstrip()
     for x in fit.strays:
         alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
         yield f"      without {printable(x.file)} {x.where} alone: {alone}"
@@ -97,7 +97,7 @@ def _estimate(e: Estimate) -> str:
     if e.value is None:
         return "not estimated"
     share = percent(e.value, e.standard_error)
-    relative = "" if share is None else f" ({share:.2g} %)"
+    relative = "" if share is None else f" ({share:.2g} %)" if share < 99.5 else f" ({share:.0f} %)"
     interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
     return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}, 95 %: {interval}"
 
