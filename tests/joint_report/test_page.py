@@ -5,13 +5,14 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
 from bristle.identification.results import Joint
 from bristle.page.page import save_figure, symbol_html
-from bristle.page.style import inline, render_as
+from bristle.page.style import inline, render_as, styled
 from bristle.questions.joint_report import page, static_figures
 
 from .conftest import HOSTILE, gripper
@@ -158,6 +159,18 @@ def test_ids_are_unique_whatever_joints_are_called(crowded: tuple[str, Elements]
         for x in re.findall(r"url\(#([^)]*)\)", v or "")
     }
     assert refs - set(ids) == set()
+
+
+def test_an_image_drawn_twice_has_two_ids() -> None:
+    """Matplotlib names an image by its content; on the page the second of two equal ones has an id of its own, and no other id changes."""
+    figure = Figure()
+    for left in (0.0, 0.5):
+        figure.add_axes((left, 0.0, 0.5, 1.0)).imshow(np.zeros((2, 2)), aspect="auto")
+    text = inline(styled(lambda: render_as(figure, "svg"))(), "p", "label")
+    ids = re.findall(r'\sid="([^"]*)"', text)
+    images = [name for name in ids if "image" in name]
+    assert len(ids) == len(set(ids))
+    assert images == [images[0], f"{images[0]}-2"]
 
 
 def test_a_figure_takes_any_label() -> None:

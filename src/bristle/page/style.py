@@ -3,6 +3,7 @@
 import io
 import re
 import warnings
+from collections import Counter
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec, TypeVar
@@ -126,6 +127,7 @@ _TAG = re.compile(r"<[^>]*>")
 """Matplotlib writes no bare > into an attribute."""
 _NAMED = re.compile(r'\sid="|url\(#|href="#')
 """Before an id, where it is given or used."""
+_ID = re.compile(r'\sid="([^"]*)"')
 _SIZED = re.compile(r'^<svg (.*?)width="[^"]*" height="[^"]*"')
 
 
@@ -138,6 +140,14 @@ def inline(svg: bytes, prefix: str, label: str) -> str:
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = _TAG.sub(lambda tag: _NAMED.sub(lambda found: f"{found[0]}{prefix}-", tag[0]), text)
+    given = Counter[str]()
+
+    def once(found: re.Match[str]) -> str:
+        """An id; the second of a name, which matplotlib gives to the same image drawn twice, with a number."""
+        given[found[1]] += 1
+        return found[0] if given[found[1]] == 1 else f' id="{found[1]}-{given[found[1]]}"'
+
+    text = _TAG.sub(lambda tag: _ID.sub(once, tag[0]), text)
     return _SIZED.sub(lambda found: f'<svg role="img" aria-label="{label}" {found[1]}', text, count=1)
 
 
