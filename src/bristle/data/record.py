@@ -64,6 +64,10 @@ class Record:
             raise InputError(f"{self.file}: time has shape {time.shape}; expected one column with at least one row")
         if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
             raise InputError(f"{self.file}: time must be finite and increase strictly from sample to sample")
+        if self.lines is not None:
+            lines = self.lines.copy()
+            lines.setflags(write=False)
+            object.__setattr__(self, "lines", lines)
         for name in _SIGNALS:
             value = getattr(self, name)
             if value is None:

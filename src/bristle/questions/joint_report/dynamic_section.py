@@ -9,7 +9,7 @@ from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
-from bristle.questions.joint_report.sentences import bias_text, biased, reached
+from bristle.questions.joint_report.sentences import bias_text, biased, critical, reached
 
 
 def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -21,6 +21,7 @@ def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
             "n": f"{fit.n} equations",
             "relative_error": fit.relative_error,
             "warnings": len(set(fit.all_warnings())),
+            "critical": critical(fit.warnings),
             "estimates": [
                 (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
                 for name, e in (fit.parameters if fit is joint.moving else {}).items()

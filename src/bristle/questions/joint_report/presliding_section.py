@@ -8,7 +8,7 @@ from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, in_print, measured, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice
+from bristle.questions.joint_report.sentences import bias, choice, critical
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -20,6 +20,7 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
             "outcome": in_print(choice(fit)),
             "relative_error": None,
             "warnings": len(set(slow.warnings_of(d))),
+            "critical": critical(fit.warnings),
             "estimates": [
                 (name, measured(e.value, e.standard_error), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (("sigma_0", fit.sigma_0, ""), ("sigma_1", fit.sigma_1, " (a prior)"))

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from bristle.diagnostics import Diagnostic, Severity
+from bristle.diagnostics import Diagnostic
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
@@ -21,7 +21,7 @@ from bristle.questions.joint_report import (
     tables,
 )
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import agreement
+from bristle.questions.joint_report.sentences import agreement, critical
 from bristle.questions.joint_report.static_figures import band
 
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
@@ -82,7 +82,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
             "warnings": len(fit.warnings),
-            "critical": [in_print(str(x)) for x in fit.warnings if x.severity is Severity.CRITICAL],
+            "critical": critical(fit.warnings),
             "estimates": [
                 (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
                 for name, e in fit.parameters.items()

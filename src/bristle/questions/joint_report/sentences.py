@@ -1,12 +1,13 @@
 """What is said of moving runs and of presliding, in diagnostics that page and text share."""
 
 import math
+from collections.abc import Sequence
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.results import Crosscheck, Estimate, Joint, PreslidingFit, TrackingFit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import METHODS
+from bristle.page.wording import METHODS, in_print
 
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
@@ -50,6 +51,11 @@ def agreement(joint: Joint) -> Diagnostic | None:
     largest = max(known, key=lambda name: known[name])
     more = Kind.MORE_UNSEEN(count=unseen) if unseen else ""
     return Kind.STAGES_COMPARED(agreed=agreed, compared=len(known), largest=known[largest], name=largest, more=more)
+
+
+def critical(warnings: Sequence[Diagnostic]) -> list[str]:
+    """The critical ones among warnings, as a page has them."""
+    return [in_print(warning) for warning in warnings if warning.severity is Severity.CRITICAL]
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:
