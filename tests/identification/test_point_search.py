@@ -7,9 +7,13 @@ import pytest
 
 import bristle
 from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.load import load_experiment
 from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.errors import InputError
 from bristle.identification.results import StaticFit
+from bristle.identification.static.points import search_points
+from bristle.simulation import edro
 
 from .conftest import GRIPPER, curve
 
@@ -143,3 +147,18 @@ def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
         fit = static(experiment(tmp_path, SPEEDS, T, f"fit: {{stray: {stray}}}\n"))
         (warning,) = of(ABOUT, fit)
         assert (warning.kind, warning.severity, fit.n) == (Kind.MISFIT, Severity.CRITICAL, 22)
+
+
+def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray() -> None:
+    """The same points with and without a standard error: five standard deviations of the others, but two of its own, are chance."""
+    T = torques()
+    T[20] += 12 * NOISE
+    found = []
+    for own in (None, NOISE, 6 * NOISE):
+        points = [
+            Segment(file="a", start=k, stop=k + 1, velocity=v, torque=t, standard_error=own, accepted=True)
+            for k, (v, t) in enumerate(zip(SPEEDS.tolist(), T.tolist(), strict=True))
+        ]
+        (search,) = search_points(load_experiment(edro.experiments()[0]), points)
+        found.append(search.strays)
+    assert found == [(20,), (20,), ()]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
@@ -14,7 +15,7 @@ from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
 from bristle.identification.moving_runs import DIRECTIONS, gravity
 from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.strays import find_strays, refit
+from bristle.identification.static.strays import LEVEL, find_strays, refit
 
 _VANISHING = 1 / 3
 """Of the slowest point that belongs to the law: a stray that is slower may be at rest."""
@@ -62,36 +63,45 @@ def _search(
     sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], v_s_range: tuple[float, float] | None
 ) -> PointSearch:
     problem = points_problem(points, sides, asked)
-    search = find_strays(problem, v_s_range)
-    n = len(points)
-    kept = _all_but(n, search.rows)
+    search, n = find_strays(problem, v_s_range), len(points)
+    nothing = PointSearch(
+        sides=sides, points=points, problem=problem, strays=search.rows, misfit=search.misfit,
+        deviations=np.zeros(n), expected=problem.torque,
+    )  # fmt: skip  # a list of values
     if search.misfit or not search.rows:
-        return PointSearch(
-            sides=sides,
-            points=points,
-            problem=problem,
-            strays=search.rows,
-            misfit=search.misfit,
-            deviations=np.zeros(n),
-            expected=problem.torque,
-        )
-    belongs = problem.rows(kept)
-    law = refit(belongs, v_s_range)
-    residuals = problem.residuals(law.theta)
-    free = np.linalg.norm(law.jacobian, axis=0) > 0
-    J = problem.jacobian(law.theta)[:, free]
-    variance = law.cost / max(belongs.torque.size - law.theta.size, 1)
-    spread = np.sqrt(variance * (1 + np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free]), J)))
-    resting = tuple(k for k in search.rows if _rests(problem.velocity, residuals, kept, k))
-    return PointSearch(
-        sides=sides,
-        points=points,
-        problem=problem,
-        strays=tuple(k for k in search.rows if k not in resting),
+        return nothing
+    residuals, _ = _from_the_law(problem, search.rows, v_s_range)
+    rows = tuple(k for k in search.rows if not _explained(points[k], residuals[k], n))
+    if not rows:
+        return replace(nothing, strays=())
+    residuals, spread = _from_the_law(problem, rows, v_s_range)
+    resting = tuple(k for k in rows if _rests(problem.velocity, residuals, _all_but(n, rows), k))
+    return replace(
+        nothing,
+        strays=tuple(k for k in rows if k not in resting),
         resting=resting,
         deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0),
         expected=problem.torque - residuals,
     )
+
+
+def _from_the_law(
+    problem: Regression, rows: Sequence[int], v_s_range: tuple[float, float] | None
+) -> tuple[Array, Array]:
+    """Torque of each point less that of the law of all but some, N*m, and the standard deviation of that, (n,)."""
+    belongs = problem.rows(_all_but(problem.torque.size, rows))
+    law = refit(belongs, v_s_range)
+    free = np.linalg.norm(law.jacobian, axis=0) > 0
+    J = problem.jacobian(law.theta)[:, free]
+    variance = law.cost / max(belongs.torque.size - law.theta.size, 1)
+    leverage = np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free]), J)
+    return problem.residuals(law.theta), np.sqrt(variance * (1 + leverage))
+
+
+def _explained(point: Segment, residual: float, n: int) -> bool:
+    """Whether a point of n is no further off than its own standard error lets expect."""
+    error = point.standard_error or 0.0
+    return bool(abs(residual) <= ndtri(1 - LEVEL / (2 * n)) * error)
 
 
 def _rests(velocity: Array, residuals: Array, kept: NDArray[np.bool_], k: int) -> bool:
