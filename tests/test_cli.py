@@ -628,7 +628,7 @@ def test_inspect_lists_and_draws(tmp_path: Path) -> None:
     assert ran.code == 0
     assert not ran.said
     assert len(re.findall(r"^  kept ", ran.out, re.MULTILINE)) == 3
-    assert re.search(r"^  rejected 1-2: .*\n +At rest", ran.out, re.MULTILINE)
+    assert re.search(r"^  rejected line 3: .*\n +At rest", ran.out, re.MULTILINE)
     assert "3 of 4 candidates kept." in ran.out
     assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG\r\n")
     assert run("inspect", path, "-o", tmp_path / "out.svg").code == 0

@@ -410,7 +410,7 @@ class Kind(Enum):
         _CRITICAL,
         (
             "{count} point{count!e} off the law of the others: {points!m}. {other} That is more than one standard error of "
-            "{moved!j}. To leave out, write `stray: drop` under fit."
+            "{moved!l}. To leave out, write `stray: drop` under fit."
         ),
     )
     STRAYS_LEFT_OUT = (

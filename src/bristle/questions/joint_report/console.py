@@ -69,5 +69,6 @@ def segment_lines(measured: Measured) -> Iterator[str]:
 
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
     error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
-    yield f"  {'kept    ' if s.accepted else 'rejected'} {s.start}-{s.stop}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
+    where = f"{s.start}-{s.stop}" if s.line is None else f"line {s.line}"
+    yield f"  {'kept    ' if s.accepted else 'rejected'} {where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
     yield from (f"           {reason}" for reason in (*s.reasons, *s.warnings))
