@@ -222,10 +222,7 @@ def _static_fit(
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: _with_warnings(core.parameters[name], comparisons.three[name]) for name in names}
     if part != "shared" and part in core.dropped:
-        missing = {
-            n: Estimate(value=None, unit=_unit_like(core, n, part), warnings=(core.dropped[part],))
-            for n in ("alpha_1", "v_s")
-        }
+        missing = {n: _not_identifiable(core, n, part) for n in ("alpha_1", "v_s")}
         parameters |= missing
     order = sorted(parameters, key=lambda name: (*Stribeck._fields, name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names]
@@ -271,9 +268,11 @@ def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -
     return Kind.STATIC_STICK_SLIP() if rests else core.outcome
 
 
-def _unit_like(core: StaticSolution, name: str, part: Direction) -> str:
+def _not_identifiable(core: StaticSolution, name: str, part: Direction) -> Estimate:
+    """A parameter of the Stribeck term that the data do not support, with the reason."""
     torque = core.parameters[ParameterName("alpha_0", part)].unit
-    return unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
+    own = unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
+    return Estimate(value=None, unit=own, warnings=(core.dropped[part],))
 
 
 def _errors(core: StaticSolution) -> Array:
