@@ -162,3 +162,13 @@ def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray() -> None:
         (search,) = search_points(load_experiment(edro.experiments()[0]), points)
         found.append(search.strays)
     assert found == [(20,), (20,), ()]
+
+
+def test_a_stray_among_torques_of_zero_is_named_without_a_relative_error(tmp_path: Path) -> None:
+    """Where nothing is left of the torque without the stray there is no relative error, and no warning of NumPy's."""
+    T = np.zeros(SPEEDS.size)
+    T[10] = 1.0
+    fit = static(experiment(tmp_path, SPEEDS, T))
+    assert [stray.where for stray in fit.strays] == ["line 12"]
+    assert fit.other_points is not None
+    assert np.isnan(fit.other_points.relative_error)

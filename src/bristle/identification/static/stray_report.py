@@ -140,9 +140,10 @@ def _other_points(solved: StaticSolution, part: Direction) -> OtherPoints:
     one = len(problem.directions) == 1
     rows = np.ones(problem.torque.size, bool) if one else problem.velocity * DIRECTIONS[part] > 0
     residuals = problem.residuals(theta)[rows]
+    norm = float(np.linalg.norm(problem.measured[rows]))
     return OtherPoints(
         n=int(rows.sum()),
         rms=float(np.sqrt(np.mean(residuals**2))),
-        relative_error=float(100 * np.linalg.norm(residuals) / np.linalg.norm(problem.measured[rows])),
+        relative_error=100 * float(np.linalg.norm(residuals)) / norm if norm else float("nan"),
         parameters={n.name: e for n, e in solved.parameters.items() if one or n.direction is part},
     )
