@@ -246,7 +246,7 @@ def plan(
 
 
 def inspect(experiment: Source) -> Measured:
-    """Read an experiment's runs and cut them into segments, without fitting anything.
+    """Read an experiment's runs and cut them into segments, and look for points off the law; no result is fitted.
 
     Raises InputError in one sentence where a file cannot be used.
     """

@@ -93,7 +93,7 @@ def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -
 
     What a study of many data sets repeats.
     """
-    core = solve_static(problem, options, kind, options.v_s_range or default_range(problem.velocity))
+    core = solve_static(problem, options, kind)
     return {name.name: e for name, e in core.parameters.items()}
 
 
@@ -193,7 +193,7 @@ def _comparisons(
         if nothing := _too_few(rest):
             warnings.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
-            alone = solve_static(rest, options, kind, options.v_s_range or default_range(rest.velocity))
+            alone = solve_static(rest, options, kind)
             without = alone.parameters
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)

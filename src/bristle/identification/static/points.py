@@ -1,13 +1,13 @@
 """Velocity-torque points as static problems, one for each solve, and those of them that do not belong to the law."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from bristle.arrays import Array
+from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.diagnostics import Kind
@@ -15,13 +15,13 @@ from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
 from bristle.identification.moving_runs import DIRECTIONS, gravity
 from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.strays import LEVEL, find_strays, refit
+from bristle.identification.static.strays import LEVEL, all_but, find_strays, refit
 
 _VANISHING = 1 / 3
 """Of the slowest point that belongs to the law: a stray that is slower may be at rest."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class PointSearch:
     """The points of one solve, and which of them do not belong to its law."""
 
@@ -44,12 +44,12 @@ class PointSearch:
     @property
     def sliding(self) -> NDArray[np.bool_]:
         """Which points slide, (n,)."""
-        return _all_but(len(self.points), self.resting)
+        return all_but(len(self.points), self.resting)
 
     @property
     def kept(self) -> NDArray[np.bool_]:
         """Which points belong to the law, (n,)."""
-        return _all_but(len(self.points), (*self.resting, *self.strays))
+        return all_but(len(self.points), (*self.resting, *self.strays))
 
 
 def search_points(experiment: Experiment, points: Sequence[Segment]) -> tuple[PointSearch, ...]:
@@ -75,7 +75,7 @@ def _search(
     if not rows:
         return replace(nothing, strays=())
     residuals, spread = _from_the_law(problem, rows, v_s_range)
-    resting = tuple(k for k in rows if _rests(problem.velocity, residuals, _all_but(n, rows), k))
+    resting = tuple(k for k in rows if _rests(problem.velocity, residuals, all_but(n, rows), k))
     return replace(
         nothing,
         strays=tuple(k for k in rows if k not in resting),
@@ -89,7 +89,7 @@ def _from_the_law(
     problem: Regression, rows: Sequence[int], v_s_range: tuple[float, float] | None
 ) -> tuple[Array, Array]:
     """Torque of each point less that of the law of all but some, N*m, and the standard deviation of that, (n,)."""
-    belongs = problem.rows(_all_but(problem.torque.size, rows))
+    belongs = problem.rows(all_but(problem.torque.size, rows))
     law = refit(belongs, v_s_range)
     free = np.linalg.norm(law.jacobian, axis=0) > 0
     J = problem.jacobian(law.theta)[:, free]
@@ -158,9 +158,3 @@ def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Seq
         extra |= gravity(np.array([s.position for s in points], dtype=float))
     velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
     return from_points(velocity, torque, sides, extra)
-
-
-def _all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
-    keep = np.ones(n, dtype=bool)
-    keep[list(rows)] = False
-    return keep

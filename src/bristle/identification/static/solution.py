@@ -17,7 +17,7 @@ from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import best_column_p_value
 from bristle.identification.results import Estimate, Profile
-from bristle.identification.static.grid import Projected, Solution, descended, solve
+from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
 from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
@@ -57,12 +57,13 @@ class StaticSolution:
 
 
 def solve_static(
-    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float]
+    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
 ) -> StaticSolution:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
 
-    With each interval go its warnings.
+    With each interval go its warnings. `v_s_range`, rad/s, is as asked for, or from the problem's speeds, if not given.
     """
+    v_s_range = v_s_range or options.v_s_range or default_range(problem.velocity)
     solution, again = None, tuple[Diagnostic, ...]()
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)

@@ -9,9 +9,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.results import Estimate, OtherPoints, Stray
-from bristle.identification.static.grid import default_range
 from bristle.identification.static.points import PointSearch
-from bristle.identification.static.problem import Regression
 from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.strays import SHARE
 from bristle.model.parameters import Direction, ParameterName
@@ -60,7 +58,7 @@ def report_strays(
     if search.misfit or not named:
         return StrayReport(warnings=tuple(warnings))
     dropped = options.stray == "drop"
-    second = _solved(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
+    second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
     strays = tuple(_stray(search, k, options, kind) for k in search.strays)
     values = _values(core, second)
     numbers = {"values": values, "error": _relative_error(second), "now": _relative_error(core)}
@@ -89,7 +87,7 @@ def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) ->
     s = search.points[k]
     keep = search.sliding
     keep[k] = False
-    alone = _solved(search.problem.rows(keep), options, kind)
+    alone = solve_static(search.problem.rows(keep), options, kind)
     file, where = s.subject
     own = {n.name: e for n, e in alone.parameters.items() if len(search.sides) == 1 or _is_of(n, s.velocity)}
     return Stray(
@@ -101,10 +99,6 @@ def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) ->
 def _is_of(name: ParameterName, velocity: float) -> bool:
     sign = DIRECTIONS.get(name.direction)
     return sign is None or velocity * sign > 0
-
-
-def _solved(problem: Regression, options: FitOptions, kind: JointKind) -> StaticSolution:
-    return solve_static(problem, options, kind, options.v_s_range or default_range(problem.velocity))
 
 
 def _relative_error(solved: StaticSolution) -> float:

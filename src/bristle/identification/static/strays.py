@@ -55,7 +55,7 @@ def find_strays(problem: Regression, v_s_range: tuple[float, float] | None = Non
     n, out = problem.torque.size, list[int]()
     while True:
         kept = np.delete(np.arange(n), out)
-        more = _significant(problem.rows(_without(n, out)), v_s_range)
+        more = _significant(problem.rows(all_but(n, out)), v_s_range)
         if not more:
             return StraySearch(tuple(out), False)
         out += kept[more].tolist()
@@ -74,7 +74,7 @@ def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> 
         freedom = n - p - len(chosen[0])
         if freedom < 1:
             continue
-        costs = [refit(problem.rows(_without(n, rows)), v_s_range).cost for rows in chosen]
+        costs = [refit(problem.rows(all_but(n, rows)), v_s_range).cost for rows in chosen]
         least = int(np.argmin(costs))
         fall = (base - costs[least]) / len(chosen[0])
         if fall > noise and fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried < LEVEL:
@@ -87,7 +87,8 @@ def refit(problem: Regression, v_s_range: tuple[float, float] | None = None) -> 
     return solve(problem, v_s_range or default_range(problem.velocity))
 
 
-def _without(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
+def all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
+    """A mask of n equations without some, (n,)."""
     keep = np.ones(n, dtype=bool)
     keep[list(rows)] = False
     return keep
