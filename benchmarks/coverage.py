@@ -16,10 +16,11 @@ import yaml
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
+from bristle.identification.fits import Estimate
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured, measure
 from bristle.identification.moving_runs import DIRECTIONS
-from bristle.identification.results import Estimate, Joint
+from bristle.identification.results import Joint
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points

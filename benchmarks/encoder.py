@@ -20,9 +20,9 @@ from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
+from bristle.identification.fits import PreslidingFit, TrackingFit
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue, printed_bias
-from bristle.identification.results import PreslidingFit, TrackingFit
 from bristle.model import functions
 from bristle.model.motor import drive_torque
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from bristle import cli
+from bristle.__main__ import main
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre
 from bristle.simulation.bench import steady_points
@@ -40,7 +40,7 @@ def run(*arguments: object, stdout: io.StringIO | None = None) -> Ran:
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.setattr(sys, "argv", ["bristle", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:
-            cli.main()
+            main()
     assert isinstance(stop.value.code, int)
     return Ran(stop.value.code, out.getvalue(), err.getvalue())
 

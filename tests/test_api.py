@@ -11,8 +11,9 @@ import pytest
 import bristle
 from bristle import Results, api
 from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
-from bristle.identification.results import Joint, StaticFit
+from bristle.identification.results import Joint
 from bristle.simulation import edro
 
 from .conftest import FEW, speeds, write

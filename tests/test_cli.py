@@ -17,7 +17,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bristle import __version__, cli
+from bristle import __version__
+from bristle.__main__ import _sentence, main
 from bristle.arrays import Array
 from bristle.data import text_table
 from bristle.data.experiment import yaml_file
@@ -574,7 +575,7 @@ def test_our_own_defect_is_not_called_bad_input(
     monkeypatch.setattr("bristle.api.identify_joint", _raiser(defect))
     monkeypatch.setattr(sys, "argv", ["bristle", "identify", str(write(tmp_path, FEW))])
     with pytest.raises(type(defect), match="ours"):
-        cli.main()
+        main()
 
 
 def _raiser(error: BaseException) -> Callable[..., None]:
@@ -672,7 +673,7 @@ def test_bristle_alone_shows_its_help() -> None:
 def test_help_waits_for_no_library() -> None:
     """`bristle --help` imports none of the libraries that take seconds."""
     script = (
-        "import sys; from bristle.cli import main; sys.argv = ['bristle', '--help']\n"
+        "import sys; from bristle.__main__ import main; sys.argv = ['bristle', '--help']\n"
         "try: main()\n"
         "except SystemExit as stop: print(stop.code, *{name.split('.')[0] for name in sys.modules})"
     )
@@ -812,14 +813,14 @@ def test_an_encoding_without_greek_stops_nothing(tmp_path: Path) -> None:
 
 def test_a_sentence_is_one_short_line() -> None:
     """Escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do."""
-    assert cli._sentence(OSError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
+    assert _sentence(OSError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
     for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
         for error in (
             InputError(f"file: {text}; name another"),
             OSError(errno.ENOENT, "none; name another", f"file: {text}"),
         ):
-            said = cli._sentence(error)
+            said = _sentence(error)
             assert len(said) < 510
             assert said.startswith("file: ")
             assert said.endswith("; name another")
-    assert cli._sentence(OSError("x" * 500)) == "x" * 500
+    assert _sentence(OSError("x" * 500)) == "x" * 500

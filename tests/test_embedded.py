@@ -5,7 +5,7 @@ import pytest
 import bristle
 from bristle.api import Results
 from bristle.diagnostics import Kind
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model.parameters import Direction, Lugre, ParameterName
 
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")

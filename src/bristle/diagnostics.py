@@ -1431,6 +1431,9 @@ class Kind(Enum):
         ),
     )
     BIAS_UNKNOWN = _NOTE, "unknown: that needs encoder counts and a sigma_0."
+    EDGES_CROSSED = _NOTE, "{loadings} loading{loadings!e} and {counts} count edge{counts!e} crossed."
+    MEDIAN_BREAKAWAY = _NOTE, "the median breakaway torque is {torque}{ends}."
+    ENDS = _NOTE, ", 95 %: {ends}"
 
     # where the torque at which slow loading slides, and the inertia, come from
     OF_STATIC_FIT = _NOTE, "the static fit"
@@ -1440,6 +1443,13 @@ class Kind(Enum):
     OF_MOVING_RUNS_WITHOUT_PEAK = _NOTE, "alpha_0 of the moving runs, which show no peak"
     OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}"
     OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}; its error of {share:.0%} is a guess"
+
+    # simulated data: how many intervals hold what was simulated
+    TRUTH_INSIDE = _NOTE, "{inside} of {count} true values lie inside their 95 % intervals{more}."
+    MISSES_TOGETHER = (
+        _NOTE,
+        "; misses are not independent: the estimates of one direction come from the same data",
+    )
 
     # how a fit of moving runs and a full fit ended, whether the stages agree, what was held out
     STARTS_REACHED = _NOTE, "{reached} of {starts} starts reached the lowest cost."

@@ -9,9 +9,9 @@ import pytest
 
 import bristle
 from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.identification.fits import StaticFit
 from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
-from bristle.identification.results import StaticFit
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.figures import (

@@ -25,6 +25,7 @@ _READERS = (
     "data",
     "questions/session_comparison/results_file.py",
     "errors.py",
+    "__main__.py",
     "cli.py",
     "terminal.py",
     "api.py",
@@ -42,9 +43,9 @@ def _past(trace: TracebackType | None) -> bool:
 
 def _run(folder: str, arguments: list[str]) -> None:
     """The command in this process, which it ends; its output goes into files beside the folder."""
-    from bristle import cli
+    from bristle import __main__ as process
 
-    def sentence(bad: Exception, plain=cli._sentence) -> str:  # type: ignore[no-untyped-def]  # wraps what is there
+    def sentence(bad: Exception, plain=process._sentence) -> str:  # type: ignore[no-untyped-def]  # wraps what is there
         """The sentence, and a file that says that the input was read."""
         if _past(bad.__traceback__):
             Path(f"{folder}.past").touch()
@@ -55,10 +56,10 @@ def _run(folder: str, arguments: list[str]) -> None:
         os.dup2(os.open(f"{folder}.{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
     resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    cli._sentence = sentence
+    process._sentence = sentence
     sys.argv = ["bristle", *arguments]
     try:
-        cli.main()
+        process.main()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1
     except BaseException:  # noqa: BLE001  # reported as Python would, with its traceback

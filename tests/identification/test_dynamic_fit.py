@@ -27,7 +27,7 @@ from bristle.identification.dynamic.problem import (
 )
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
-from bristle.identification.results import TrackingFit
+from bristle.identification.fits import TrackingFit
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 

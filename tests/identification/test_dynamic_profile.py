@@ -24,7 +24,7 @@ from bristle.identification.dynamic.problem import (
 )
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import fit, solve_dynamic
-from bristle.identification.results import Estimate, TrackingFit
+from bristle.identification.fits import Estimate, TrackingFit
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
 

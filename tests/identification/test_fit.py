@@ -6,7 +6,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
-from bristle.identification.results import StaticFit
+from bristle.identification.fits import StaticFit
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre

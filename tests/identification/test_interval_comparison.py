@@ -9,7 +9,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.interval_comparison import FACTOR, warnings
-from bristle.identification.results import Uncertainty
+from bristle.identification.fits import Uncertainty
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.solution import StaticSolution, solve_static

@@ -7,8 +7,9 @@ import pytest
 
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import DEFLECTION, Source, chosen, draws_of, known_joint, whole
-from bristle.identification.results import Estimate, Joint, StaticFit
+from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import SIGNED, Direction, Pair, ParameterName
 

@@ -17,6 +17,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.identification import model_selection
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
+from bristle.identification.fits import TrackingFit
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
 from bristle.identification.model_criteria import (
@@ -30,7 +31,7 @@ from bristle.identification.model_criteria import (
     ModelCandidate,
 )
 from bristle.identification.model_criteria import rank_models as choose
-from bristle.identification.results import Joint, ModelComparison, ModelRow, TrackingFit
+from bristle.identification.results import Joint, ModelComparison, ModelRow
 from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import INERTIA, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout

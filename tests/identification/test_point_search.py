@@ -11,7 +11,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import load_experiment
 from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.errors import InputError
-from bristle.identification.results import StaticFit
+from bristle.identification.fits import StaticFit
 from bristle.identification.static.points import search_points
 from bristle.simulation import edro
 

@@ -10,9 +10,9 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.diagnostics import Kind
+from bristle.identification.fits import PreslidingFit
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
 from bristle.identification.presliding.stiffness import KnownValue, printed_bias
-from bristle.identification.results import PreslidingFit
 from bristle.model import functions, law
 from bristle.model.vectorize import evaluate
 

@@ -11,10 +11,10 @@ from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
+from bristle.identification.fits import Uncertainty
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
-from bristle.identification.results import Uncertainty
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
 

@@ -14,17 +14,8 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.results import (
-    Crosscheck,
-    Estimate,
-    HoldOut,
-    Input,
-    Joint,
-    Presliding,
-    PreslidingFit,
-    Profile,
-    StaticFit,
-)
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
+from bristle.identification.results import Input, Joint
 from bristle.model.functions import loading_displacement_function, stribeck_shape_function
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate

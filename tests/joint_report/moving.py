@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.results import Consistency, Crosscheck, Estimate, HoldOut, Joint, TrackingFit
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, TrackingFit
+from bristle.identification.results import Consistency, Joint
 from bristle.model.parameters import ParameterName, unit
 
 from ..names import named

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from bristle.diagnostics import Kind
-from bristle.identification.results import Joint, TrackingFit
+from bristle.identification.fits import TrackingFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName
 from bristle.page.wording import in_print
 from bristle.questions.joint_report import results_file, tables

@@ -58,7 +58,7 @@ def test_all_parameters_stand_first(moved: Joint, joint: Joint) -> None:
     shown = part(moved)
     assert len(shown["complete"].rows) == 13
     assert shown["complete"].columns[:3] == ("direction", "parameter", "source")
-    assert shown["summary"]["covered"] == (12, 12)
+    assert str(shown["summary"]["covered"]).startswith("12 of 12 true values lie inside")
     assert len(shown["parameters"].rows) == 12
     assert part(joint)["complete"] is None
 

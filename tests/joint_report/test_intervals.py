@@ -12,7 +12,8 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.results import Joint, StaticFit, Uncertainty
+from bristle.identification.fits import StaticFit, Uncertainty
+from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind as JointKind

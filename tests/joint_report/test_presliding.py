@@ -11,7 +11,8 @@ import jsonschema
 import numpy as np
 
 from bristle.diagnostics import Kind
-from bristle.identification.results import Joint, Presliding
+from bristle.identification.fits import Presliding
+from bristle.identification.results import Joint
 from bristle.page.wording import METHODS, in_print
 from bristle.questions.joint_report import page, results_file, sections, sentences, tables
 from bristle.questions.joint_report.next_measurements import next_measurements

@@ -10,8 +10,9 @@ from bristle.control.plant import State, plant_step
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.diagnostics import NOT_IDENTIFIABLE, Kind
+from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.measured import measure
-from bristle.identification.results import Joint, StaticFit, TrackingFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import Motor, Pair, ParameterName
 from bristle.questions.compensation.replay import replays
 from bristle.simulation.joint_loop import of_experiment

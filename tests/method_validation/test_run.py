@@ -14,7 +14,8 @@ from bristle import identify
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import covariance, student
-from bristle.identification.results import Estimate, Joint, StaticFit
+from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
 from bristle.questions.method_validation import figures, intervals

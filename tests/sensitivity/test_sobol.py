@@ -14,7 +14,7 @@ from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.control_period import LoopOptions
 from bristle.diagnostics import Kind
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Pair

@@ -21,10 +21,10 @@ from matplotlib.text import Text
 from scipy import stats
 
 import bristle
-from bristle import cli
+from bristle.__main__ import main
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre, ParameterName, unit
@@ -418,7 +418,7 @@ def run(*arguments: object) -> tuple[int, str, list[str]]:
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.setattr(sys, "argv", ["bristle", *map(str, arguments)])
         with pytest.raises(SystemExit) as stop:
-            cli.main()
+            main()
     assert isinstance(stop.value.code, int)
     return stop.value.code, out.getvalue(), [line for line in err.getvalue().splitlines() if line.strip()]
 

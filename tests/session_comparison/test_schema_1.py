@@ -10,7 +10,8 @@ import pytest
 
 import bristle
 from bristle.diagnostics import Kind
-from bristle.identification.results import Estimate, Joint
+from bristle.identification.fits import Estimate
+from bristle.identification.results import Joint
 from bristle.questions.joint_report.results_file import to_json
 from bristle.questions.session_comparison import results_file
 

@@ -11,7 +11,8 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Kind
-from bristle.identification.results import Estimate, Joint, TrackingFit
+from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre, Pair, ParameterName, unit
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bristle.identification import known_joint
-from bristle.identification.results import TrackingFit
+from bristle.identification.fits import TrackingFit
 from bristle.model.parameters import Lugre
 from bristle.simulation.joint_loop import JointLoop, of_experiment
 

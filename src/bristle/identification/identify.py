@@ -17,6 +17,7 @@ from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
+from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.measured import Measured, nothing_to_fit
 from bristle.identification.model_selection import compare_on_motion, compare_on_points
 from bristle.identification.moving_runs import (
@@ -27,16 +28,7 @@ from bristle.identification.moving_runs import (
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
-from bristle.identification.results import (
-    Crosscheck,
-    Estimate,
-    Input,
-    Joint,
-    ModelComparison,
-    Presliding,
-    StaticFit,
-    TrackingFit,
-)
+from bristle.identification.results import Input, Joint, ModelComparison
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points

@@ -13,7 +13,8 @@ import numpy as np
 
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.identification.results import Estimate, Joint, TrackingFit
+from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import (

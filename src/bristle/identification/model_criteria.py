@@ -15,7 +15,8 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.results import ModelComparison, ModelRow, StaticFit, TrackingFit
+from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.results import ModelComparison, ModelRow
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
 """Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;

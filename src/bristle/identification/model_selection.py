@@ -16,6 +16,7 @@ from bristle.estimation.covariance import condition
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.dynamic.unknowns import fit, with_deflections
+from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.model_criteria import (
     APART,
     COULOMB,
@@ -29,7 +30,7 @@ from bristle.identification.model_criteria import (
     rank_models,
 )
 from bristle.identification.moving_runs import DIRECTIONS, inertia, regressors
-from bristle.identification.results import ModelComparison, StaticFit, TrackingFit
+from bristle.identification.results import ModelComparison
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression

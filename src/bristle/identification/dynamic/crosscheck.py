@@ -15,7 +15,7 @@ from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import InitialState, Values
-from bristle.identification.results import Crosscheck
+from bristle.identification.fits import Crosscheck
 from bristle.model import law
 from bristle.model.parameters import Lugre, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes

@@ -16,7 +16,7 @@ from bristle.diagnostics import Kind
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, modelled
 from bristle.identification.dynamic.unknowns import fit
-from bristle.identification.results import TrackingFit
+from bristle.identification.fits import TrackingFit
 from bristle.model.parameters import ParameterName
 
 REPETITIONS = 6

@@ -25,7 +25,7 @@ from bristle.identification.dynamic.unknowns import (
     with_deflections,
     without_deflections,
 )
-from bristle.identification.results import Estimate, HoldOut, TrackingFit
+from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
 from bristle.model.parameters import Kind as JointKind
 

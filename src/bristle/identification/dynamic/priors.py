@@ -20,8 +20,9 @@ from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import solve_dynamic, without_deflections
+from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
-from bristle.identification.results import Consistency, Estimate, Presliding, StaticFit, TrackingFit
+from bristle.identification.results import Consistency
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName

@@ -17,7 +17,7 @@ from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.fit import SEED, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
-from bristle.identification.results import Estimate, TrackingFit, Uncertainty
+from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 

@@ -14,9 +14,9 @@ from bristle.data.slow_loading import Loading, Loop, find_loadings, find_loops
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.identification.fits import Estimate, Presliding, PreslidingFit
 from bristle.identification.presliding.stiffness import REACH, KnownValue, count_edges, printed_bias, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
-from bristle.identification.results import Estimate, Presliding, PreslidingFit
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind as JointKind

@@ -22,7 +22,7 @@ from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL, student
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit

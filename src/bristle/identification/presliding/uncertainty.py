@@ -26,6 +26,7 @@ from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
+from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.presliding.stiffness import (
     KnownValue,
     Piece,
@@ -35,7 +36,6 @@ from bristle.identification.presliding.stiffness import (
     centred,
     of_loading,
 )
-from bristle.identification.results import Estimate, Uncertainty
 
 SEED = 0
 _NODES = 17

@@ -13,7 +13,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
-from bristle.identification.results import Crosscheck
+from bristle.identification.fits import Crosscheck
 from bristle.identification.static.problem import Regression, unknowns_of
 from bristle.identification.static.profiles import reduced
 from bristle.model import law

@@ -13,7 +13,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings
-from bristle.identification.results import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch

@@ -14,9 +14,9 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
+from bristle.identification.fits import Crosscheck, StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
-from bristle.identification.results import Crosscheck, StaticFit
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records, with_prior

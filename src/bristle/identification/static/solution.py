@@ -16,7 +16,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import best_column_p_value
-from bristle.identification.results import Estimate, Profile
+from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled

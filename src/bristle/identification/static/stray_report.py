@@ -7,8 +7,8 @@ import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.fits import Estimate, OtherPoints, Stray
 from bristle.identification.moving_runs import DIRECTIONS
-from bristle.identification.results import Estimate, OtherPoints, Stray
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.strays import SHARE

@@ -21,7 +21,7 @@ from bristle.estimation.bootstrap import (
     linear_refit,
     residual_bootstrap,
 )
-from bristle.identification.results import Uncertainty
+from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
 from bristle.identification.static.problem import Regression

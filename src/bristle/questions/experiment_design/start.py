@@ -9,6 +9,7 @@ from bristle.data.encoder import resolution
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import (
     DEFLECTION,
     INERTIAL,
@@ -20,7 +21,7 @@ from bristle.identification.known_joint import (
 )
 from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
-from bristle.identification.results import Estimate, Joint, StaticFit
+from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, unit
 

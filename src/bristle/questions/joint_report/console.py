@@ -4,9 +4,10 @@ from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
 from bristle.diagnostics import Diagnostic, Severity
+from bristle.identification.fits import Crosscheck
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
-from bristle.identification.results import Crosscheck, Joint
+from bristle.identification.results import Joint
 from bristle.page.wording import FITS, counted
 from bristle.questions.joint_report.sentences import choice, cost_change
 

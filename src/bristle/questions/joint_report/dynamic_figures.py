@@ -5,7 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bristle.arrays import Array
-from bristle.identification.results import Joint, TrackingFit
+from bristle.identification.fits import TrackingFit
+from bristle.identification.results import Joint
 from bristle.page.style import new_figure, styled, thinned, title
 from bristle.page.wording import axis
 

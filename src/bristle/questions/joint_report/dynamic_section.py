@@ -2,8 +2,9 @@
 
 from typing import Any
 
+from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.known_joint import moving_fits
-from bristle.identification.results import Estimate, Joint, TrackingFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span

@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.known_joint import moving_fits
-from bristle.identification.results import Estimate, Joint, Uncertainty
+from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.columns import shown
 from bristle.page.wording import FITS, span

@@ -6,8 +6,9 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind, with_subjects
+from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import moving_fits
-from bristle.identification.results import Joint, StaticFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 
 WIDE = 0.15

@@ -9,7 +9,8 @@ from matplotlib.ticker import MaxNLocator
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading, Loop
-from bristle.identification.results import Joint, PreslidingFit
+from bristle.identification.fits import PreslidingFit
+from bristle.identification.results import Joint
 from bristle.model.functions import loading_displacement_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import MOST_POINTS, new_figure, styled, thinned, title

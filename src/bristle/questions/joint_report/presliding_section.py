@@ -2,13 +2,15 @@
 
 from typing import Any
 
-from bristle.identification.results import Joint, PreslidingFit
+from bristle.diagnostics import Kind
+from bristle.identification.fits import PreslidingFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, in_print, measured, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice, critical
+from bristle.questions.joint_report.sentences import bias, choice, critical, median_breakaway
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -45,9 +47,7 @@ def presliding_section(joint: Joint) -> dict[str, Any] | None:
     return {
         "fits": [_slow(joint, fit) for fit in slow.fits.values()],
         "table": shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"])),
-        "medians": [
-            (d, measured(e.value, e.standard_error), span(e.interval), torque) for d, e in slow.breakaway.items()
-        ],
+        "medians": [(d, in_print(median_breakaway(e))) for d, e in slow.breakaway.items()],
         "breakaway": shown(broken),
         "hysteresis": shown(tables.hysteresis([joint]).rename(columns=units)),
         "loops_left_out": len(slow.loops) - len(loops_drawn(slow.loops)),
@@ -64,8 +64,7 @@ def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
         "bias": in_print(bias(fit, joint.kind)),
         "level": f"{measured(fit.level, fit.level_standard_error)} {pretty(unit('torque', joint.kind))}",
         "source": in_print(fit.level_source),
-        "loadings": len(fit.loadings),
-        "counts": fit.counts,
+        "crossed": Kind.EDGES_CROSSED(loadings=len(fit.loadings), counts=fit.counts),
         "sigma_1": None
         if prior.value is None
         else f"{measured(prior.value, prior.standard_error)} {pretty(prior.unit)}",

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from bristle.diagnostics import Diagnostic
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
@@ -90,14 +90,20 @@ def _summary(joint: Joint) -> dict[str, Any]:
         }
         for d, fit in joint.static.items()
     ]
-    inside = tables.table_1([joint])["inside"].dropna()
-    covered = (int(inside.astype(bool).sum()), len(inside)) if len(inside) else None
     fits += [*presliding_section.presliding_summary(joint), *dynamic_section.dynamic_summary(joint)]
     verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
     agreed = agreement(joint)
     return {
-        "fits": fits, "covered": covered, "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
+        "fits": fits, "covered": _covered(joint), "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
     }  # fmt: skip  # a list of values
+
+
+def _covered(joint: Joint) -> Diagnostic | None:
+    """How many static intervals hold the value that was simulated; None where the truth is not known."""
+    inside = tables.table_1([joint])["inside"].dropna()
+    count, total = int(inside.astype(bool).sum()), len(inside)
+    more = Kind.MISSES_TOGETHER() if count < 0.8 * total else ""
+    return Kind.TRUTH_INSIDE(inside=count, count=total, more=more) if total else None
 
 
 def _inputs(joint: Joint) -> dict[str, Any]:

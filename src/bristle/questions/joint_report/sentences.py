@@ -4,10 +4,11 @@ import math
 from collections.abc import Sequence
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
-from bristle.identification.results import Crosscheck, Estimate, Joint, PreslidingFit, TrackingFit
+from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import METHODS, in_print
+from bristle.page.wording import METHODS, in_print, measured, span
 
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
@@ -69,6 +70,14 @@ def choice(fit: PreslidingFit) -> Diagnostic:
         low = (fit.sigma_0.interval or (math.nan,))[0]
         return Kind.SIGMA_0_UNKNOWN() if math.isnan(low) else Kind.SIGMA_0_AT_LEAST(least=low, unit=fit.sigma_0.unit)
     return Kind.FROM_TRANSITIONS() if fit.recommended == "edges" else Kind.FROM_SAMPLES()
+
+
+def median_breakaway(estimate: Estimate) -> Diagnostic:
+    """The torque at which half of a direction's loadings slid, with its interval where it has one."""
+    ends = "" if estimate.interval is None else Kind.ENDS(ends=span(estimate.interval))
+    return Kind.MEDIAN_BREAKAWAY(
+        torque=f"{measured(estimate.value, estimate.standard_error)} {estimate.unit}", ends=ends
+    )
 
 
 def bias(fit: PreslidingFit, kind: JointKind) -> Diagnostic:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import moving_fits
-from bristle.identification.results import Estimate, Joint, StaticFit
+from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.page.wording import WORK
 from bristle.questions.joint_report.interval_tables import uncertainty

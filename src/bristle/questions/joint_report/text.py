@@ -9,16 +9,9 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loop
 from bristle.diagnostics import Diagnostic, Severity
+from bristle.identification.fits import Crosscheck, Estimate, Presliding, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.known_joint import moving_fits
-from bristle.identification.results import (
-    Crosscheck,
-    Estimate,
-    Joint,
-    Presliding,
-    PreslidingFit,
-    StaticFit,
-    TrackingFit,
-)
+from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, span
 from bristle.questions.joint_report.sentences import bias, bias_text, biased, choice, cost_change, methods, reached

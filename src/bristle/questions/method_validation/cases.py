@@ -12,7 +12,8 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.identification.results import Joint, StaticFit
+from bristle.identification.fits import StaticFit
+from bristle.identification.results import Joint
 from bristle.identification.static.grid import default_range
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Stribeck

@@ -7,10 +7,11 @@ from typing import NamedTuple
 from bristle.data.units import to_si
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
+from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import DEFLECTION, KnownJoint, guessed_inertia, inertia_of, known_joint
 from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
-from bristle.identification.results import Estimate, Joint
+from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind

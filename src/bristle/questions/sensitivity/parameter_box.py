@@ -8,7 +8,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, in_direction
 
 DECADE = 10.0

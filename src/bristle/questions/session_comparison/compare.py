@@ -16,7 +16,7 @@ from scipy.special import fdtrc, stdtr, stdtrit
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.explain import hints, incomparable, sentence, verdict, warnings
 from bristle.questions.session_comparison.results import (

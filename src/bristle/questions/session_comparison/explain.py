@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, pairs, usable
 

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.page.style import DIRECTION, Look, new_figure, styled, title
 from bristle.page.wording import shortened, symbol
 from bristle.questions.session_comparison.results import Change, Comparison

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.page.columns import shown
 from bristle.page.page import write_part
 from bristle.page.wording import measured, number, printable, shortened, slugs

@@ -10,7 +10,7 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.diagnostics import Diagnostic
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model.parameters import Kind, ParameterName
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from pydantic import ValidationError
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, check_regular, short
-from bristle.identification.results import Estimate, Joint, PreslidingFit, StaticFit, TrackingFit, adapter
+from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
+from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import printable, shortened
 from bristle.questions.session_comparison.results import Fit, Session, SessionJoint

@@ -6,7 +6,7 @@ from pydantic import BaseModel, FailFast, Field
 
 from bristle.arrays import JsonForm, Matrix
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.results import Estimate
+from bristle.identification.fits import Estimate
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName
 

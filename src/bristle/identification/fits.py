@@ -1,0 +1,317 @@
+"""Fits as values: an estimate, and what static, presliding and moving runs each gave, with their warnings."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from bristle.arrays import UNWRITTEN, Array, Interval, Matrix, Number, result
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.slow_loading import Loading, Loop
+from bristle.diagnostics import Diagnostic
+from bristle.model.parameters import WITHOUT_PEAK, Lugre, ParameterName, Stribeck, in_direction
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One parameter: value, standard error and 95 % interval in `unit`.
+
+    What does not exist is None, with a warning that says why; an interval that is open on a side has an infinite bound.
+    """
+
+    value: float | None
+    unit: str
+    standard_error: float | None = None
+    interval: Interval | None = None
+    warnings: tuple[Diagnostic, ...] = ()
+
+
+def _and_of(warnings: tuple[Diagnostic, ...], estimates: Iterable[Estimate]) -> Iterator[Diagnostic]:
+    """Warnings about a fit, then those about one of its estimates alone."""
+    yield from warnings
+    yield from (warning for e in estimates for warning in e.warnings if warning not in warnings)
+
+
+@result
+class Uncertainty:
+    """One parameter's 95 % interval, three ways, in the parameter's unit.
+
+    What does not exist is None, with the reason among the warnings.
+    """
+
+    covariance: Interval | None
+    """By Student's t from the exact Jacobian, widened for correlated residuals."""
+    profile: Interval | None
+    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical
+    bound."""
+    bootstrap: Interval | None
+    """From fits of resampled data."""
+    curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=UNWRITTEN)
+    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1
+    at the interval's ends."""
+    draws: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """The parameter in resampled data, (b,)."""
+    warnings: tuple[Diagnostic, ...] = ()
+
+
+@result
+class Profile:
+    """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
+
+    v_s: Array
+    """The grid, rad/s, ascending, shape (k,)."""
+    cost: Array
+    """J_s at the grid, (N*m)**2, shape (k,)."""
+    plain_v_s: Array
+    """The paper's plain grid, rad/s, shape (m,)."""
+    plain_cost: Array
+    """J_s at the plain grid, shape (m,)."""
+    near_v_s: Array
+    """Values of v_s around the minimum, close enough to draw a curve through, rad/s, ascending, shape (l,)."""
+    near_cost: Array
+    """J_s there, shape (l,)."""
+    best: float
+    """The continuous minimum, rad/s."""
+    best_cost: float
+    threshold: float
+    """The cost at which v_s leaves its 95 % interval: J_min (1 + F(0.95; 1, n - p) / (n - p))."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoldOut:
+    """How well a fit predicts a run that it has not seen."""
+
+    file: str
+    relative_error: Number
+    """100 * norm(measured - predicted) / norm(measured), percent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stray:
+    """A velocity-torque point that does not belong to the law of the others."""
+
+    file: str
+    where: str
+    """Its rows, or the line of the file."""
+    velocity: Number
+    """rad/s."""
+    torque: Number
+    """N*m."""
+    deviations: Number
+    """Torque less that of the law of the others, in standard deviations of this difference."""
+    without: Mapping[str, Number]
+    """Each parameter fitted without this point alone."""
+
+    @property
+    def subject(self) -> tuple[str, ...]:
+        """What a warning about it names."""
+        return self.file, self.where
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherPoints:
+    """The same fit with another choice of points: without the strays, or with them where they are left out."""
+
+    n: int
+    rms: Number
+    """Root mean square residual, N*m."""
+    relative_error: Number
+    """100 * norm(residual) / norm(torque), percent."""
+    parameters: Mapping[str, Estimate]
+
+
+@result
+class StaticFit:
+    """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
+
+    direction: str
+    parameters: Mapping[str, Estimate]
+    rms: float | None
+    """Root mean square residual, N*m."""
+    relative_error: float | None
+    """100 * norm(residual) / norm(torque), percent."""
+    n: int
+    outcome: Diagnostic
+    warnings: tuple[Diagnostic, ...] = ()
+    hold_out: tuple[HoldOut, ...] = ()
+    names: tuple[str, ...] = ()
+    """The free parameters, in the order of `covariance`."""
+    covariance: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    degrees_of_freedom: int = 0
+    profile: Profile | None = field(default=None, metadata=UNWRITTEN)
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """Each parameter's interval three ways."""
+    plain_grid: Mapping[str, Number] = field(default_factory=dict)
+    """The parameters at the best value of the paper's plain grid."""
+    huber: Mapping[str, Number] = field(default_factory=dict)
+    """The parameters of the Huber refit."""
+    without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
+    """The parameters fitted without the segments that stick and slip; empty where there are none."""
+    strays: tuple[Stray, ...] = ()
+    """Points that do not belong to the law of the others, the one that lowers the cost most first."""
+    other_points: OtherPoints | None = None
+    """The fit without them, or with them where they are left out (`fit.stray: drop`); None where there are none."""
+    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """What was fitted: velocity, rad/s, shape (n,)."""
+    torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """Measured torque, N*m, shape (n,)."""
+    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """Measured minus fitted torque, N*m, shape (n,)."""
+    segments: tuple[Segment, ...] = field(default=(), metadata=UNWRITTEN)
+    """Where each point comes from, (n,); empty for moving data."""
+    time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
+    position: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """Where each point was measured, rad, shape (n,); empty where unknown."""
+
+    def all_warnings(self) -> Iterator[Diagnostic]:
+        """Those about the fit, then those about one parameter."""
+        return _and_of(self.warnings, self.parameters.values())
+
+    def values(self) -> Stribeck[float] | None:
+        """The fitted law, or None where nothing was fitted; a law without a peak is `WITHOUT_PEAK`."""
+        fitted = {n: e.value for n, e in self.parameters.items() if n in Stribeck._fields and e.value is not None}
+        return Stribeck(**{"alpha_2": 0.0, **WITHOUT_PEAK, **fitted}) if "alpha_0" in fitted else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crosscheck:
+    """The full nonlinear fit beside the grid, on the same data."""
+
+    cost_grid: Number
+    cost_full: Number
+    starts: int
+    reached: int
+    """How many starts ended within 1e-6 relative of the lowest cost that any of them found."""
+    parameters: Mapping[ParameterName, Number]
+    difference_in_se: Mapping[ParameterName, Number]
+    """(full - grid) in standard errors of the grid fit."""
+    verdict: Diagnostic
+    agrees: bool = True
+    """Whether both found the same cost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreslidingFit:
+    """sigma_0 of one direction by four estimators side by side, and sigma_1 by (15)."""
+
+    direction: str
+    printed: Estimate
+    """(14) as it stands, T1 / x1."""
+    corrected: Estimate
+    """Its closed-form inverse, exact where rest lies on a count edge."""
+    edges: Estimate
+    """From count edge to count edge."""
+    samples: Estimate
+    """From all samples."""
+    sigma_1: Estimate
+    """(15): a prior from an assumed damping ratio."""
+    recommended: str
+    """Which of the four to use."""
+    level: Number
+    """g0, the torque at which slow loading slides, N*m."""
+    level_standard_error: Number
+    level_source: Diagnostic
+    """Where g0 comes from."""
+    quantum: float
+    """One count, rad; 0 where no counts are seen."""
+    counts: int
+    """Count edges crossed in all loadings."""
+    bias_on_edge: Number
+    """Relative bias of (14) with this encoder where rest lies on a count edge; like the next two nan without an encoder
+    count and a sigma_0."""
+    bias_mean: Number
+    """Its mean over rest positions anywhere in the count."""
+    bias_spread: Number
+    """Its standard deviation over them."""
+    loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
+    warnings: tuple[Diagnostic, ...] = ()
+    uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
+    """The recommended sigma_0's interval three ways, under `sigma_0`."""
+
+    @property
+    def sigma_0(self) -> Estimate:
+        """The recommended estimate."""
+        return {"edges": self.edges, "samples": self.samples}[self.recommended]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Presliding:
+    """What slow loading showed: sigma_0 per direction, breakaway, and hysteresis."""
+
+    fits: Mapping[str, PreslidingFit]
+    breakaway: Mapping[str, Estimate]
+    """Per direction, the median torque at which the joint began to slide."""
+    breakaways: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
+    """The loadings that broke away."""
+    loops: tuple[Loop, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
+
+    def warnings_of(self, direction: str) -> Iterator[Diagnostic]:
+        """Those about the fit of a direction, then those about one of its estimates or its breakaway."""
+        fit, broken = self.fits[direction], self.breakaway.get(direction)
+        estimates = (fit.printed, fit.corrected, fit.edges, fit.samples, fit.sigma_1, *((broken,) if broken else ()))
+        return _and_of(fit.warnings, estimates)
+
+
+@result
+class TrackingFit:
+    """All parameters from moving data."""
+
+    parameters: Mapping[ParameterName, Estimate]
+    rms: Number
+    """Root mean square residual of the equations, N*m (rad where the position is predicted)."""
+    relative_error: Number
+    """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
+    n: int
+    outcome: Diagnostic
+    starts: int
+    reached: int
+    """How many starts ended within 1e-6 relative of the lowest cost."""
+    condition: Number
+    """Of the Jacobian with columns of unit length."""
+    warnings: tuple[Diagnostic, ...] = ()
+    hold_out: tuple[HoldOut, ...] = ()
+    names: tuple[ParameterName, ...] = ()
+    """The free parameters, in the order of `covariance`."""
+    covariance: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
+    fixed: Mapping[ParameterName, Number] = field(default_factory=dict)
+    """With what the others were fitted, of parameters that were given, or that the motion does not show."""
+    count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
+    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked
+    at."""
+    crosscheck: Crosscheck | None = None
+    """The same problem by CasADi and IPOPT."""
+    time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """Of each equation, s from the start of its run, (n,)."""
+    quantity: Literal["torque", "position"] = "torque"
+    """What the fit predicts."""
+    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    measured: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """Torque, N*m, or position, rad, (n,)."""
+    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
+    """First equation of each segment between gaps."""
+    windows: int = 0
+    """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
+    uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
+    """Each parameter's interval three ways; empty where that was not asked for."""
+
+    def all_warnings(self) -> Iterator[Diagnostic]:
+        """Those about the fit, then those about one parameter."""
+        return _and_of(self.warnings, self.parameters.values())
+
+    @property
+    def known(self) -> dict[ParameterName, float]:
+        """Every value: estimated, or as it was fixed."""
+        return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
+
+    def values(self, direction: str) -> Lugre[float] | None:
+        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed.
+
+        None where there is none.
+        """
+        known = self.known
+        values = [x for name in Lugre._fields if (x := in_direction(known, name, direction)) is not None]
+        return Lugre(*values) if len(values) == len(Lugre._fields) else None
