@@ -307,6 +307,23 @@ class Kind(Enum):
         "Fewer than two of the torque samples are independent; the standard error of the torque is unknown.",
     )
 
+    # what a fit leaves
+    SET_UP_PAYS = (
+        _NOTE,
+        (
+            "Under fit, write {lines}: on parts of the data that were held out in turn the relative error then falls "
+            "from {asked:.2g} to {error:.2g} %."
+        ),
+    )
+    LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
+    UNEXPLAINED = (
+        _CRITICAL,
+        (
+            "The relative error is {error:.2g} %, of which noise accounts for {noise:.2g} %: the model does not describe "
+            "these data, so do not use its parameters.{advice!t}"
+        ),
+    )
+
     # residuals of any fit
     DIRECTIONS_DIFFER = (
         _CAUTION,

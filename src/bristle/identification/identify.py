@@ -32,6 +32,7 @@ from bristle.identification.results import Input, Joint, ModelComparison
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
+from bristle.identification.static.set_up import better_for_motion, better_for_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress
 
@@ -60,6 +61,7 @@ def identify_joint(
     points = measured.points(hold_out=False)
     static, checks, left_out = _static(measured, points, timings)
     stages = DynamicStages()
+    better = better_for_motion(experiment, training) if training and experiment.fit.predict == "torque" else None
     if training:
         stages = _moving(
             measured,
@@ -70,6 +72,11 @@ def identify_joint(
             uncertainty=uncertainty,
             progress=progress,
         )
+        if better:
+            stages = stages._replace(
+                alone=stages.alone and better.warned(stages.alone), joint=stages.joint and better.warned(stages.joint)
+            )
+            static = static if points else {d: better.warned(fit) for d, fit in static.items()}
     elif measured.slow:
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
     return Joint(
@@ -151,7 +158,9 @@ def _static(
     """
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
-        return *fit_points(measured, points, timings), ()
+        fits, checks = fit_points(measured, points, timings)
+        better = better_for_points(measured.experiment, points)
+        return {d: better.warned(fit) if better else fit for d, fit in fits.items()}, checks, ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)

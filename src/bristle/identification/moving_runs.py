@@ -3,7 +3,8 @@
 Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import signal, sparse
@@ -13,10 +14,31 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import Inertia
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.model.functions import load_terms_function
+from bristle.model.vectorize import evaluate
 
 _DROWNS = 1e9
 """Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
 DIRECTIONS = {"+": 1.0, "-": -1.0}
+
+
+class Regressor(NamedTuple):
+    """What an experiment can ask for beside friction."""
+
+    names: tuple[str, ...]
+    """Its parameters."""
+    needs: tuple[str, ...] = ()
+    """Signals that its columns are made of."""
+
+
+REGRESSORS = {
+    "inertia": Regressor(("inertia",), ("acceleration",)),
+    "offset": Regressor(("offset",)),
+    "gravity": Regressor(("gravity_sin", "gravity_cos"), ("position",)),
+    "quadratic": Regressor(("quadratic",), ("velocity",)),
+}
+LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
+"""In the order of `law.load_terms`."""
 _KERNEL_TAIL = 1e-8
 """Where the smoothing kernel is cut, relative to its peak."""
 
@@ -30,23 +52,24 @@ def needed(record: Record, name: str) -> Array:
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,).
+    """The columns of some regressors by parameter, each (N,).
 
     Raises InputError where the record lacks what one needs.
     """
-    columns: dict[str, Array] = {}
-    if "inertia" in regressors:
-        columns["inertia"] = needed(record, "acceleration")
-    if "offset" in regressors:
-        columns["offset"] = np.ones(record.time.size)
-    if "gravity" in regressors:
-        columns |= gravity(needed(record, "position"))
-    return columns
+    return load_columns(regressors, lambda signal: needed(record, signal), record.time.size)
 
 
-def gravity(position: Array) -> dict[str, Array]:
-    """The two columns of a gravity torque, gravity_sin sin(q) + gravity_cos cos(q); position in rad, (n,)."""
-    return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
+def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: int) -> dict[str, Array]:
+    """What multiplies each parameter of some regressors (`law.load_terms`), each (n,).
+
+    `signal` gives position, velocity or acceleration, rad and s, (n,); it is asked for those that are needed alone.
+    """
+    needs = {what for regressor in regressors for what in REGRESSORS[regressor].needs}
+    signals = (signal(what) if what in needs else np.zeros(n) for what in ("position", "velocity", "acceleration"))
+    terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
+    return {
+        name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
+    }
 
 
 def regressors(experiment: Experiment) -> tuple[str, ...]:

@@ -57,6 +57,13 @@ def stribeck_shape_slope_function() -> ca.Function:
 
 
 @cache
+def load_terms_function() -> ca.Function:
+    """(q, v, a) -> `law.load_terms`, in that order."""
+    s = _symbols("q", "v", "a")
+    return _function("load_terms", s, law.load_terms(**s))
+
+
+@cache
 def loading_displacement_function() -> ca.Function:
     """(T, g0, sigma_0) -> (y, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
     s = _symbols("T", "g0", "sigma_0")

@@ -157,6 +157,7 @@ _UNITS: dict[str, tuple[str, str]] = {
     "offset": ("N*m", "N"),
     "gravity_sin": ("N*m", "N"),
     "gravity_cos": ("N*m", "N"),
+    "quadratic": ("N*m*s**2/rad**2", "N*s**2/m**2"),
     "time": ("s", "s"),
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),

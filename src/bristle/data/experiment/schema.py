@@ -12,7 +12,7 @@ from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind, Lugre
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
-Regressor = Literal["inertia", "offset", "gravity"]
+Regressor = Literal["inertia", "offset", "gravity", "quadratic"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +52,7 @@ _SIGNS = {
     "offset": "",
     "gravity_sin": "",
     "gravity_cos": "",
+    "quadratic": "",
 }
 """What can be fixed, and which sign it has."""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
-from bristle.estimation.autocorrelation import lag_one
+from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.missing_terms import missing_terms
@@ -86,6 +86,7 @@ def fit_tracking(
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
     warnings = (
+        *_lack_of_fit(problem, rows),
         *missing_terms(problem, solution, kind),
         *_warnings(solution, rows, unseen),
         *_physics(problem, solution.values, unseen),
@@ -214,6 +215,14 @@ def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     warnings = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
     refused = any(w.kind is Kind.UNSEEN_BEND for e in unseen.values() for w in e.warnings)
     return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
+
+
+def _lack_of_fit(problem: DynamicProblem, rows: Array) -> tuple[Diagnostic, ...]:
+    """What the equations (n,) leave beyond noise; of a simulated position, which drifts, nothing is said."""
+    if problem.quantity == "position":
+        return ()
+    patterns = residual_warnings(rows, problem.velocity, problem.time, problem.position)
+    return (*unexplained(rows, problem.extent), *patterns)
 
 
 def _percent(rows: Array, problem: DynamicProblem) -> float:

@@ -61,6 +61,8 @@ class Motion:
     """What its residuals are multiplied by in the fit."""
     measured: Array
     """What is to be explained: the measured torque itself, N*m, (N,)."""
+    position: Array = field(default_factory=lambda: np.zeros(0))
+    """rad, (N,); empty where unknown."""
     coarsening: float = 1.0
     """As in `rollout`."""
 
@@ -169,6 +171,12 @@ class DynamicProblem:
         return np.concatenate([m.smoothed(m.velocity) for m in self.motions])
 
     @property
+    def position(self) -> Array:
+        """The same of the position, (n,); empty where it is not known throughout."""
+        known = all(m.position.size for m in self.motions)
+        return np.concatenate([m.smoothed(m.position) for m in self.motions]) if known else np.zeros(0)
+
+    @property
     def time(self) -> Array:
         """The same of the time, (n,)."""
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
@@ -225,6 +233,7 @@ def dynamic_problem(
                     extra=columns[part],
                     smooth=None if decimation == 1 else smooth,
                     measured=record.torque[part],
+                    position=np.zeros(0) if record.position is None else record.position[part],
                 )
             )
     return DynamicProblem(

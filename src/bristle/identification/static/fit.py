@@ -12,7 +12,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
-from bristle.estimation.autocorrelation import residual_warnings
+from bristle.estimation.autocorrelation import residual_warnings, unexplained
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
@@ -199,6 +199,8 @@ def _comparisons(
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]
     warnings += residual_warnings(residuals, velocity, where.time, where.position)
+    in_order = residuals[np.argsort(velocity)] if where.segments else residuals
+    warnings = [*unexplained(in_order, float(np.linalg.norm(problem.measured[measured]))), *warnings]
     three = three_ways(core, v_s_range)
     return _Comparisons(
         plain=plain, robust=robust, without=without, three=three, strays=strays, warnings=tuple(warnings)
