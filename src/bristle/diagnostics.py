@@ -518,6 +518,26 @@ class Kind(Enum):
             "depend on that one speed (slower ones would decide)"
         ),
     )
+    TAKES_UP_PEAK = (
+        _CAUTION,
+        (
+            "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured "
+            "speeds, and no others."
+        ),
+    )
+    V_S_DOWN_TO_ZERO = (
+        _CAUTION,
+        "these speeds set no lower limit on v_s (slower ones than {slowest:.3g} would)",
+    )
+    V_S_UP_TO_ANY = (
+        _CAUTION,
+        "these speeds set no upper limit on v_s (faster ones than {fastest:.3g}, or more of them, would)",
+    )
+    NONE_BELOW_V_S = (
+        _CAUTION,
+        "no speed lies below its v_s of {v_s:.3g} (the slowest is {slowest:.3g}; slower ones would decide)",
+    )
+    NO_STRIBECK_ASKED = _NOTE, "Not fitted: fit.model is coulomb-viscous."
     RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g} to {high:.3g}."
     ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
     V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."

@@ -284,6 +284,7 @@ def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:
     fit = experiment.fit
     settings = {
         "directions": fit.directions,
+        "model": fit.model,
         "loss": fit.loss,
         "grid": f"{fit.grid} values of v_s, even in log(v_s), refined to the continuous minimum",
         "plain grid": f"{fit.plain_grid} evenly spaced values of v_s",

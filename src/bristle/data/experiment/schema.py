@@ -151,6 +151,8 @@ class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
     directions: Literal["separate", "symmetric"] = "separate"
+    model: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
+    """Whether the Stribeck term is fitted: where the data support it, never, or always."""
     loss: Literal["least-squares", "huber"] = "least-squares"
     stray: Literal["report", "drop"] = "report"
     """Points that do not belong to the law of the others: name them, or leave them out as well."""
