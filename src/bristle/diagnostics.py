@@ -620,6 +620,35 @@ class Kind(Enum):
         _CAUTION,
         ("Not identifiable from this motion: it means nothing without another parameter, which is not identifiable."),
     )
+    UNSEEN_UNCONVERGED = _CAUTION, "Not identifiable from this motion: the fit did not converge."
+    UNSEEN_BELOW_COUNT = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: the bristle would bend by {reach:.2g}, which is less than an encoder count "
+            "of {count:.2g}; a finer encoder would show it."
+        ),
+    )
+    UNSEEN_NO_REVERSAL = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g} by which the bristle "
+            "would bend; move to and fro."
+        ),
+    )
+    UNSEEN_FAST = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: reversals pass the bristle's deflection in {samples:.2g} samples, and "
+            "{least} are needed; log faster, or reverse more slowly."
+        ),
+    )
+    UNSEEN_HALVES = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow "
+            "loading from rest (experiment: presliding) would show it."
+        ),
+    )
     UNSEEN_BEND = (
         _CAUTION,
         (
@@ -1663,5 +1692,8 @@ class Kind(Enum):
     )
 
 
-NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})
+NOT_IDENTIFIABLE = frozenset({
+    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND, Kind.UNSEEN_UNCONVERGED,
+    Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES,
+})  # fmt: skip  # a list of values
 """Kinds by which a motion refuses a parameter."""

@@ -18,6 +18,8 @@ _SIGNIFICANT = 0.01
 _FEW = 8
 _POOR = 0.15
 """Of the measured torque: a fit that leaves a larger pattern describes something else."""
+_CHANCE = 3.3
+"""White noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times."""
 
 
 def autocorrelation(x: Array) -> Array:
@@ -81,7 +83,7 @@ def unexplained(residuals: Array, norm: float) -> tuple[Diagnostic, ...]:
         return ()
     power, n = float(residuals @ residuals), residuals.size
     noise = min(float(np.sum(np.diff(residuals) ** 2)) / 2 * n / (n - 1), power)
-    if power - noise <= (_POOR * norm) ** 2:
+    if power - noise <= max((_POOR * norm) ** 2, _CHANCE / np.sqrt(n) * power):
         return ()
     return (Kind.UNEXPLAINED(error=100 * np.sqrt(power) / norm, noise=100 * np.sqrt(noise) / norm, advice=()),)
 

@@ -15,6 +15,7 @@ from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
+from bristle.identification.dynamic.bristle_claims import bristle_doubts
 from bristle.identification.dynamic.missing_terms import missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unknowns import (
@@ -41,7 +42,9 @@ _UNEVEN = 1.5
 _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
 _WIDE = 0.5
-"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
+"""A relative standard error beyond which a parameter is called not identifiable from the motion; ..."""
+_PEAK_WIDE = 0.39
+"""... of alpha_1, where it is not significant at 1 %."""
 
 
 class DynamicSolution(NamedTuple):
@@ -80,7 +83,7 @@ def fit_tracking(
     """
     problem, solution, bent = _settled(problem, start, starts, seed, others)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _all_estimates(solution, kind, bent)
+    estimates = _all_estimates(problem, solution, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
@@ -137,15 +140,18 @@ def _settled(
 
 
 def _all_estimates(
-    solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
     estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
+    for doubted, why in bristle_doubts(problem, solution, estimates).items():
+        estimates[doubted] = replace(estimates[doubted], warnings=(*estimates[doubted].warnings, why))
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, Kind.ONLY_SUM_SEEN()))
-    return estimates | {name: _without(estimates[name]) for name in _weak(estimates)}
+    asked = {"alpha_1", "v_s"} if problem.stribeck == "stribeck" else set()
+    return estimates | {name: _without(estimates[name]) for name in _weak(estimates) if name.name not in asked}
 
 
 def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Diagnostic:
@@ -194,6 +200,8 @@ def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dic
 
     Beside each stands what to fix it at.
     """
+    if problem.stribeck == "stribeck":
+        return {}
     values, upper = solution.values, solution.posed.unknowns.upper
     with_prior = {name for prior in problem.priors for name in prior.names}
     bent: dict[ParameterName, float] = {}
@@ -271,7 +279,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
                 low = max(low, 0.0)
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
                 warnings.append(Kind.AT_BOUND())
-        if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
+        if relative > (_PEAK_WIDE if bare == "alpha_1" else _WIDE) and bare.startswith(("alpha", "v_s", "sigma")):
             warnings.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
         out[name] = Estimate(
             value=value,

@@ -89,7 +89,7 @@ def fit_with_priors(
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
     pose = partial(_equation_error_problem if by_torque else _output_error_problem, experiment, moving)
-    count = resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
+    count = _count(experiment, records) if by_torque else 0.0
 
     def fitted(
         posed: DynamicProblem, starts: int, *others: Values
@@ -151,6 +151,7 @@ def _output_error_problem(
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
     posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared)
+    posed = replace(posed, count=_count(experiment, records), stribeck=options.model)
     return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
 
 
@@ -160,7 +161,13 @@ def _equation_error_problem(
     """The problem that some records pose, with the experiment's options, in the directions `moving`."""
     known, _ = inertia(experiment)
     options = experiment.fit
-    return dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+    posed = dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+    return replace(posed, count=_count(experiment, records), stribeck=options.model)
+
+
+def _count(experiment: Experiment, records: Sequence[Record]) -> float:
+    """The encoder's count where the velocity is made of positions, rad; 0 where it is logged, or no count is seen."""
+    return resolution(experiment, records) if experiment.signals.velocity is None else 0.0
 
 
 def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticFit | None:
@@ -229,6 +236,9 @@ def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterNam
                 f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
             )
         fixed |= dict.fromkeys(meant, value)
+    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
+        peak = [name for name in problem.friction_names if name.name in {"alpha_1", "v_s"} and name not in fixed]
+        fixed |= {name: 0.0 if name.name == "alpha_1" else 1.0 for name in peak}
     return fixed
 
 

@@ -113,6 +113,10 @@ class DynamicProblem:
     """What the equations are about; where it is the position, residuals are in rad."""
     initial_states: tuple[str, ...] = ("z0",)
     """What each motion begins with, unknown."""
+    count: float = 0.0
+    """Encoder count where the velocity is made of positions, rad; 0 where none is seen."""
+    stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
+    """As `fit.model`."""
     equations: "Equations" = field(default_factory=lambda: equation_error)
     """The model."""
 
