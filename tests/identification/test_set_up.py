@@ -26,7 +26,7 @@ fit: {{{fit}}}
 """
 
 
-def motion(seed: int = 0, noise: float = 0.05, **loads: float) -> Record:
+def motion(seed: float = 0, noise: float = 0.05, **loads: float) -> Record:
     """Eight seconds of a two-tone motion at 500 Hz over a radian with friction (9), an inertia, and loads by name."""
     t = np.arange(4000) / 500
     q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
@@ -34,7 +34,7 @@ def motion(seed: int = 0, noise: float = 0.05, **loads: float) -> Record:
     sign = np.where(v > 0, loads.get("apart", 1.0), 1.0)
     torque = sign * curve(v, JOINT) + 0.05 * a + loads.get("gravity", 0.0) * np.sin(q + 0.4)
     torque += loads.get("quadratic", 0.0) * v * np.abs(v) + loads.get("offset", 0.0)
-    torque += noise * np.random.default_rng(seed).standard_normal(t.size)
+    torque += noise * np.random.default_rng(int(seed)).standard_normal(t.size)
     return Record(file="log.csv", time=t, position=q, velocity=v, acceleration=a, torque=torque)
 
 
@@ -95,8 +95,9 @@ def test_a_quadratic_drag_comes_back() -> None:
 
 def left(share: float, n: int = 400, seed: int = 0) -> Array:
     """Residuals of unit power of which a slow wave has that share."""
-    wave = np.sqrt(2 * share) * np.sin(2 * np.pi * 3 * np.arange(n) / n)
-    return wave + np.sqrt(1 - share) * np.random.default_rng(seed).standard_normal(n)
+    wave: Array = np.sqrt(2 * share) * np.sin(2 * np.pi * 3 * np.arange(n) / n)
+    wave += np.sqrt(1 - share) * np.random.default_rng(seed).standard_normal(n)
+    return wave
 
 
 def test_a_large_pattern_is_not_noise() -> None:
