@@ -620,6 +620,13 @@ class Kind(Enum):
         _CAUTION,
         ("Not identifiable from this motion: it means nothing without another parameter, which is not identifiable."),
     )
+    UNSEEN_PEAK = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in {percent:.0f} % of "
+            "cases."
+        ),
+    )
     UNSEEN_UNCONVERGED = _CAUTION, "Not identifiable from this motion: the fit did not converge."
     UNSEEN_BELOW_COUNT = (
         _CAUTION,
@@ -1694,6 +1701,6 @@ class Kind(Enum):
 
 NOT_IDENTIFIABLE = frozenset({
     Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND, Kind.UNSEEN_UNCONVERGED,
-    Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES,
+    Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES, Kind.UNSEEN_PEAK,
 })  # fmt: skip  # a list of values
 """Kinds by which a motion refuses a parameter."""

@@ -15,7 +15,7 @@ from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.bristle_claims import bristle_doubts
+from bristle.identification.dynamic.claims import bristle_doubts, peak_doubts
 from bristle.identification.dynamic.missing_terms import missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unknowns import (
@@ -42,9 +42,7 @@ _UNEVEN = 1.5
 _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
 _WIDE = 0.5
-"""A relative standard error beyond which a parameter is called not identifiable from the motion; ..."""
-_PEAK_WIDE = 0.39
-"""... of alpha_1, where it is not significant at 1 %."""
+"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
 
 
 class DynamicSolution(NamedTuple):
@@ -145,7 +143,8 @@ def _all_estimates(
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
     estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
-    for doubted, why in bristle_doubts(problem, solution, estimates).items():
+    doubts = {**peak_doubts(problem, solution), **bristle_doubts(problem, solution, estimates)}
+    for doubted, why in doubts.items():
         estimates[doubted] = replace(estimates[doubted], warnings=(*estimates[doubted].warnings, why))
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
@@ -279,7 +278,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
                 low = max(low, 0.0)
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
                 warnings.append(Kind.AT_BOUND())
-        if relative > (_PEAK_WIDE if bare == "alpha_1" else _WIDE) and bare.startswith(("alpha", "v_s", "sigma")):
+        if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
             warnings.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
         out[name] = Estimate(
             value=value,

@@ -1,10 +1,14 @@
-"""Whether moving data resolve presliding, without which sigma_0 and sigma_1 are numbers, and not the bristle's."""
+"""What moving data can claim.
+
+The Stribeck term where it is significant; sigma_0 and sigma_1 where presliding is resolved, without which they are
+numbers, and not the bristle's.
+"""
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import fdtrc, stdtrit
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
@@ -17,8 +21,29 @@ from bristle.model.parameters import Direction, ParameterName
 _SAMPLES = 5
 """In which a motion has to pass the bristle's deflection."""
 _LEVEL = 0.01
-"""Of the test whether the halves of the record agree, over all parameters of bristles together."""
+"""Of the tests: of each Stribeck term, and whether the halves of the record agree, over all parameters of bristles together."""
 _BRISTLE = ("sigma_0", "sigma_1")
+
+
+def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:
+    """Why an alpha_1 is not identifiable, by name: an F test of its term at 1 %, to first order; one with a prior stands.
+
+    Without the term v_s means nothing, so that the cost at alpha_1 = 0 is that along alpha_1 with v_s held.
+    """
+    with_prior = {name for prior in problem.priors for name in prior.names}
+    order = {name: k for k, name in enumerate(solution.names)}
+    doubts: dict[ParameterName, Diagnostic] = {}
+    for direction in problem.directions:
+        alpha_1, v_s = problem.key("alpha_1", direction), problem.key("v_s", direction)
+        if alpha_1 not in order or v_s not in order or alpha_1 in with_prior:
+            continue
+        a, b = order[alpha_1], order[v_s]
+        C = solution.covariance
+        held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
+        p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
+        if not p < _LEVEL:
+            doubts[alpha_1] = Kind.UNSEEN_PEAK(percent=100 * p if np.isfinite(p) else 100.0)
+    return doubts
 
 
 def bristle_doubts(
