@@ -26,11 +26,13 @@ from .conftest import TABLE_1
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
 
 
-def fits(velocity: Array, noise: float, kind: JointKind = "revolute", seed: int = 1) -> Mapping[str, StaticFit]:
+def fits(
+    velocity: Array, noise: float, kind: JointKind = "revolute", seed: int = 1, options: FitOptions | None = None
+) -> Mapping[str, StaticFit]:
     """The fit of simulated points."""
     torque = curve(velocity, TABLE_1["+"].stribeck) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     directions = ("+",) if velocity.min() > 0 else ("+", "-")
-    return fit_static(from_points(velocity, torque, directions), FitOptions(), kind, PointInfo())[0]
+    return fit_static(from_points(velocity, torque, directions), options or FitOptions(), kind, PointInfo())[0]
 
 
 def built(static: Mapping[str, StaticFit], kind: JointKind = "revolute", name: str = "wrist") -> Joint:
@@ -56,8 +58,8 @@ def good() -> Joint:
 
 @pytest.fixture(scope="module")
 def open_() -> Joint:
-    """Speeds from v_s up: v_s has no lower end, alpha_1 no upper one."""
-    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5))
+    """Speeds from v_s up, and the term asked for by hand: v_s has no lower end, alpha_1 no upper one."""
+    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5, options=FitOptions(model="stribeck")))
     assert (joint.static["+"].uncertainty["v_s"].profile or (1,))[0] == 0
     return joint
 
