@@ -3,17 +3,17 @@
 Static, presliding and moving fits, models.
 """
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from bristle.data.constant_velocity.segments import Segment, unit_mistake
+from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.data.signal_checks import velocity_noise
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
@@ -26,6 +26,7 @@ from bristle.identification.moving_runs import (
     refuse_opposing_runs,
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
+from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, ModelComparison
@@ -34,6 +35,9 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress
+
+_SMEARED = 0.3
+"""Of v_s: noise of the velocity widens the peak to sqrt(v_s**2 + 2 noise**2), which is then 9 % more."""
 
 
 def identify_joint(
@@ -84,7 +88,12 @@ def identify_joint(
         joint_fit=stages.joint,
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
-        warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
+        warnings=(
+            *_joint_warnings(measured, static, bool(points)),
+            *point_warnings(measured, points, static),
+            *_hidden_by_counts(measured, stages.alone),
+            *left_out,
+        ),
         travel=measured.travel,
         truth=experiment.truth,
         simulated=experiment.simulated,
@@ -238,8 +247,19 @@ def _input(record: Record) -> Input:
     )
 
 
+def _hidden_by_counts(measured: Measured, fit: TrackingFit | None) -> Iterator[Diagnostic]:
+    """A v_s of the moving runs that the noise of counts in the velocity smears."""
+    if fit is None or measured.experiment.fit.predict == "position":
+        return
+    resolution, cutoff = measured.experiment.encoder_resolution, measured.experiment.fit.position_cutoff
+    noise = max(velocity_noise(r, resolution, cutoff) for r in measured.moving(hold_out=False))
+    for name, estimate in fit.parameters.items():
+        if name.name == "v_s" and estimate.value and noise > _SMEARED * estimate.value:
+            yield Kind.COARSE_VELOCITY(direction=name.direction, noise=noise, v_s=estimate.value)
+
+
 def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:
-    experiment, warnings = measured.experiment, []
+    experiment, warnings = measured.experiment, list(measured.warnings)
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
@@ -260,11 +280,10 @@ def _segment_warnings(measured: Measured) -> list[Diagnostic]:
     """Warnings about kept segments, counted: each is listed with its segment."""
     kept = measured.points(hold_out=False)
     warnings = []
+    told = {file for d in measured.warnings if d.kind is Kind.VELOCITY_FACTOR for file in d.numbers["files"]}
     differ = sum(any(d.kind is Kind.POSITION_DIFFERS for d in s.warnings) for s in kept)
-    if differ:
-        looks = Counter(filter(None, (unit_mistake(run.record) for run in measured.runs))).most_common(1)
-        hint = Kind.LOOKS_LIKE(what=looks[0][0]) if looks else ""
-        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept), looks=hint))
+    if differ and not told:
+        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept)))
     others = sum(any(d.kind not in {Kind.POSITION_DIFFERS, Kind.STICK_SLIP} for d in s.warnings) for s in kept)
     if others:
         warnings.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))

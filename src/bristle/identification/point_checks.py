@@ -1,0 +1,121 @@
+"""What the points of constant velocity cannot tell apart: drift from speed, an offset from friction that differs."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from scipy.special import fdtrc, stdtr
+
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.fits import StaticFit
+from bristle.identification.measured import Measured
+from bristle.identification.moving_runs import DIRECTIONS
+from bristle.identification.static.points import point_regressors, points_problem
+from bristle.identification.static.strays import refit
+from bristle.model.parameters import ParameterName, unit
+
+_RARE = 1e-3
+"""Of clean experiments, in which a test finds something all the same."""
+_ENOUGH = 5
+"""Points of a direction that show an order, or a drift."""
+_IN_ORDER = 0.9
+"""Rank correlation of speed and order from which they cannot be told apart."""
+
+
+def point_warnings(
+    measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]
+) -> Iterator[Diagnostic]:
+    """Warnings about the points of an experiment taken together.
+
+    Args:
+        measured: the runs that the segments were cut from.
+        points: those that are fitted.
+        static: their fits.
+    """
+    records = {run.record.file: run.record for run in measured.runs if run.kind == "ramp" and not run.hold_out}
+    for direction, sign in DIRECTIONS.items():
+        fit = static.get(direction) or static.get("both")
+        chosen = [s for s in points if s.velocity * sign > 0 and s.file in records]
+        if fit is not None and fit.rms is not None and len(chosen) >= _ENOUGH:
+            yield from _drift(chosen, records, direction, fit.rms)
+    if set(DIRECTIONS) <= set(static):
+        yield from _offset(measured, points, static)
+
+
+def _drift(
+    points: Sequence[Segment], records: Mapping[str, Record], direction: str, scatter: float
+) -> Iterator[Diagnostic]:
+    """Speed that rises or falls with the order of the runs, while the torque drifts within them."""
+    speed = np.abs([s.velocity for s in points])
+    ranks = np.argsort(np.argsort(speed)).astype(float)
+    order = np.corrcoef(ranks, np.arange(speed.size))[0, 1]
+    if abs(order) < _IN_ORDER:
+        return
+    slopes, durations = np.array([_slope(records[s.file], s) for s in points]).T
+    weight = durations**3 / np.sum(durations**3)  # the variance of a slope falls with the third power of its length
+    mean = float(weight @ slopes)
+    error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
+    across = abs(mean) * _elapsed(points, durations)
+    if not error or 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) > _RARE or across < 2 * scatter:
+        return
+    yield Kind.DRIFT_IN_ORDER(
+        direction=direction,
+        way="rises" if order > 0 else "falls",
+        slope=mean,
+        across=across,
+        share=across / _level(points),
+    )
+
+
+def _slope(record: Record, segment: Segment) -> tuple[float, float]:
+    """Slope of the torque along the motion in a segment, N*m/s, its beginning apart, which may be settling; and its duration, s."""
+    torque = np.zeros(0) if record.torque is None else record.torque
+    part = slice(segment.start + (segment.stop - segment.start) // 3, segment.stop)
+    time = record.time[part] - record.time[part].mean()
+    return float(time @ torque[part] / (time @ time)) * np.sign(segment.velocity), float(np.ptp(time))
+
+
+def _elapsed(points: Sequence[Segment], durations: np.ndarray) -> float:
+    """From the first to the last point, s; of several runs, as far as they hold points."""
+    times = [s.time for s in points if s.time is not None]
+    one = len({s.file for s in points}) == 1 and len(times) == len(points)
+    return max(times) - min(times) if one else float(durations.sum())
+
+
+def _level(points: Sequence[Segment]) -> float:
+    return float(np.median(np.abs([s.torque for s in points])))
+
+
+def _offset(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Diagnostic]:
+    """A difference of the directions that is one constant: F tests of the law of both with an offset, against without, and of two laws against it."""
+    experiment = measured.experiment
+    if point_regressors(experiment):
+        return
+    span = experiment.fit.v_s_range
+    sides = [tuple(s for s in points if s.velocity * sign > 0) for sign in DIRECTIONS.values()]
+    if min(map(len, sides)) < _ENOUGH:
+        return
+    both = refit(points_problem(points, ("both",), ()), span)
+    shifted_problem = points_problem(points, ("both",), ("offset",))
+    shifted = refit(shifted_problem, span)
+    apart = sum(refit(points_problem(side, (d,), ()), span).cost for side, d in zip(sides, DIRECTIONS, strict=True))
+    n = len(points)
+    level = 1e-20 * float(shifted_problem.torque @ shifted_problem.torque)
+    if _p(both.cost - shifted.cost, 1, shifted.cost + level, n - 5) > _RARE:
+        return
+    if _p(shifted.cost - apart, 3, apart + level, n - 8) < 10 * _RARE:
+        return
+    value = dict(zip(shifted_problem.names, shifted.theta, strict=True))
+    yield Kind.OFFSET_OR_FRICTION(
+        offset=value[ParameterName.parse("offset")],
+        common=value[ParameterName.parse("alpha_0")],
+        plus=static["+"].parameters["alpha_0"].value,
+        minus=static["-"].parameters["alpha_0"].value,
+        unit=unit("torque", experiment.joint.kind),
+    )
+
+
+def _p(fall: float, parameters: int, cost: float, freedom: int) -> float:
+    """Probability that so many parameters lower a cost by so much by chance."""
+    return float(fdtrc(parameters, freedom, max(fall, 0.0) / parameters / (cost / freedom))) if freedom > 0 else 1.0
