@@ -11,7 +11,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.differentiation import ORDER, between_gaps
+from bristle.data.differentiation import ORDER, between_gaps, smoothed, usable
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import FitOptions, RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
@@ -42,8 +42,8 @@ _WHOLE = 0.5
 """SI: no encoder has a count so large, rad or m."""
 _LEVELS = 20
 """A signal has more levels than this, or nothing can be said of how often it takes one."""
-_PILED = 4.0
-"""A signal is clipped where it takes its extreme so many times as often as any level between."""
+_PILED, _NEXT = 4.0, 3
+"""A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
 _CLIPPED = (0.005, 8)
 """... which is at least this share of its samples, and so many of them."""
 _AROUND = 5
@@ -58,6 +58,8 @@ _REGULAR = 1e-3
 """Of a sampling interval: time stamps that deviate less were counted, not measured."""
 _LOW = 0.05
 """Of the inertia: what the noise of an acceleration takes off it."""
+_FINE = 0.01
+"""... and what it should."""
 _NAMED = 4
 """Places in one sentence."""
 
@@ -209,10 +211,14 @@ def _clipped(record: Record) -> Diagnostic | None:
     levels, counts = np.unique(record.torque, return_counts=True)
     if levels.size <= _LEVELS:
         return None
-    between = counts[1:-1][levels[1:-1] != 0].max(initial=1)
-    least = max(_PILED * between, _CLIPPED[0] * record.torque.size, _CLIPPED[1] if record.torque.size > 200 else 3)
-    at = [k for k in (0, -1) if counts[k] >= least]
-    if not at:
+    padded = np.pad(counts, _NEXT)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
+    windows[:, _NEXT] = 0
+    share, few = _CLIPPED
+    least = max(share * record.torque.size, few if record.torque.size > 200 else 3)
+    piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
+    at = [k for k in (0, -1) if piled[k]]
+    if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
         return None
     share = sum(int(counts[k]) for k in at) / record.torque.size
     return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
@@ -263,30 +269,31 @@ def _noise(off: Array) -> Array:
 
 
 def _coarse(record: Record, context: Context, options: FitOptions) -> Diagnostic | None:
-    """Counts that make so much acceleration that the inertia is lost in it."""
+    """Counts that make so much acceleration that the inertia is lost in it, as the fit sees both: through its filters."""
     if record.acceleration is None:
-        return None
-    acceleration = float(np.std(record.acceleration))
-    if not acceleration > 0:
         return None
     source, order = (record.position, 2) if record.velocity_estimated else (record.velocity, 1)
     count = _count(source, context.resolution if record.velocity_estimated else None)
-    cutoffs = (options.position_cutoff, 0.4 / (record.step * options.decimation))
-    noise = count_noise(count, order, record.step, cutoffs)
-    # the decimation filter smooths what it is compared with as well, but a motion has little there
-    share = (noise / acceleration) ** 2
-    if share < _LOW:
+    decimated = 0.4 / (record.step * options.decimation)
+    seen = smoothed(record, record.acceleration, decimated) if options.decimation > 1 else record.acceleration
+    acceleration = float(np.std(seen))
+    if not count or not acceleration:
         return None
-    lower = next(
-        (
-            c
-            for c in options.position_cutoff * 0.8 ** np.arange(1, 40)
-            if _fine(count, order, record.step, c, acceleration)
-        ),
-        options.position_cutoff / 10,
-    )
+
+    def share(cutoff: float) -> float:
+        """Of the acceleration's variance, what is noise with this cut-off: what a regression loses."""
+        return (count_noise(count, order, record.step, (cutoff, decimated)) / acceleration) ** 2
+
+    cutoff = usable(record, options.position_cutoff)
+    if share(cutoff) < _LOW:
+        return None
     return Kind.COARSE_ACCELERATION(
-        files=(record.file,), count=count, noise=noise, acceleration=acceleration, share=min(share, 1.0), cutoff=lower
+        files=(record.file,),
+        count=count,
+        noise=count_noise(count, order, record.step, (cutoff, decimated)),
+        acceleration=acceleration,
+        share=min(share(cutoff), 1.0),
+        cutoff=next((c for c in cutoff * 0.8 ** np.arange(1, 40) if share(c) < _FINE), cutoff / 10),
     )
 
 
@@ -295,10 +302,6 @@ def velocity_noise(record: Record, resolution: float | None, cutoff: float) -> f
     if not record.velocity_estimated:
         return float(_count(record.velocity, None) / np.sqrt(12))
     return count_noise(_count(record.position, resolution), 1, record.step, (cutoff,))
-
-
-def _fine(count: float, order: int, step: float, cutoff: float, acceleration: float) -> bool:
-    return count_noise(count, order, step, (cutoff,)) ** 2 < 0.2 * _LOW * acceleration**2
 
 
 def _count(values: Array | None, declared: float | None) -> float:
