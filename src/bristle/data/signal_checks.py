@@ -28,8 +28,8 @@ _DEVIATIONS = 4.0
 """Standard errors by which a factor is surely not one: 6e-5 of clean records."""
 _TOGETHER = 2.0
 """A factor is told where noise leaves it uncertain by less than this."""
-_UNRELATED = 0.3
-"""Correlation of two signals that have nothing to do with one another, at every span."""
+_UNRELATED = 0.7
+"""Correlation over a span that a velocity and its position have, where neither is mere noise."""
 _UNITS = {
     "velocity": {
         "revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"),
@@ -58,10 +58,23 @@ _REGULAR = 1e-3
 """Of a sampling interval: time stamps that deviate less were counted, not measured."""
 _LOW = 0.05
 """Of the inertia: what the noise of an acceleration takes off it."""
+_HARMONICS = 3.0
+"""Times the rate of count edges, below which most of the error of counts lies."""
+_ENDS = 8
+"""Samples in one of the decimated, at each end, in which filters settle."""
 _FINE = 0.01
 """... and what it should."""
 _NAMED = 4
 """Places in one sentence."""
+
+
+class Counts(NamedTuple):
+    """The steps of a signal."""
+
+    size: float
+    """rad, or rad/s; 0 where none are seen."""
+    rate: float
+    """How many are passed in a second, on average, Hz."""
 
 
 class TravelRatio(NamedTuple):
@@ -184,9 +197,9 @@ def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
         now = units.factor(time.unit, "s")
         found += [f"`unit: {unit}` under signals.time" for unit in _TIMES if _near(units.factor(unit, "s") / now, size)]
     if not found and not _near(size, 1.0):
-        found = [f"a `scale` of signals.velocity {size:.4g} times as large"]
+        found = [f"a `scale` of signals.velocity {size:.3g} times as large"]
         if time is not None and time.rate is not None:
-            found.append(f"`rate: {time.rate / size:.4g} Hz` under signals.time")
+            found.append(f"`rate: {time.rate / size:.3g} Hz` under signals.time")
     return [*found, *(["the opposite sign of `scale` under signals.velocity or signals.position"] if ratio < 0 else [])]
 
 
@@ -214,10 +227,11 @@ def _clipped(record: Record) -> Diagnostic | None:
     padded = np.pad(counts, _NEXT)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
     windows[:, _NEXT] = 0
-    share, few = _CLIPPED
-    least = max(share * record.torque.size, few if record.torque.size > 200 else 3)
+    part, few = _CLIPPED
+    least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
     piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
-    at = [k for k in (0, -1) if piled[k]]
+    alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
+    at = [k for k in (0, -1) if piled[k] or (alike and piled[-1 - k])]
     if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
         return None
     share = sum(int(counts[k]) for k in at) / record.torque.size
@@ -273,24 +287,26 @@ def _coarse(record: Record, context: Context, options: FitOptions) -> Diagnostic
     if record.acceleration is None:
         return None
     source, order = (record.position, 2) if record.velocity_estimated else (record.velocity, 1)
-    count = _count(source, context.resolution if record.velocity_estimated else None)
+    counts = _counts(source, context.resolution if record.velocity_estimated else None, record)
     decimated = 0.4 / (record.step * options.decimation)
+    ends = min(_ENDS * options.decimation, record.time.size // 4)
     seen = smoothed(record, record.acceleration, decimated) if options.decimation > 1 else record.acceleration
-    acceleration = float(np.std(seen))
-    if not count or not acceleration:
+    inner = np.concatenate([seen[s.start + ends : s.stop - ends] for s in between_gaps(record)])
+    acceleration = float(np.std(inner)) if inner.size else 0.0
+    if not counts.size or not acceleration > 0:
         return None
 
     def share(cutoff: float) -> float:
         """Of the acceleration's variance, what is noise with this cut-off: what a regression loses."""
-        return (count_noise(count, order, record.step, (cutoff, decimated)) / acceleration) ** 2
+        return (count_noise(counts, order, record.step, (cutoff, decimated)) / acceleration) ** 2
 
     cutoff = usable(record, options.position_cutoff)
     if share(cutoff) < _LOW:
         return None
     return Kind.COARSE_ACCELERATION(
         files=(record.file,),
-        count=count,
-        noise=count_noise(count, order, record.step, (cutoff, decimated)),
+        count=counts.size,
+        noise=count_noise(counts, order, record.step, (cutoff, decimated)),
         acceleration=acceleration,
         share=min(share(cutoff), 1.0),
         cutoff=next((c for c in cutoff * 0.8 ** np.arange(1, 40) if share(c) < _FINE), cutoff / 10),
@@ -299,29 +315,35 @@ def _coarse(record: Record, context: Context, options: FitOptions) -> Diagnostic
 
 def velocity_noise(record: Record, resolution: float | None, cutoff: float) -> float:
     """Standard deviation that counts give the velocity of a moving run, rad/s: logged, or from position through `cutoff`, Hz."""
-    if not record.velocity_estimated:
-        return float(_count(record.velocity, None) / np.sqrt(12))
-    return count_noise(_count(record.position, resolution), 1, record.step, (cutoff,))
+    if record.velocity_estimated:
+        return count_noise(_counts(record.position, resolution, record), 1, record.step, (cutoff,))
+    return float(_counts(record.velocity, None, record).size / np.sqrt(12))
 
 
-def _count(values: Array | None, declared: float | None) -> float:
-    return 0.0 if values is None else declared or smallest_step(values)
+def _counts(values: Array | None, declared: float | None, record: Record) -> Counts:
+    if values is None:
+        return Counts(0.0, np.inf)
+    size = declared or smallest_step(values)
+    travelled = float(np.abs(np.diff(values)).sum()) / float(np.ptp(record.time))
+    return Counts(size, travelled / size if size else np.inf)
 
 
-def count_noise(count: float, order: int, step: float, cutoffs: Iterable[float]) -> float:
+def count_noise(counts: Counts, order: int, step: float, cutoffs: Iterable[float]) -> float:
     """Standard deviation that counts give a derivative of this order after zero-phase low passes.
 
-    The error of a count is white, of variance count**2 / 12 (Widrow and Kollar, Quantization Noise, 2008, chapter 1);
-    its derivative has (2 pi f)**order times its spectrum, each filter of ORDER 1 / (1 + (f / cutoff)**(2 ORDER)).
+    The error of a count has the variance count**2 / 12 and is white (Widrow and Kollar, Quantization Noise, 2008,
+    chapter 1), or lies below some harmonics of the rate at which edges are crossed, where that is slower than the
+    sampling. Its derivative has (2 pi f)**order times its spectrum, each filter of ORDER 1 / (1 + (f / cutoff)**(2 ORDER)).
 
     Args:
-        count: rad, or rad/s.
+        counts: of the position or the velocity.
         order: of the derivative.
         step: sampling interval, s.
         cutoffs: Hz, each of a filter that runs forward and backward.
     """
-    f = np.linspace(0.0, 0.5 / step, 4001)
+    widest = min(0.5 / step, _HARMONICS * counts.rate)
+    f = np.linspace(0.0, widest, 4001)
     gain = (2 * np.pi * f) ** order
     for cutoff in cutoffs:
         gain = gain / (1 + (f / cutoff) ** (2 * ORDER))
-    return float(count * np.sqrt(np.trapezoid(gain**2, f) * 2 * step / 12))
+    return float(counts.size * np.sqrt(np.trapezoid(gain**2, f) / widest / 12)) if widest > 0 else 0.0

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from scipy.special import fdtrc, stdtr
 
+from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
@@ -34,23 +35,18 @@ def point_warnings(
         static: their fits.
     """
     records = {run.record.file: run.record for run in measured.runs if run.kind == "ramp" and not run.hold_out}
-    for direction, sign in DIRECTIONS.items():
-        fit = static.get(direction) or static.get("both")
-        chosen = [s for s in points if s.velocity * sign > 0 and s.file in records]
-        if fit is not None and fit.rms is not None and len(chosen) >= _ENOUGH:
-            yield from _drift(chosen, records, direction, fit.rms)
+    scatter = [fit.rms for fit in static.values() if fit.rms is not None]
+    if scatter:
+        yield from _drift([s for s in points if s.file in records], records, max(scatter))
     if set(DIRECTIONS) <= set(static):
         yield from _offset(measured, points, static)
 
 
-def _drift(
-    points: Sequence[Segment], records: Mapping[str, Record], direction: str, scatter: float
-) -> Iterator[Diagnostic]:
-    """Speed that rises or falls with the order of the runs, while the torque drifts within them."""
-    speed = np.abs([s.velocity for s in points])
-    ranks = np.argsort(np.argsort(speed)).astype(float)
-    order = np.corrcoef(ranks, np.arange(speed.size))[0, 1]
-    if abs(order) < _IN_ORDER:
+def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Diagnostic]:
+    """Speed that rises or falls with the order of the runs, while the torque drifts within them: a t test of their slopes."""
+    orders = {d: _order([abs(s.velocity) for s in points if s.velocity * sign > 0]) for d, sign in DIRECTIONS.items()}
+    in_order = {d: x for d, x in orders.items() if abs(x) > _IN_ORDER}
+    if not in_order:
         return
     slopes, durations = np.array([_slope(records[s.file], s) for s in points]).T
     weight = durations**3 / np.sum(durations**3)  # the variance of a slope falls with the third power of its length
@@ -59,13 +55,21 @@ def _drift(
     across = abs(mean) * _elapsed(points, durations)
     if not error or 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) > _RARE or across < 2 * scatter:
         return
+    first = next(iter(in_order))
     yield Kind.DRIFT_IN_ORDER(
-        direction=direction,
-        way="rises" if order > 0 else "falls",
+        direction=first if len(in_order) == 1 else "both",
+        way="rises" if in_order[first] > 0 else "falls",
         slope=mean,
         across=across,
-        share=across / _level(points),
+        share=across / float(np.median(np.abs([s.torque for s in points]))),
     )
+
+
+def _order(speeds: Sequence[float]) -> float:
+    """Rank correlation of speeds with their order; 0 where there are too few."""
+    if len(speeds) < _ENOUGH:
+        return 0.0
+    return float(np.corrcoef(np.argsort(np.argsort(speeds)), np.arange(len(speeds)))[0, 1])
 
 
 def _slope(record: Record, segment: Segment) -> tuple[float, float]:
@@ -76,15 +80,11 @@ def _slope(record: Record, segment: Segment) -> tuple[float, float]:
     return float(time @ torque[part] / (time @ time)) * np.sign(segment.velocity), float(np.ptp(time))
 
 
-def _elapsed(points: Sequence[Segment], durations: np.ndarray) -> float:
+def _elapsed(points: Sequence[Segment], durations: Array) -> float:
     """From the first to the last point, s; of several runs, as far as they hold points."""
     times = [s.time for s in points if s.time is not None]
     one = len({s.file for s in points}) == 1 and len(times) == len(points)
     return max(times) - min(times) if one else float(durations.sum())
-
-
-def _level(points: Sequence[Segment]) -> float:
-    return float(np.median(np.abs([s.torque for s in points])))
 
 
 def _offset(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Diagnostic]:
@@ -104,7 +104,7 @@ def _offset(measured: Measured, points: Sequence[Segment], static: Mapping[str, 
     level = 1e-20 * float(shifted_problem.torque @ shifted_problem.torque)
     if _p(both.cost - shifted.cost, 1, shifted.cost + level, n - 5) > _RARE:
         return
-    if _p(shifted.cost - apart, 3, apart + level, n - 8) < 10 * _RARE:
+    if _p(shifted.cost - apart, 3, apart + level, n - 8) < _RARE:
         return
     value = dict(zip(shifted_problem.names, shifted.theta, strict=True))
     yield Kind.OFFSET_OR_FRICTION(
