@@ -8,15 +8,16 @@ import pytest
 import bristle
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment, find_segments
+from bristle.data.differentiation import estimate_motion
 from bristle.data.experiment.load import Run, load_experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import refuse_opposing, unrelated
+from bristle.identification.moving_runs import refuse_opposing, smeared_by_counts, unrelated
 from bristle.identification.point_checks import point_warnings
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Lugre, ParameterName
 from bristle.simulation.bench import steady_points
 
 from ..conftest import TRUTH, experiment, speeds
@@ -142,6 +143,43 @@ def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Pa
     refuse_opposing(own, v, friction, "at the points")
     with pytest.raises(InputError, match="scale: -1"):
         refuse_opposing(own, v, -friction, "at the points")
+
+
+@pytest.mark.parametrize("kind", ["tracking", "presliding"])
+@pytest.mark.parametrize("level", [1e-3, 1.0])
+def test_runs_whose_torque_is_noise_are_refused(tmp_path: Path, kind: str, level: float) -> None:
+    """Moving and slow runs alike: the sentence says noise, and not which sign to give."""
+    t = np.arange(4000) / 500
+    table = np.column_stack([t, 0.01 * np.sin(1.5 * t), level * np.random.default_rng(4).standard_normal(t.size)])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,q,tau", comments="")
+    (tmp_path / "e.yaml").write_text(
+        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        f"  torque: {{column: tau, unit: N*m}}\nruns: [{{files: log.csv, experiment: {kind}}}]\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(InputError, match=r"nothing to do with the motion .* is noise of") as caught:
+        bristle.identify(tmp_path / "e.yaml")
+    assert "scale" not in str(caught.value)
+
+
+@pytest.mark.parametrize("coarser", [4.0, 16.0])
+def test_counts_that_hide_v_s_are_said(tmp_path: Path, coarser: float) -> None:
+    """Where counts make noise of a third of v_s in the velocity and more; an encoder so many times as fine has nothing said of it."""
+    (tmp_path / "wrist.yaml").write_text(experiment(), encoding="utf-8")
+    own = load_experiment(tmp_path / "wrist.yaml")
+    rng, t, v_s = np.random.default_rng(0), np.arange(10000.0) / 1000, ParameterName.parse("v_s+")
+    position = 5 * np.sin(t) + 0.3 * np.sin(20 * t)
+    for count, said in ((coarser * 1e-3, True), (1e-3 / coarser, False)):
+        log = Record(
+            file="run.csv", time=t, position=np.round(position / count) * count, torque=rng.standard_normal(t.size)
+        )
+        seen = estimate_motion(log, own.fit.position_cutoff)
+        assert seen.velocity is not None
+        noise = np.std(seen.velocity[500:-500] - (5 * np.cos(t) + 6 * np.cos(20 * t))[500:-500])
+        at_limit = Estimate(value=0.12, unit="rad/s")
+        found = list(smeared_by_counts(own, [seen], {v_s: at_limit}))
+        assert [d.kind for d in found] == [Kind.COARSE_VELOCITY] * said
+        assert all(d.numbers["noise"] == pytest.approx(noise, rel=0.3) for d in found)
 
 
 def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:

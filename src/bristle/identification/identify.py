@@ -3,7 +3,7 @@
 Static, presliding and moving fits, models.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -13,7 +13,6 @@ import numpy as np
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.data.signal_checks import velocity_noise
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
@@ -23,7 +22,9 @@ from bristle.identification.model_selection import compare_on_motion, compare_on
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     refuse_mixed_rates,
+    refuse_noise,
     refuse_opposing_runs,
+    smeared_by_counts,
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.point_checks import point_warnings
@@ -35,9 +36,6 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress
-
-_SMEARED = 0.3
-"""Of v_s: noise of the velocity widens the peak to sqrt(v_s**2 + 2 noise**2), which is then 9 % more."""
 
 
 def identify_joint(
@@ -91,7 +89,7 @@ def identify_joint(
         warnings=(
             *_joint_warnings(measured, static, bool(points)),
             *point_warnings(measured, points, static),
-            *_hidden_by_counts(measured, stages.alone),
+            *smeared_by_counts(experiment, training, stages.alone.parameters if stages.alone else {}),
             *left_out,
         ),
         travel=measured.travel,
@@ -103,8 +101,15 @@ def identify_joint(
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
-    """The moving runs that are fitted. Raises InputError where they do not go together, or where there should be some."""
+    """The moving runs that are fitted.
+
+    Raises InputError where they do not go together, there should be some, or a torque of moving or slow runs is noise.
+    """
     experiment, training = measured.experiment, measured.moving(hold_out=False)
+    for record in measured.slow:
+        if record.position is not None and record.torque is not None:
+            bent = record.position - record.position.mean()
+            refuse_noise(experiment, bent, record.torque, f"of {record.file}", np.zeros((bent.size, 0)))
     if training:
         refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)
@@ -245,17 +250,6 @@ def _input(record: Record) -> Input:
         notes=record.notes,
         labels=record.labels,
     )
-
-
-def _hidden_by_counts(measured: Measured, fit: TrackingFit | None) -> Iterator[Diagnostic]:
-    """A v_s of the moving runs that the noise of counts in the velocity smears."""
-    if fit is None or measured.experiment.fit.predict == "position":
-        return
-    resolution, cutoff = measured.experiment.encoder_resolution, measured.experiment.fit.position_cutoff
-    noise = max(velocity_noise(r, resolution, cutoff) for r in measured.moving(hold_out=False))
-    for name, estimate in fit.parameters.items():
-        if name.name == "v_s" and estimate.value and noise > _SMEARED * estimate.value:
-            yield Kind.COARSE_VELOCITY(direction=name.direction, noise=noise, v_s=estimate.value)
 
 
 def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:

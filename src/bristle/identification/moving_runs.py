@@ -3,7 +3,7 @@
 Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from scipy import signal, sparse
@@ -13,8 +13,12 @@ from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import Inertia
 from bristle.data.record import Record
+from bristle.data.signal_checks import velocity_noise
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
+from bristle.identification.fits import Estimate
+from bristle.model.parameters import ParameterName
 
 _RELATED = 0.01
 """Probability, by chance, of so close a relation between torque and motion."""
@@ -24,6 +28,8 @@ _EXPLAINED = 0.1
 """Of the variance of a torque that belongs to a motion, at the least."""
 _FEWEST = 4
 """Samples for each column, below which a relation cannot be tested."""
+_SMEARED = 0.3
+"""Of v_s: noise of the velocity widens the peak to sqrt(v_s**2 + 2 noise**2), which is then 9 % more."""
 _DROWNS = 1e9
 """Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
 DIRECTIONS = {"+": 1.0, "-": -1.0}
@@ -71,6 +77,15 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
     return tuple(r for r in asked if r != "inertia" or fixed is None)
 
 
+def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:
+    """Raise InputError where the drive's torque (n,) has nothing to do with the motion (n,), as `unrelated` has it."""
+    if unrelated(motion, torque, others):
+        raise InputError(
+            f"{experiment.path.name}: the torque has nothing to do with the motion {what}, and is noise of {np.std(torque):.3g} "
+            f"about {np.mean(torque):.3g} (SI); name the column of the torque under signals, or move against more friction than that noise"
+        )
+
+
 def refuse_opposing(
     experiment: Experiment, velocity: Array, torque: Array, what: str, others: Array | None = None
 ) -> None:
@@ -78,12 +93,7 @@ def refuse_opposing(
 
     Friction opposes motion, so its sign is wrong. `others`, (n, k), are what else of the motion may make torque.
     """
-    if unrelated(velocity, torque, others):
-        raise InputError(
-            f"{experiment.path.name}: the torque has nothing to do with the motion {what}, and is noise of {np.std(torque):.3g} "
-            f"about {np.mean(torque):.3g} (SI); "
-            "name the column of the torque under signals, or move against more friction than that noise"
-        )
+    refuse_noise(experiment, velocity, torque, what, others)
     if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
         raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
@@ -113,6 +123,17 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
     if freedom < 1 or left <= 0 or (course and (smooth or explained > _EXPLAINED)):
         return False
     return float(fdtrc(k, freedom, (total - left) / k / left * freedom)) > _RELATED
+
+
+def smeared_by_counts(
+    experiment: Experiment, records: Sequence[Record], parameters: Mapping[ParameterName, Estimate]
+) -> Iterator[Diagnostic]:
+    """Warnings about each v_s of some moving runs that the noise of counts in their velocity widens by a tenth or more."""
+    cutoff = experiment.fit.position_cutoff
+    noise = max((velocity_noise(r, experiment.encoder_resolution, cutoff) for r in records), default=0.0)
+    for name, estimate in parameters.items() if experiment.fit.predict == "torque" else ():
+        if name.name == "v_s" and estimate.value and noise > _SMEARED * estimate.value:
+            yield Kind.COARSE_VELOCITY(direction=name.direction, noise=noise, v_s=estimate.value)
 
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
