@@ -1,6 +1,7 @@
 """What the points of constant velocity cannot tell apart: drift from speed, an offset from friction that differs."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import fdtrc, stdtr
@@ -14,14 +15,19 @@ from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.strays import refit
-from bristle.model.parameters import ParameterName, unit
+from bristle.model.parameters import unit
 
-_RARE = 1e-3
+_RARE = 5e-4
 """Of clean experiments, in which a test finds something all the same."""
 _ENOUGH = 5
 """Points of a direction that show an order, or a drift."""
 _IN_ORDER = 0.9
 """Rank correlation of speed and order from which they cannot be told apart."""
+
+
+class _Solved(NamedTuple):
+    cost: float
+    values: dict[str, float]
 
 
 def point_warnings(
@@ -38,8 +44,7 @@ def point_warnings(
     scatter = [fit.rms for fit in static.values() if fit.rms is not None]
     if scatter:
         yield from _drift([s for s in points if s.file in records], records, max(scatter))
-    if set(DIRECTIONS) <= set(static):
-        yield from _offset(measured, points, static)
+    yield from _offset(measured, points)
 
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Diagnostic]:
@@ -87,31 +92,41 @@ def _elapsed(points: Sequence[Segment], durations: Array) -> float:
     return max(times) - min(times) if one else float(durations.sum())
 
 
-def _offset(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Diagnostic]:
-    """A difference of the directions that is one constant: F tests of the law of both with an offset, against without, and of two laws against it."""
+def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:
+    """A difference of the directions, strays apart, that is one constant.
+
+    F tests of one law with an offset: against the same without, and of a law for each direction against it.
+    """
     experiment = measured.experiment
-    if point_regressors(experiment):
+    stray = {search.points[k].place for search in measured.searches for k in search.strays}
+    sides = {d: tuple(s for s in points if s.velocity * x > 0 and s.place not in stray) for d, x in DIRECTIONS.items()}
+    if (
+        point_regressors(experiment)
+        or experiment.fit.directions != "separate"
+        or min(map(len, sides.values())) < _ENOUGH
+    ):
         return
-    span = experiment.fit.v_s_range
-    sides = [tuple(s for s in points if s.velocity * sign > 0) for sign in DIRECTIONS.values()]
-    if min(map(len, sides)) < _ENOUGH:
+
+    def solved(chosen: Sequence[Segment], directions: tuple[str, ...], asked: tuple[str, ...] = ()) -> _Solved:
+        """Cost (rounding added) and parameters of the law of some points."""
+        problem = points_problem(chosen, directions, asked)
+        law = refit(problem, experiment.fit.v_s_range)
+        values = {name.name: float(x) for name, x in zip(problem.names, law.theta, strict=True)}
+        return _Solved(law.cost + 1e-20 * float(problem.torque @ problem.torque), values)
+
+    both = [s for side in sides.values() for s in side]
+    plain, shifted = solved(both, ("both",)), solved(both, ("both",), ("offset",))
+    apart = {d: solved(side, (d,)) for d, side in sides.items()}
+    of_each = sum(x.cost for x in apart.values())
+    if _p(plain.cost - shifted.cost, 1, shifted.cost, len(both) - 5) > _RARE:
         return
-    both = refit(points_problem(points, ("both",), ()), span)
-    shifted_problem = points_problem(points, ("both",), ("offset",))
-    shifted = refit(shifted_problem, span)
-    apart = sum(refit(points_problem(side, (d,), ()), span).cost for side, d in zip(sides, DIRECTIONS, strict=True))
-    n = len(points)
-    level = 1e-20 * float(shifted_problem.torque @ shifted_problem.torque)
-    if _p(both.cost - shifted.cost, 1, shifted.cost + level, n - 5) > _RARE:
+    if _p(shifted.cost - of_each, 3, of_each, len(both) - 8) < _RARE:
         return
-    if _p(shifted.cost - apart, 3, apart + level, n - 8) < _RARE:
-        return
-    value = dict(zip(shifted_problem.names, shifted.theta, strict=True))
     yield Kind.OFFSET_OR_FRICTION(
-        offset=value[ParameterName.parse("offset")],
-        common=value[ParameterName.parse("alpha_0")],
-        plus=static["+"].parameters["alpha_0"].value,
-        minus=static["-"].parameters["alpha_0"].value,
+        offset=shifted.values["offset"],
+        common=shifted.values["alpha_0"],
+        plus=apart["+"].values["alpha_0"],
+        minus=apart["-"].values["alpha_0"],
         unit=unit("torque", experiment.joint.kind),
     )
 
