@@ -182,22 +182,34 @@ def test_counts_that_hide_v_s_are_said(tmp_path: Path, coarser: float) -> None:
         assert all(d.numbers["noise"] == pytest.approx(noise, rel=0.3) for d in found)
 
 
-def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
-    """A velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical."""
+def logged(folder: Path, factor: float) -> Path:
+    """An experiment of one moving run whose velocity is logged times a factor."""
     t = np.arange(4000) / 500
     q = 0.4 * np.sin(2 * np.pi * 0.4 * t) + 0.1 * np.sin(2 * np.pi * 1.1 * t)
     v = np.gradient(q, t)
     (friction,) = steady_points(TRUTH, v, 1e-4, np.random.default_rng(0), 1)
-    table = np.column_stack([t, q, np.degrees(v), friction + 1e-3 * np.gradient(v, t)])
-    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,q,v,tau", comments="")
-    (tmp_path / "e.yaml").write_text(
+    table = np.column_stack([t, q, factor * v, friction + 1e-3 * np.gradient(v, t)])
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="t,q,v,tau", comments="")
+    (folder / "e.yaml").write_text(
         "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
         "  velocity: {column: v, unit: rad/s}\n  torque: {column: tau, unit: N*m}\nruns: [{files: log.csv, experiment: tracking}]\n"
         "fit: {directions: symmetric}\n",
         encoding="utf-8",
     )
-    (joint,) = bristle.identify(tmp_path / "e.yaml").joints
+    return folder / "e.yaml"
+
+
+def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
+    """A velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical."""
+    (joint,) = bristle.identify(logged(tmp_path, 180 / np.pi)).joints
     first = joint.warnings[0]
     assert first.kind is Kind.VELOCITY_FACTOR
     assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
     assert "`unit: deg/s` under signals.velocity" in str(first)
+
+
+@pytest.mark.parametrize("factor", [-1.0, -60.0])
+def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: Path, factor: float) -> None:
+    """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""
+    with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
+        bristle.identify(logged(tmp_path, factor))

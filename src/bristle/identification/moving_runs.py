@@ -13,7 +13,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import Inertia
 from bristle.data.record import Record
-from bristle.data.signal_checks import velocity_noise
+from bristle.data.signal_checks import merged, velocity_noise
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
@@ -137,9 +137,15 @@ def smeared_by_counts(
 
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
-    """Raise InputError where the torque of moving runs has nothing to do with their motion, or opposes their velocity."""
+    """Raise InputError where the torque of moving runs has nothing to do with their motion, or opposes their velocity.
+
+    Where that is the velocity's fault, whose sign is not that of the position, the sentence says so.
+    """
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
     others = np.concatenate([_motion(r) for r in records])
+    turned = merged(d for r in records for d in r.warnings if d.kind is Kind.VELOCITY_FACTOR and d.numbers["ratio"] < 0)
+    if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
+        raise InputError(f"{experiment.path.name}: {turned[0]}")
     refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)
 
 
