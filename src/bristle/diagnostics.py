@@ -311,8 +311,8 @@ class Kind(Enum):
     VELOCITY_FACTOR = (
         _CRITICAL,
         (
-            "The position of {files!l} moves {ratio:.3g} times as far as its logged velocity says: friction against speed "
-            "is wrong by this factor. What would make them agree, whichever is wrong: {remedy}."
+            "The position of {files!l} moves {ratio:.3g} times as far as its logged velocity says: one of the two is wrong by "
+            "this factor, and with it friction against speed. What makes them agree: {remedy}."
         ),
     )
     VELOCITY_UNRELATED = (

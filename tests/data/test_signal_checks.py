@@ -96,6 +96,7 @@ def test_a_velocity_that_is_not_that_of_the_position(kind: RunKind, factor: floa
         assert found.severity is Severity.CRITICAL
         assert found.numbers["ratio"] == pytest.approx(1 / factor, rel=0.02)
         assert line in str(found)
+        assert "`unit: rad/s`" not in str(found)  # which is what was declared
 
 
 def test_the_line_follows_what_was_declared() -> None:

@@ -3,7 +3,8 @@
 Each check is a function of a record that gives a diagnostic, or None. None of them knows a friction law.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from itertools import groupby
 from typing import NamedTuple
 
@@ -178,29 +179,32 @@ def _unrelated(record: Record, ratio: TravelRatio) -> Diagnostic | None:
 
 
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
-    """Lines that would make position and velocity agree: units that are this far apart, or else a factor."""
-    found, size = [], abs(ratio)
+    """Lines that would make position and velocity agree: units that are this far apart, or else a factor; and a sign."""
+    size = abs(ratio)
+    lines = [] if _near(size, 1.0) else [*_other_units(signals, context, size)] or _factors(signals, size)
+    turned = ["the opposite sign of `scale` under signals.velocity or signals.position"]
+    return [*lines, *(turned if ratio < 0 else [])]
+
+
+def _other_units(signals: Signals, context: Context, size: float) -> Iterator[str]:
     for name, wanted in (("velocity", size), ("position", 1 / size)):
         signal: Signal | Position | None = getattr(signals, name)
         if signal is None or signal.unit.strip().startswith("count"):
             continue
         now = signal.factor(name, context)
         for unit in _UNITS[name][context.kind]:
-            try:
-                then = units.factor(unit, si(name, context), scale=signal.scale)
-            except ValueError:
-                continue  # a scale that converts the unit
-            if _near(then / now, wanted):
-                found.append(f"`unit: {unit}` under signals.{name}")
-    time = signals.time
-    if time is not None and time.unit is not None:
-        now = units.factor(time.unit, "s")
-        found += [f"`unit: {unit}` under signals.time" for unit in _TIMES if _near(units.factor(unit, "s") / now, size)]
-    if not found and not _near(size, 1.0):
-        found = [f"a `scale` of signals.velocity {size:.3g} times as large"]
-        if time is not None and time.rate is not None:
-            found.append(f"`rate: {time.rate / size:.3g} Hz` under signals.time")
-    return [*found, *(["the opposite sign of `scale` under signals.velocity or signals.position"] if ratio < 0 else [])]
+            with suppress(ValueError):  # where the scale converts the unit
+                if _near(units.factor(unit, si(name, context), scale=signal.scale) / now, wanted):
+                    yield f"`unit: {unit}` under signals.{name}"
+    if signals.time is not None and signals.time.unit is not None:
+        now = units.factor(signals.time.unit, "s")
+        yield from (f"`unit: {x}` under signals.time" for x in _TIMES if _near(units.factor(x, "s") / now, size))
+
+
+def _factors(signals: Signals, size: float) -> list[str]:
+    rate = None if signals.time is None else signals.time.rate
+    more = [] if rate is None else [f"`rate: {rate / size:.3g} Hz` under signals.time"]
+    return [f"a `scale` of signals.velocity {size:.3g} times as large", *more]
 
 
 def _near(x: float, wanted: float) -> bool:
