@@ -324,6 +324,75 @@ class Kind(Enum):
         ),
     )
 
+    # signals: what contradicts another signal, or itself
+    VELOCITY_FACTOR = (
+        _CRITICAL,
+        (
+            "The position of {files!l} moves {ratio:.3g} times as far as its logged velocity says: one of the two is wrong by "
+            "this factor, and with it friction against speed. What makes them agree: {remedy}."
+        ),
+    )
+    VELOCITY_UNRELATED = (
+        _CRITICAL,
+        (
+            "The logged velocity of {files!l} has nothing to do with its position (correlation {correlation:.2f}): name the "
+            "right column under signals.velocity, or leave velocity out to have it estimated."
+        ),
+    )
+    WHOLE_POSITIONS = (
+        _CRITICAL,
+        (
+            "Every position of {files!l} is a whole number of {unit}: encoder counts. Write `unit: counts` under "
+            "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
+        ),
+    )
+    CLIPPED = (
+        _CAUTION,
+        (
+            "The torque of {files!l} is clipped: {share:.1%} of its samples are exactly {limits}. The true torque there "
+            "is unknown; move slower or more gently, or widen the range of the drive or the sensor."
+        ),
+    )
+    LOST_SAMPLES = (
+        _CAUTION,
+        (
+            "Samples are missing: {files!m}. The position jumps there by more than its speed explains, while the time goes on "
+            "as if none were: speeds from it, and the acceleration there, are wrong. Log the time of each sample, or split the log."
+        ),
+    )
+    COARSE_ACCELERATION = (
+        _CAUTION,
+        (
+            "Counts of {count:.3g} hide the acceleration of {files!l}: they make noise of {noise:.3g} in one of "
+            "{acceleration:.3g} (rms), which takes some {share:.0%} off the inertia. Try `position_cutoff: {cutoff:.2g} Hz` "
+            "under fit, a finer encoder, or an inertia that is given."
+        ),
+    )
+    COARSE_VELOCITY = (
+        _CAUTION,
+        (
+            "Counts hide v_s{direction!d}: they make noise of {noise:.3g} in the velocity, and v_s is {v_s:.3g}. A finer "
+            "encoder, a lower fit.position_cutoff, or runs at constant velocity would show it."
+        ),
+    )
+
+    DRIFT_IN_ORDER = (
+        _CAUTION,
+        (
+            "Speed {way} with the order of the runs{direction!d} while the torque drifts within them ({slope:+.2g} per second, "
+            "{across:.3g} from first to last, {share:.0%} of the torque): drift and speed cannot be told apart. Warm up, and take "
+            "the speeds in random order."
+        ),
+    )
+    OFFSET_OR_FRICTION = (
+        _CAUTION,
+        (
+            "The torque of the two directions differs by a constant. Either it has an offset of {offset:.3g} {unit}, and alpha_0 "
+            "is {common:.4g} in both (`directions: symmetric` and `regressors: [offset]` under fit); or friction differs, with "
+            "alpha_0 {plus:.4g} (+) and {minus:.4g} (-). The data cannot tell."
+        ),
+    )
+
     # residuals of any fit
     DIRECTIONS_DIFFER = (
         _CAUTION,
@@ -819,12 +888,8 @@ class Kind(Enum):
     NOT_MEASURED = _CAUTION, "it was not measured"
     POSITIONS_DISAGREE = (
         _CAUTION,
-        (
-            "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position is"
-            " used.{looks}"
-        ),
+        "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position is used.",
     )
-    LOOKS_LIKE = _CAUTION, " It looks like {what}."
     TORQUES_DOUBTED = (
         _CAUTION,
         "The torque of {doubted} of {kept} kept segments is questionable; the list of segments says why.",

@@ -3,7 +3,6 @@
 Static, presliding and moving fits, models.
 """
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 from time import perf_counter
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.data.constant_velocity.segments import Segment, unit_mistake
+from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
@@ -23,9 +22,12 @@ from bristle.identification.model_selection import compare_on_motion, compare_on
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     refuse_mixed_rates,
+    refuse_noise,
     refuse_opposing_runs,
+    smeared_by_counts,
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
+from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, ModelComparison
@@ -91,7 +93,12 @@ def identify_joint(
         joint_fit=stages.joint,
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
-        warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
+        warnings=(
+            *_joint_warnings(measured, static, bool(points)),
+            *point_warnings(measured, points, static),
+            *smeared_by_counts(experiment, training, stages.alone.parameters if stages.alone else {}),
+            *left_out,
+        ),
         travel=measured.travel,
         truth=experiment.truth,
         simulated=experiment.simulated,
@@ -101,8 +108,15 @@ def identify_joint(
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
-    """The moving runs that are fitted. Raises InputError where they do not go together, or where there should be some."""
+    """The moving runs that are fitted.
+
+    Raises InputError where they do not go together, there should be some, or a torque of moving or slow runs is noise.
+    """
     experiment, training = measured.experiment, measured.moving(hold_out=False)
+    for record in measured.slow:
+        if record.position is not None and record.torque is not None:
+            bent = record.position - record.position.mean()
+            refuse_noise(experiment, bent, record.torque, f"of {record.file}", np.zeros((bent.size, 0)))
     if training:
         refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)
@@ -248,7 +262,7 @@ def _input(record: Record) -> Input:
 
 
 def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:
-    experiment, warnings = measured.experiment, []
+    experiment, warnings = measured.experiment, list(measured.warnings)
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
@@ -269,11 +283,10 @@ def _segment_warnings(measured: Measured) -> list[Diagnostic]:
     """Warnings about kept segments, counted: each is listed with its segment."""
     kept = measured.points(hold_out=False)
     warnings = []
+    told = {file for d in measured.warnings if d.kind is Kind.VELOCITY_FACTOR for file in d.numbers["files"]}
     differ = sum(any(d.kind is Kind.POSITION_DIFFERS for d in s.warnings) for s in kept)
-    if differ:
-        looks = Counter(filter(None, (unit_mistake(run.record) for run in measured.runs))).most_common(1)
-        hint = Kind.LOOKS_LIKE(what=looks[0][0]) if looks else ""
-        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept), looks=hint))
+    if differ and not told:
+        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept)))
     others = sum(any(d.kind not in {Kind.POSITION_DIFFERS, Kind.STICK_SLIP} for d in s.warnings) for s in kept)
     if others:
         warnings.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
