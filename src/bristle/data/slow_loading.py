@@ -123,10 +123,9 @@ class Loop:
 def find_all_loadings(
     records: Sequence[Record], cutoff: float, resolution: float | None, breakaway: float | None
 ) -> tuple[tuple[Loading, ...], ...]:
-    """`find_loadings` of each record, with what the loadings of all of them held: a torque that another loading exceeds
-    without sliding is no breakaway, unless the joint slid far.
+    """`find_loadings` of each record, with what the loadings of all of them held; arguments and errors as there.
 
-    Args and errors as there.
+    A torque that another loading exceeds without sliding is no breakaway, unless the joint slid far.
     """
     held: dict[str, float] = {}
     while True:
