@@ -733,6 +733,10 @@ class Kind(Enum):
         _CAUTION,
         "No interval: encoder counts bias this estimate by about {share:.1%}, more than its standard error.",
     )
+    COUNTS_HIDE = (
+        _NOTE,
+        "No estimate from all samples: at some rest positions inside a count they would show no motion.",
+    )
     NOT_POSITIVE = _CRITICAL, "Not positive: the displacement does not increase with the torque."
     NOTHING_BELOW_G0 = _NOTE, "No displacement was measured below g0."
     WHOLE_COUNT = (
@@ -1460,11 +1464,9 @@ class Kind(Enum):
     OF_EXPERIMENT_FILE = _NOTE, "the experiment file"
     OF_STATIC_FIT_WITHOUT_PEAK = _NOTE, "alpha_0 of the static fit, which shows no peak"
     OF_MOVING_RUNS_WITHOUT_PEAK = _NOTE, "alpha_0 of the moving runs, which show no peak"
-    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}, with up to {creep:.0%} added for the creep before it"
-    OF_ONE_BREAKAWAY = (
-        _CAUTION,
-        "breakaway in direction {direction}, with up to {creep:.0%} added for the creep before it; its error of {share:.0%} is a guess",
-    )
+    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}{creep}"
+    OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}{creep}; its error of {share:.0%} is a guess"
+    CREEP_ADDED = _NOTE, ", with up to {share:.0%} added for the creep before it"
     OF_LARGEST_HELD = _CAUTION, "the largest torque held: no run breaks away"
 
     # simulated data: how many intervals hold what was simulated

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +28,16 @@ ONSET = 10.0
 so within a tenth below g0, for its speed under a ramp is as 1 / (1 - T / g0)."""
 _FLOOR = 5.0
 """... and this many times the deviation that counts alone give its speed."""
+_STEPS = 3.0
+"""Counts that a joint slides at least; fewer are steps of the encoder."""
 _TRAVELS = 2.0
 """Times the way up to there: a joint that goes on for this far slides; one that goes on for less may merely creep."""
 _PEAK = 0.99
 """Of its largest torque: up to where a piece is looked at for sliding, since a joint that slides stops as the torque falls."""
 _EXCEEDED = 1.02
 """Times the torque of an onset: where another loading held that much, noise aside, the onset was none."""
+_NOISES = 4.0
+"""Standard deviations that the largest of some thousand noisy torques may be too large."""
 _HELD = 0.9
 """Of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not."""
 _SHORTEST = 8
@@ -77,15 +82,12 @@ class Loading:
     """Torque there, N*m, (m,)."""
     breakaway: float | None
     """Torque at which it began to slide, N*m; None where it did not."""
+    held: float
+    """The largest torque that the joint held without sliding, N*m, which the low pass may round off."""
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
         freeze(self)
-
-    @property
-    def largest(self) -> float:
-        """The largest torque that the joint held without sliding, N*m."""
-        return float(self.torque.max(initial=0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +132,7 @@ def find_all_loadings(
     held: dict[str, float] = {}
     while True:
         found = tuple(find_loadings(record, cutoff, resolution, breakaway, held) for record in records)
-        reached = {d: max(x.largest for one in found for x in one if x.direction == d) for d in _directions(found)}
+        reached = {d: max(x.held for one in found for x in one if x.direction == d) for d in _directions(found)}
         if reached == held:
             return found
         held = reached
@@ -170,9 +172,9 @@ def find_loadings(
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
         torque_along, position_along = sign * slow[piece], sign * position[piece]
-        limit = 0.5 * quantum * cutoff
+        least = _Least(0.5 * _FLOOR * quantum * cutoff, _STEPS * quantum, 0.5 / (cutoff * record.step))
         moved, name = position_along - position_along[0], "+" if sign > 0 else "-"
-        slide = _slides_at(torque_along, moved, sign * speed[piece], limit, breakaway, held.get(name, 0.0))
+        slide = _slides_at(torque_along, moved, sign * speed[piece], least, breakaway, held.get(name, 0.0))
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
         inside = slice(0, slide)
         edges, at = _edges(position_along[inside], quantum)
@@ -188,6 +190,9 @@ def find_loadings(
                 edge_displacement=edges - position_along[0],
                 edge_torque=np.interp(at, np.arange(torque_along.size), torque_along),
                 breakaway=None if slide is None else float(torque_along[slide]),
+                held=_held(torque_along, sign * torque[piece])
+                if slide is None
+                else float(torque_along[inside].max(initial=0.0)),
             )
         )
     return tuple(loadings)
@@ -269,8 +274,19 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
     return pieces
 
 
+class _Least(NamedTuple):
+    """What a joint that slides does at least."""
+
+    speed: float
+    """rad/s."""
+    travel: float
+    """rad."""
+    samples: float
+    """For how long: at the end of a run the low pass makes a step of the encoder look like sliding."""
+
+
 def _slides_at(
-    torque: Array, displacement: Array, speed: Array, floor: float, breakaway: float | None, held: float
+    torque: Array, displacement: Array, speed: Array, least: _Least, breakaway: float | None, held: float
 ) -> int | None:
     """The sample at which the joint breaks away; None where it does not.
 
@@ -285,15 +301,26 @@ def _slides_at(
     while onset > 1:
         first = speed[:onset][torque[:onset] <= torque[onset - 1] / 2]
         usual = max(float(np.median(first)) if first.size else 0.0, 0.0)
-        slow = np.flatnonzero(speed[:onset] <= max(ONSET * usual, _FLOOR * floor))
+        slow = np.flatnonzero(speed[:onset] <= max(ONSET * usual, least.speed))
         earlier = int(slow[-1]) + 1 if slow.size else 0
         if earlier == onset:
             break
         onset = earlier
-    if onset >= top:
+    if top - onset <= least.samples or displacement[top - 1] - displacement[onset] < least.travel:
         return None
     far = float(displacement.max() - displacement[onset]) > _TRAVELS * float(displacement[onset])
     return None if not far and held > _EXCEEDED * torque[onset] else onset
+
+
+def _held(smooth: Array, logged: Array) -> float:
+    """The largest torque of a loading, N*m.
+
+    That through the low pass, which rounds tips off or overshoots them, but no less than the logged one without its
+    noise, and no more than the logged one.
+    """
+    noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
+    most = float(logged.max())
+    return min(max(float(smooth.max()), most - _NOISES * noise), most)
 
 
 def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:

@@ -82,7 +82,7 @@ def identify_presliding(
     creep = 0.0 if options.breakaway_displacement else _CREEP
     for direction in sorted({loading.direction for loading in loadings}):
         own = [x for x in loadings if x.direction == direction]
-        level = levels.get(direction) or _from_breakaway(breakaway, direction, max(x.largest for x in own), creep)
+        level = levels.get(direction) or _from_breakaway(breakaway, direction, max(x.held for x in own), creep)
         fits[direction] = fit_presliding(own, level, inertia, kind)
     cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
@@ -121,7 +121,7 @@ def fit_presliding(
     on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
     three = _three_ways(loadings, level, best, sigma_0, softens)
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
-    reached = max((x.largest for x in loadings if x.breakaway is None), default=0.0)
+    reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
         warnings.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
     return PreslidingFit(
@@ -200,11 +200,9 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
         torque = breakaway[d].value if d in breakaway else None
         if torque is not None and (d == direction or held <= torque * (1 + creep)):
             error = breakaway[d].standard_error
-            source = (
-                Kind.OF_BREAKAWAY(direction=d, creep=creep)
-                if error
-                else Kind.OF_ONE_BREAKAWAY(direction=d, creep=creep, share=_SINGLE)
-            )
+            added = Kind.CREEP_ADDED(share=creep) if creep else ""
+            alone = Kind.OF_ONE_BREAKAWAY(direction=d, creep=added, share=_SINGLE)
+            source = Kind.OF_BREAKAWAY(direction=d, creep=added) if error else alone
             value, half = torque * (1 + creep / 2), torque * creep / 2
             return KnownValue(value, float(np.hypot(error or _SINGLE * value, half)), source)
     return KnownValue(held, float("inf"), Kind.OF_LARGEST_HELD())

@@ -32,6 +32,10 @@ _KNOTS = (3, 6)
 """At least, for with two a curve is not told from its chords; and at the most."""
 _PER_KNOT = 6
 """Points above one for each loading, for each knot."""
+_VAGUE = 0.3
+"""Relative standard error of a displacement above which there are fewer knots: a stiffness known no better is none."""
+_SINGULAR = 1e8
+"""Condition above which the points do not determine the line."""
 _CHANCE = 1e-3
 """A pure LuGre joint is named at most this often."""
 _SMALLEST = 0.05
@@ -82,10 +86,10 @@ def stiffness_by_amplitude(
         kind: of the joint.
     """
     points = _points(loadings, level.value)
-    knots = _knots(points.T)
-    line = None if knots is None else _line(points, knots, level.value)
-    if knots is None or line is None or not (line.y > 0).all():
+    found = _finest(points, level.value)
+    if found is None:
         return (), None
+    knots, line = found
     secant, lugre = knots / line.y, knots / line.U * line.U[0] / line.y[0]
     rows = tuple(
         AmplitudeStiffness(kind=name, torque=T, displacement=y, value=x, standard_error=e, lugre=own, sigma_0=bristle)
@@ -132,37 +136,38 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
     return _Points(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
-def _knots(T: Array) -> Array | None:
-    """Torques at which f bends, even; as many as the points allow, each with some of them before it."""
-    most = float(T.max(initial=0.0))
-    if most <= 0:
-        return None
-    for count in range(min(_KNOTS[1], T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
+def _finest(points: _Points, g0: float) -> tuple[Array, _Line] | None:
+    """Even knots, and f at them: as many as the points determine, each with some of them before it."""
+    most = float(points.T.max(initial=0.0))
+    for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
         knots = most * np.arange(1, count + 1) / count
-        if (np.histogram(T, [0.0, *knots])[0] >= _PER_KNOT // 2).all():
-            return knots
+        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= _PER_KNOT // 2).all():
+            line = _line(points, knots, g0)
+            if line is not None and (np.sqrt(np.diag(line.covariance)) < _VAGUE * line.y).all():
+                return knots, line
     return None
 
 
 def _line(points: _Points, knots: Array, g0: float) -> _Line | None:
-    """F by weighted least squares; None where the points do not determine it."""
+    """The line f by weighted least squares; None where the points do not determine it."""
     U, at = (evaluate(functions.loading_displacement_function(), T, g0, 1.0)[0] for T in (points.T, knots))
-    columns = np.array([np.interp(U, [0.0, *at], np.eye(at.size + 1)[k + 1]) for k in range(at.size)])
-    root, count = np.sqrt(points.weight), int(points.loading.max()) + 1
-    total = np.bincount(points.loading, points.weight, count)
-    y, *columns = (
-        root
-        * (x - (np.bincount(points.loading, points.weight * x, count) / np.where(total, total, 1.0))[points.loading])
-        for x in (points.y, *columns)
-    )
-    A, used = np.array(columns).T, np.count_nonzero(total)
+    columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
+    centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
+    y, A = centred[:, 0], centred[:, 1:]
     scale = np.linalg.norm(A, axis=0)
-    if (scale == 0).any() or np.linalg.cond(A / scale) > 1e8 or y.size <= used + at.size:
+    if (scale == 0).any() or np.linalg.cond(A / scale) > _SINGULAR or y.size <= used + at.size:
         return None
     inverse = np.linalg.pinv(A)
     found = inverse @ y
     rest = y - A @ found
     correlated = inflation(rest)
     freedom = max(y.size / correlated - used - at.size, 1.0)
-    variance = float(rest @ rest) / max(y.size - used - at.size, 1) * correlated
+    variance = float(rest @ rest) / (y.size - used - at.size) * correlated
     return _Line(at, found, variance * inverse @ inverse.T, freedom)
+
+
+def _within_loadings(columns: Array, points: _Points) -> tuple[Array, int]:
+    """Each column, (n, k), about the weighted mean of each loading, times the root of the weight; and how many loadings."""
+    member = points.loading[:, None] == np.unique(points.loading)
+    mean = (member * points.weight[:, None]).T @ columns / (points.weight @ member)[:, None]
+    return np.sqrt(points.weight)[:, None] * (columns - member @ mean), member.shape[1]

@@ -11,7 +11,7 @@ the joint rests is not known: only differences of y are. One encoder count is q.
                  torque noise follow the time
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -95,9 +95,22 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -
     return _estimates(loadings, level, quantum, kind)
 
 
+def _either(near: Sequence[Diagnostic], far: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+    """What both warn of, each kind once; a range that both exclude is the wider one."""
+    other = {x.kind: x for x in far}
+    for one in near:
+        two = other.pop(one.kind, one)
+        if one.kind is Kind.REST_EXCLUDES:
+            ends = [x.numbers[name] for x in (one, two) for name in ("low", "high")]
+            yield one.but(low=min(ends), high=max(ends))
+        else:
+            yield one
+    yield from other.values()
+
+
 def _between(near: Estimate, far: Estimate) -> Estimate:
     """What g0 anywhere between leaves of two estimates: their mean, with the distance between them in its error."""
-    warnings = (*near.warnings, *(x for x in far.warnings if x not in near.warnings))
+    warnings = tuple(_either(near.warnings, far.warnings))
     ends = [x.interval for x in (near, far) if x.interval]
     interval = (min(low for low, _ in ends), max(high for _, high in ends)) if len(ends) == 2 else None
     if near.value is None or far.value is None:
@@ -182,7 +195,9 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
     bias, spread = by_phase(pieces, value, quantum)
     error = float(np.sqrt(error**2 + by_level**2 + spread**2))
     samples = _estimate(value, error, freedom, kind)
-    if samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
+    if np.isinf(spread):
+        samples = Estimate(value=None, unit=samples.unit, warnings=(Kind.COUNTS_HIDE(),))
+    elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
         wrong = Kind.COUNTS_BIAS(share=bias / value)
         samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
     value, error, freedom = by_edges(pieces)
@@ -318,6 +333,8 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
         shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
         values.append(by_samples(pieces, shifted)[0])
+    if not np.isfinite(values).all():  # at some rest positions no sample would show any motion
+        return 0.0, np.inf
     return float(np.mean(values)) - sigma_0, float(np.std(values))
 
 
