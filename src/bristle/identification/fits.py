@@ -224,7 +224,7 @@ class PreslidingFit:
     samples: Estimate
     """From all samples."""
     sigma_1: Estimate
-    """(15): a prior from an assumed damping ratio."""
+    """(15): of an assumed damping ratio, without an error."""
     recommended: str
     """Which of the four to use."""
     degrees_of_freedom: Number

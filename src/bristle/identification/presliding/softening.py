@@ -52,7 +52,7 @@ class _Points(NamedTuple):
     """Which one each point is of, (n,)."""
 
 
-class _Line(NamedTuple):
+class _Bending(NamedTuple):
     """f at the knots, with its covariance, and degrees of freedom."""
 
     U: Array
@@ -136,7 +136,7 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
     return _Points(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
-def _finest(points: _Points, g0: float) -> tuple[Array, _Line] | None:
+def _finest(points: _Points, g0: float) -> tuple[Array, _Bending] | None:
     """Even knots, and f at them: as many as the points determine, each with some of them before it."""
     most = float(points.T.max(initial=0.0))
     for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
@@ -148,7 +148,7 @@ def _finest(points: _Points, g0: float) -> tuple[Array, _Line] | None:
     return None
 
 
-def _line(points: _Points, knots: Array, g0: float) -> _Line | None:
+def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     """The line f by weighted least squares; None where the points do not determine it."""
     U, at = (evaluate(functions.loading_displacement_function(), T, g0, 1.0)[0] for T in (points.T, knots))
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
@@ -163,7 +163,7 @@ def _line(points: _Points, knots: Array, g0: float) -> _Line | None:
     correlated = inflation(rest)
     freedom = max(y.size / correlated - used - at.size, 1.0)
     variance = float(rest @ rest) / (y.size - used - at.size) * correlated
-    return _Line(at, found, variance * inverse @ inverse.T, freedom)
+    return _Bending(at, found, variance * inverse @ inverse.T, freedom)
 
 
 def _within_loadings(columns: Array, points: _Points) -> tuple[Array, int]:
