@@ -1,5 +1,7 @@
 """sigma_0 four ways, and what the encoder does to each."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,10 +12,12 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.diagnostics import Kind
-from bristle.identification.fits import PreslidingFit
+from bristle.identification.dynamic.priors import _stiffness
+from bristle.identification.fits import Presliding, PreslidingFit
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
 from bristle.identification.presliding.stiffness import KnownValue, printed_bias
 from bristle.model import functions, law
+from bristle.model.parameters import Direction
 from bristle.model.vectorize import evaluate
 
 from .conftest import GRIPPER
@@ -148,6 +152,20 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
     absent = fit_presliding(loadings, LEVEL, None, "revolute").sigma_1
     assert absent.value is None
     assert absent.warnings[0] == Kind.NO_SIGMA_1(why=Kind.NO_INERTIA())
+
+
+@pytest.mark.parametrize(
+    ("freedom", "share"), [(1.0, 2.0), (2.0, 2.0), (4.0, np.sqrt(2.0)), (30.0, np.sqrt(30 / 28)), (np.inf, 1.0)]
+)
+def test_as_a_prior_it_scatters_as_students(freedom: float, share: float) -> None:
+    """The normal prior of sigma_0 has the variance of Student's distribution of its degrees of freedom; of none, twice the error."""
+    fit = replace(found(run(2 * np.pi / 2**14, 0.3), 2 * np.pi / 2**14), degrees_of_freedom=freedom)
+    prior = _stiffness(Presliding(fits={"+": fit}, breakaway={}), Direction("+"))
+    assert prior is not None
+    assert fit.sigma_0.standard_error is not None
+    assert prior.value == pytest.approx(fit.sigma_0.value, rel=1e-12)
+    assert prior.standard_error == pytest.approx(share * fit.sigma_0.standard_error, rel=1e-12)
+    assert 1 < found(run(2 * np.pi / 2**14, 0.3), 2 * np.pi / 2**14).degrees_of_freedom < np.inf
 
 
 def slid(name: str, level: float) -> Record:

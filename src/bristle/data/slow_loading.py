@@ -101,9 +101,9 @@ class Loop:
     """rad, (n,)."""
     torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """N*m, as logged, (n,)."""
-    torque_amplitude: Number
+    torque_amplitude: Number = float("nan")
     """Half the range of torque, N*m."""
-    displacement_amplitude: Number
+    displacement_amplitude: Number = float("nan")
     """Half the range of displacement, rad."""
     loss: Number
     """Work lost in the cycle, J."""

@@ -227,7 +227,7 @@ class PreslidingFit:
     """(15): of an assumed damping ratio, without an error."""
     recommended: str
     """Which of the four to use."""
-    degrees_of_freedom: Number
+    degrees_of_freedom: Number = float("inf")
     """Of its standard error."""
     level: Number
     """g0, the torque at which slow loading slides, N*m."""

@@ -265,7 +265,7 @@ def _priors(
 
 def _scatter(freedom: float) -> float:
     """By how much the variance of a Student distribution exceeds the square of its standard error."""
-    return freedom / (freedom - 2) if freedom > 2 else 4.0
+    return 1 + 2 / (freedom - 2) if freedom > 2 else 4.0  # n / (n - 2)
 
 
 def _single(stage: str, name: ParameterName, value: float, error: float) -> Prior:
