@@ -206,3 +206,12 @@ def test_loadings_are_frozen() -> None:
     loading: Loading = find_loadings(run(1e-4, 0.5), 1e3, 1e-4, None)[0]
     with pytest.raises(ValueError, match="read-only"):
         loading.torque[0] = 1.0
+
+
+@pytest.mark.parametrize("quantum", [0.0, 2 * np.pi / 2**14])
+def test_a_level_below_all_that_was_held_gives_no_stiffness(quantum: float) -> None:
+    """Where g0 is said to be less than the first torque of a loading nothing is left to estimate from: no value, and the contradiction is named."""
+    loadings = find_loadings(run(quantum, 0.3), 1e3, quantum or None, None)
+    fit = fit_presliding(loadings, KnownValue(1e-6 * G0, 1e-8 * G0, SOURCE), None, "revolute")
+    assert [e.value for e in (fit.printed, fit.corrected, fit.edges, fit.samples)] == 4 * [None]
+    assert any(warning.kind is Kind.ABOVE_G0 for warning in fit.warnings)

@@ -20,7 +20,7 @@ from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.fits import AmplitudeStiffness
-from bristle.identification.presliding.stiffness import KnownValue, of_loading
+from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
@@ -150,7 +150,10 @@ def _finest(points: _Points, g0: float) -> tuple[Array, _Bending] | None:
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     """The line f by weighted least squares; None where the points do not determine it."""
-    U, at = (evaluate(functions.loading_displacement_function(), T, g0, 1.0)[0] for T in (points.T, knots))
+    U, at = (
+        evaluate(functions.loading_displacement_function(), np.minimum(T, LIMIT * g0), g0, 1.0)[0]
+        for T in (points.T, knots)
+    )
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
     y, A = centred[:, 0], centred[:, 1:]

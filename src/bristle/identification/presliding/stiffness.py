@@ -30,7 +30,7 @@ from bristle.model.vectorize import evaluate
 
 REACH = 0.8
 """Of g0: above, a little noise in T is much in log(1 - T / g0)."""
-_LIMIT = 0.97
+LIMIT = 0.97
 """Of g0: noise may reach above REACH, but not to where U has no value."""
 _YIELDS = 3.0
 """An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
@@ -89,7 +89,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -
         return {name: _between(near[name], far[name]) for name in near}
     quantum = max(loading.quantum for loading in loadings)
     pieces = [of_loading(loading, level.value) for loading in loadings]
-    still = max(float(np.ptp(piece.y)) for piece in pieces) == 0
+    still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), _lower_bound(pieces, quantum, kind))
     return _estimates(loadings, level, quantum, kind)
@@ -160,7 +160,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     stop = low.size if low.all() else int(np.argmin(low))
     reached = float(loading.displacement[:stop].max(initial=0.0))
     edge = loading.edge_displacement <= reached
-    T = np.minimum(loading.edge_torque[edge], _LIMIT * g0)
+    T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
     y, U = loading.edge_displacement[edge], _unbent(T, g0)
     # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
     along = y / y[-1] if y.size else y
@@ -168,7 +168,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     return Piece(
         time=loading.time[:stop],
         y=loading.displacement[:stop],
-        U=_unbent(np.minimum(loading.torque[:stop], _LIMIT * g0), g0),
+        U=_unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
         edge_y=y,
         edge_U=U,
         weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
