@@ -812,9 +812,18 @@ class Kind(Enum):
     )
 
     # slow loading
-    NO_SIGMA_0 = (
+    G0_AT_LEAST = (
         _CAUTION,
-        "No sigma_0{direction!d}: it needs the breakaway torque; add ramp runs, or load up to breakaway once.",
+        "No run breaks away{direction!d}: g0 is at least {held:.3g}, and the interval of sigma_0 allows for every g0 above; "
+        "add ramp runs, or load up to breakaway once.",
+    )
+    SOFTENS = (
+        _CAUTION,
+        (
+            "Softening{direction!d}: from {low:.3g} to {high:.3g} {unit} the secant stiffness falls to {ratio:.2g} +/- {error:.1g} of "
+            "its initial value, LuGre's own exponential to {lugre:.2g}; the interval of sigma_0 spans what the "
+            "amplitudes give, and a Maxwell-slip model would describe the rest."
+        ),
     )
     FEW_COUNTS = (
         _CAUTION,
@@ -857,12 +866,19 @@ class Kind(Enum):
     PRIOR = (
         _CAUTION,
         (
-            "A prior, not an estimate: (15) assumes a damping ratio of {ratio:g} (J: {source}); the error does "
-            "not include that of the assumption."
+            "An assumption, not an estimate: (15) with an assumed damping ratio of {ratio:g} (J: {source}); without an "
+            "error, since that ratio is known no better than a factor."
         ),
     )
     NO_COUNTS = _NOTE, "No encoder counts are visible; (14) and the count edges need them."
-    COUNTS_BIAS = _CAUTION, "Encoder counts bias this estimate by about {share:.1%}, more than its standard error."
+    COUNTS_BIAS = (
+        _CAUTION,
+        "No interval: encoder counts bias this estimate by about {share:.1%}, more than its standard error.",
+    )
+    COUNTS_HIDE = (
+        _NOTE,
+        "No estimate from all samples: at some rest positions inside a count they would show no motion.",
+    )
     NOT_POSITIVE = _CRITICAL, "Not positive: the displacement does not increase with the torque."
     NOTHING_BELOW_G0 = _NOTE, "No displacement was measured below g0."
     WHOLE_COUNT = (
@@ -870,6 +886,13 @@ class Kind(Enum):
         (
             "Assumes that the joint moves a whole count to the first edge; it may be any part of one. The "
             "interval allows for an unknown rest position."
+        ),
+    )
+    REST_EXCLUDES = (
+        _NOTE,
+        (
+            "No interval: it assumes that the joint moves a whole count to the first edge, and over the rest positions "
+            "of these loadings sigma_0 lies in [{low:.3g}, {high:.3g}] {unit}, which excludes it."
         ),
     )
     WITHIN_NOISE = (
@@ -1579,8 +1602,10 @@ class Kind(Enum):
     OF_EXPERIMENT_FILE = _NOTE, "the experiment file"
     OF_STATIC_FIT_WITHOUT_PEAK = _NOTE, "alpha_0 of the static fit, which shows no peak"
     OF_MOVING_RUNS_WITHOUT_PEAK = _NOTE, "alpha_0 of the moving runs, which show no peak"
-    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}"
-    OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}; its error of {share:.0%} is a guess"
+    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}{creep}"
+    OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}{creep}; its error of {share:.0%} is a guess"
+    CREEP_ADDED = _NOTE, ", with up to {share:.0%} added for the creep before it"
+    OF_LARGEST_HELD = _CAUTION, "the largest torque held: no run breaks away"
 
     # simulated data: how many intervals hold what was simulated
     TRUTH_INSIDE = _NOTE, "{inside} of {count} true values lie inside their 95 % intervals{more}."

@@ -234,6 +234,9 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
         file.name for file in sorted((measured_data / "servo_lugre").glob("sigma0_*.txt"))
     ]
     for loop in slow.loops:
+        assert loop.slope is not None
+        assert loop.secant is not None
+        assert loop.inverse_slope is not None
         assert 4.9 < loop.slope < 5.7
         assert loop.slope < loop.secant < loop.inverse_slope
     assert Kind.COARSE_LOOPS_BETWEEN(least=5, most=6) in slow.warnings

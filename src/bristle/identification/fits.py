@@ -193,6 +193,24 @@ class Crosscheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AmplitudeStiffness:
+    """The stiffness of slow loading from rest up to one torque."""
+
+    kind: Literal["initial", "secant"]
+    torque: Number
+    """N*m."""
+    displacement: Number
+    """rad."""
+    value: Number
+    """One over the other, N*m/rad."""
+    standard_error: Number
+    lugre: Number
+    """What LuGre's own exponential gives there, from the initial stiffness on, N*m/rad."""
+    sigma_0: Number
+    """Of the LuGre joint that bends this far, N*m/rad: the same at every amplitude where LuGre holds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PreslidingFit:
     """sigma_0 of one direction by four estimators side by side, and sigma_1 by (15)."""
 
@@ -206,12 +224,15 @@ class PreslidingFit:
     samples: Estimate
     """From all samples."""
     sigma_1: Estimate
-    """(15): a prior from an assumed damping ratio."""
+    """(15): of an assumed damping ratio, without an error."""
     recommended: str
     """Which of the four to use."""
+    degrees_of_freedom: Number = float("inf")
+    """Of its standard error."""
     level: Number
     """g0, the torque at which slow loading slides, N*m."""
     level_standard_error: Number
+    """Infinite where g0 is a lower bound: the largest torque held."""
     level_source: Diagnostic
     """Where g0 comes from."""
     quantum: float
@@ -225,6 +246,8 @@ class PreslidingFit:
     """Its mean over rest positions anywhere in the count."""
     bias_spread: Number
     """Its standard deviation over them."""
+    amplitudes: tuple[AmplitudeStiffness, ...] = ()
+    """The stiffness at some amplitudes, the initial one first; empty where the loadings show too little."""
     loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     warnings: tuple[Diagnostic, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)

@@ -210,15 +210,20 @@ def _start(
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
     """sigma_0 from presliding of one direction, or of both by their inverse variances.
 
-    None where there is none with an error.
+    Its standard error is that of a normal distribution that scatters as its own Student distribution does. None where
+    there is none with an error.
     """
-    estimates = [fit.sigma_0 for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
-    known = [(e.value, e.standard_error) for e in estimates if e.value and e.standard_error]
+    fits = [fit for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
+    known = [
+        (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom))
+        for fit in fits
+        if fit.sigma_0.value and fit.sigma_0.standard_error
+    ]
     if not known:
         return None
-    weight = np.array([1 / error**2 for _, error in known])
+    weight = np.array([1 / variance for _, variance in known])
     value = float(weight @ [x for x, _ in known] / weight.sum())
-    return replace(estimates[0], value=value, standard_error=float(weight.sum() ** -0.5))
+    return replace(fits[0].sigma_0, value=value, standard_error=float(weight.sum() ** -0.5))
 
 
 def _value(e: Estimate | None, otherwise: float) -> float:
@@ -251,10 +256,7 @@ def _priors(
         fit = _static_of(static, d)
         if fit is not None:
             rows = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
-            # few degrees of freedom: a Student distribution scatters by more than its standard error
-            covariance = fit.covariance[np.ix_(rows, rows)] * (
-                fit.degrees_of_freedom / (fit.degrees_of_freedom - 2) if fit.degrees_of_freedom > 2 else 4.0
-            )
+            covariance = fit.covariance[np.ix_(rows, rows)] * _scatter(fit.degrees_of_freedom)
             if rows and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in rows], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -269,6 +271,11 @@ def _priors(
         priors.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
     free = set(problem.names)
     return [prior for prior in priors if free.issuperset(prior.names)]
+
+
+def _scatter(freedom: float) -> float:
+    """By how much the variance of a Student distribution exceeds the square of its standard error."""
+    return 1 + 2 / (freedom - 2) if freedom > 2 else 4.0  # n / (n - 2)
 
 
 def _single(stage: str, name: ParameterName, value: float, error: float) -> Prior:

@@ -11,7 +11,7 @@ the joint rests is not known: only differences of y are. One encoder count is q.
                  torque noise follow the time
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,8 +30,12 @@ from bristle.model.vectorize import evaluate
 
 REACH = 0.8
 """Of g0: above, a little noise in T is much in log(1 - T / g0)."""
-_LIMIT = 0.97
+LIMIT = 0.97
 """Of g0: noise may reach above REACH, but not to where U has no value."""
+_YIELDS = 3.0
+"""An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
+_STRAIGHT = 1e6
+"""Times the largest torque held: a g0 this large bends nothing, which is the other end of what a lower bound allows."""
 _PHASES = 64
 """Where inside a count the joint may rest, for the spread that counts alone cause."""
 
@@ -44,7 +48,13 @@ class KnownValue(NamedTuple):
 
     value: float
     standard_error: float
+    """Infinite where the value is a lower bound."""
     source: Diagnostic
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the value is a lower bound and no estimate."""
+        return bool(np.isinf(self.standard_error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,24 +73,65 @@ class Piece:
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
     """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
 
-    A lower bound where counts hide the motion.
+    A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises: its interval
+    reaches from that of a g0 that bends nothing to that of the bound.
 
     Args:
         loadings: of one direction, at least one.
         level: g0 of this direction.
         kind: of the joint.
     """
+    if level.is_bound:
+        near, far = (
+            stiffness(loadings, KnownValue(g0, 0.0, level.source), kind)
+            for g0 in (level.value, _STRAIGHT * level.value)
+        )
+        return {name: _between(near[name], far[name]) for name in near}
     quantum = max(loading.quantum for loading in loadings)
     pieces = [of_loading(loading, level.value) for loading in loadings]
-    still = max(float(np.ptp(piece.y)) for piece in pieces) == 0
+    still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), _lower_bound(pieces, quantum, kind))
     return _estimates(loadings, level, quantum, kind)
 
 
+def _either(near: Sequence[Diagnostic], far: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+    """What both warn of, each kind once; a range that both exclude is the wider one."""
+    other = {x.kind: x for x in far}
+    for one in near:
+        two = other.pop(one.kind, one)
+        if one.kind is Kind.REST_EXCLUDES:
+            ends = [x.numbers[name] for x in (one, two) for name in ("low", "high")]
+            yield one.but(low=min(ends), high=max(ends))
+        else:
+            yield one
+    yield from other.values()
+
+
+def _between(near: Estimate, far: Estimate) -> Estimate:
+    """What g0 anywhere between leaves of two estimates: their mean, with the distance between them in its error."""
+    warnings = tuple(_either(near.warnings, far.warnings))
+    ends = [x.interval for x in (near, far) if x.interval]
+    interval = (min(low for low, _ in ends), max(high for _, high in ends)) if len(ends) == 2 else None
+    if near.value is None or far.value is None:
+        if interval:
+            interval = (interval[0], float("inf"))
+        return Estimate(value=None, unit=near.unit, interval=interval, warnings=warnings)
+    errors = [x.standard_error for x in (near, far) if x.standard_error is not None]
+    error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12))) if len(errors) == 2 else None
+    value = (near.value + far.value) / 2
+    return Estimate(value=value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
+
+
 def count_edges(loadings: Sequence[Loading], level: KnownValue) -> int:
     """Count edges that the loadings crossed below REACH of g0."""
     return sum(of_loading(loading, level.value).edge_y.size for loading in loadings)
+
+
+def freedom_of(loadings: Sequence[Loading], level: KnownValue, estimator: str) -> float:
+    """Degrees of freedom of the estimate by `edges` or `samples`."""
+    pieces = [of_loading(loading, level.value) for loading in loadings]
+    return (by_edges if estimator == "edges" else by_samples)(pieces)[2]
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
@@ -109,17 +160,18 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     stop = low.size if low.all() else int(np.argmin(low))
     reached = float(loading.displacement[:stop].max(initial=0.0))
     edge = loading.edge_displacement <= reached
-    T = np.minimum(loading.edge_torque[edge], _LIMIT * g0)
+    T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
     y, U = loading.edge_displacement[edge], _unbent(T, g0)
     # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
-    line = np.polynomial.polynomial.polyfit(y, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
+    along = y / y[-1] if y.size else y
+    line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
         time=loading.time[:stop],
         y=loading.displacement[:stop],
-        U=_unbent(np.minimum(loading.torque[:stop], _LIMIT * g0), g0),
+        U=_unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
         edge_y=y,
         edge_U=U,
-        weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(y, line), 0.0) / g0),
+        weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
     )
 
 
@@ -142,16 +194,19 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
         return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
     bias, spread = by_phase(pieces, value, quantum)
     error = float(np.sqrt(error**2 + by_level**2 + spread**2))
-    warnings = (Kind.COUNTS_BIAS(share=bias / value),) if abs(bias) > error else ()
-    samples = _estimate(value, error, freedom, kind, warnings)
+    samples = _estimate(value, error, freedom, kind)
+    if np.isinf(spread):
+        samples = Estimate(value=None, unit=samples.unit, warnings=(Kind.COUNTS_HIDE(),))
+    elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
+        wrong = Kind.COUNTS_BIAS(share=bias / value)
+        samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
     value, error, freedom = by_edges(pieces)
     by_level = _slope(by_edges(less)[0], value, by_edges(more)[0], width) * level.standard_error
-    return {
-        "printed": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=False),
-        "corrected": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=True),
-        "edges": _estimate(value, float(np.hypot(error, by_level)), freedom, kind),
-        "samples": samples,
-    }
+    edges = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
+    printed, corrected, least = _first_count(loadings, level.value, quantum, kind, _noise(pieces))
+    if 0 < value < least / _YIELDS:
+        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Kind.YIELDS(),))
+    return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
 
 
 def _slope(less: float, value: float, more: float, width: float) -> float:
@@ -160,43 +215,46 @@ def _slope(less: float, value: float, more: float, width: float) -> float:
     return float(np.mean(steps)) / width if steps else np.inf
 
 
-def _estimate(
-    value: float, error: float, freedom: float, kind: JointKind, warnings: tuple[Diagnostic, ...] = ()
-) -> Estimate:
-    wrong = () if 0 < value < np.inf and np.isfinite(error) else (Kind.NOT_POSITIVE(),)
-    if not (np.isfinite(value) and np.isfinite(error)):
-        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(*warnings, *wrong))
+def _estimate(value: float, error: float, freedom: float, kind: JointKind) -> Estimate:
+    """With its interval by Student's t; none where it is no stiffness."""
+    if not (0 < value < np.inf and np.isfinite(error)):
+        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOT_POSITIVE(),))
     reach = student(freedom) * error
     return Estimate(
         value=value,
         unit=unit("sigma_0", kind),
         standard_error=error,
         interval=(max(value - reach, 0.0), value + reach),
-        warnings=(*warnings, *wrong),
     )
 
 
 def _first_count(
-    loadings: Sequence[Loading], g0: float, quantum: float, kind: JointKind, noise: float, *, corrected: bool
-) -> Estimate:
-    """(14), or its inverse, averaged over the loadings.
+    loadings: Sequence[Loading], g0: float, quantum: float, kind: JointKind, noise: float
+) -> tuple[Estimate, Estimate, float]:
+    """(14) and its inverse, averaged over the loadings, and the least sigma_0 that the first counts allow.
 
-    The interval is that of a rest position anywhere in the count, and of noise in U.
+    The interval is that of a rest position anywhere in the count, and of noise in U; an estimate that lies outside has none.
     """
     T = np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
     if T.size == 0:
-        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
+        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
+        return absent, absent, 0.0
     U = _unbent(T, g0)
-    half = LEVEL / 2 if T.size == 1 else min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
+    # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
+    half = min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
+    nearest, farthest = (1 - LEVEL, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
     off = 1.96 * noise / float(np.sqrt(T.size))
-    low = max(float(np.mean(U)) - off, 0.0) / (quantum * (0.5 + half))
-    high = (float(np.mean(U)) + off) / (quantum * (0.5 - half))
-    return Estimate(
-        value=float(np.mean(U if corrected else T)) / quantum,
-        unit=unit("sigma_0", kind),
-        interval=(low, high),
-        warnings=(Kind.WHOLE_COUNT(),),
-    )
+    low = max(float(np.mean(U)) - off, 0.0) / (quantum * farthest)
+    high = (float(np.mean(U)) + off) / (quantum * nearest)
+    printed, corrected = (_within(float(np.mean(x)) / quantum, low, high, unit("sigma_0", kind)) for x in (T, U))
+    return printed, corrected, low
+
+
+def _within(value: float, low: float, high: float, of: str) -> Estimate:
+    """By the first count alone, with its interval where that holds it."""
+    if low <= value <= high:
+        return Estimate(value=value, unit=of, interval=(low, high), warnings=(Kind.WHOLE_COUNT(),))
+    return Estimate(value=value, unit=of, warnings=(Kind.REST_EXCLUDES(low=low, high=high, unit=of),))
 
 
 def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:
@@ -275,6 +333,8 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
         shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
         values.append(by_samples(pieces, shifted)[0])
+    if not np.isfinite(values).all():  # at some rest positions no sample would show any motion
+        return 0.0, np.inf
     return float(np.mean(values)) - sigma_0, float(np.std(values))
 
 

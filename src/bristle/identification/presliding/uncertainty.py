@@ -181,7 +181,8 @@ def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inv
     counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
     moved = line.at(g0)[0] - middle
     steps = steps + np.sqrt(counts) * rest
-    studentised = (steps - moved) / np.sqrt(errors**2 + counts + other)
+    total = np.sqrt(errors**2 + counts + other)
+    studentised = np.divide(steps - moved, total, out=np.zeros(steps.size), where=total > 0)
     return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
 
 
@@ -195,6 +196,7 @@ def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:
 
 def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
     """Steps of 1 / sigma_0 where blocks of samples are drawn, time the instrument."""
+    pieces = [p for p in pieces if p.y.size]
     t, y, U = (
         np.concatenate([values - values.mean() for values in column])
         for column in ([p.time for p in pieces], [p.y for p in pieces], [p.U for p in pieces])

@@ -14,7 +14,16 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, span
-from bristle.questions.joint_report.sentences import bias, bias_text, biased, choice, cost_change, methods, reached
+from bristle.questions.joint_report.sentences import (
+    bias,
+    bias_text,
+    biased,
+    choice,
+    cost_change,
+    level,
+    methods,
+    reached,
+)
 
 _CORRELATED = 0.5
 """Correlations below this are not printed."""
@@ -128,10 +137,9 @@ def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
 
 
 def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[str]:
-    level = f"{_pair(fit.level, fit.level_standard_error)} {unit('torque', joint.kind)}"
     yield f"  [[presliding {fit.direction}]] {choice(fit)}"
     yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
-    yield f"    {'level g0':<15}= {level}, from {fit.level_source}"
+    yield f"    {'level g0':<15}= {level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
@@ -140,7 +148,18 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
         "sigma_0", {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
     )
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1})
+    yield from _amplitudes(joint, fit)
     yield from _sentences(fit.warnings)
+
+
+def _amplitudes(joint: Joint, fit: PreslidingFit) -> Iterator[str]:
+    """Stiffness at some amplitudes, and what LuGre gives there."""
+    torque, position, stiffness = (unit(name, joint.kind) for name in ("torque", "position", "sigma_0"))
+    if fit.amplitudes:
+        yield "    [[stiffness vs amplitude]]"
+    for x in fit.amplitudes:
+        where = f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position}"
+        yield f"      {f'{x.kind}:':<13}{_pair(x.value, x.standard_error):<22} {stiffness} {where}; LuGre {_number(x.lugre)}"
 
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
@@ -188,7 +207,9 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
         yield "  [[hysteresis]] Regression of torque on displacement, inverse regression and secant differ because the loop is wide."
     for x in loops:
         slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
-        where = f"{printable(x.file)} rows {x.start}-{x.stop}"
+        torque, position = (unit(name, joint.kind) for name in ("torque", "position"))
+        reach = f"+/-{_number(x.torque_amplitude)} {torque}, +/-{_number(x.displacement_amplitude)} {position}"
+        where = f"{printable(x.file)} rows {x.start}-{x.stop}, {reach}"
         yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
 
 
