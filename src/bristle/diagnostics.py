@@ -336,6 +336,15 @@ class Kind(Enum):
     )
 
     # intervals of any fit
+    RUNS_SCATTER = (
+        _CAUTION,
+        (
+            "Over {runs} runs fitted apart the estimates scatter by {scatter:.2g} times their standard errors (root of "
+            "the reduced chi-squared, significant at 1 %): the standard error is multiplied by {widened:.2g}, and the "
+            "interval has Student's t of {freedom} degree{freedom!e} of freedom. What differs between the runs "
+            "(temperature, load, wear) belongs to the uncertainty."
+        ),
+    )
     INTERVALS_DIFFER = (
         _CAUTION,
         ("The 95 % bounds {sides!j} the estimate differ by more than 1.5x between the methods ({ends!i}): {reason}."),

@@ -18,10 +18,11 @@ from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import solve_dynamic, without_deflections
+from bristle.identification.dynamic.uncertainty import profile_until_stable, run_fits, with_three_ways
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
+from bristle.identification.repeats import scatter_of, widened, with_priors_beside
 from bristle.identification.results import Consistency
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -95,7 +96,7 @@ def fit_with_priors(
         posed: DynamicProblem, starts: int, *others: Values
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts; its profiles, where they are asked for, may improve it."""
-        refit = partial(fit_tracking, posed, start, kind, tests)
+        refit = partial(fit_tracking, posed, start, kind, tests, progress=progress)
         solved = refit(starts=starts, others=others)
         if not uncertainty:
             return solved, {}
@@ -122,14 +123,19 @@ def fit_with_priors(
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
-    alone = finished(solved, profiles)
+    apart = run_fits(solved, progress)
+    scatter = scatter_of(apart, {name for run in apart for name in run.names if name.name in LOGARITHMIC})
+    by_runs = finished(solved, profiles)
+    alone = widened(by_runs, scatter, solved.solution.freedom, LOGARITHMIC)
     if load and not static_is_apart:
         slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
-    joint = finished(*fitted(with_priors(problem, priors, alone.rms), 1, ended))
+    solved, profiles = fitted(with_priors(problem, priors, alone.rms), 1, ended)
+    joint = finished(solved, profiles)
+    joint = widened(joint, with_priors_beside(scatter, by_runs, joint), solved.solution.freedom, LOGARITHMIC)
     agree = _consistency(priors, alone, joint)
     joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
     return DynamicStages(alone, joint, agree, slow)

@@ -16,7 +16,8 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate, Presliding, PreslidingFit
 from bristle.identification.presliding.stiffness import REACH, KnownValue, count_edges, printed_bias, stiffness
-from bristle.identification.presliding.uncertainty import stiffness_uncertainty
+from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
+from bristle.identification.repeats import spreader, wider_estimate, wider_three
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind as JointKind
@@ -107,6 +108,11 @@ def fit_presliding(
     known = quantum > 0 and (sigma_0.value or 0.0) > 0
     on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
     three = stiffness_uncertainty(loadings, level, best, sigma_0)
+    scatter, freedom = stiffness_scatter(loadings, level, best, sigma_0)
+    if scatter and scatter.widened > 1 and sigma_0.value is not None:
+        widen = spreader(sigma_0.value, scatter, freedom, "sigma_0")
+        sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
+        estimates = {**estimates, best: sigma_0}
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
     reached = max(float(loading.torque.max()) for loading in loadings)
     if reached > level.value:
@@ -127,6 +133,7 @@ def fit_presliding(
         loadings=tuple(loadings),
         warnings=tuple(warnings),
         uncertainty={"sigma_0": three},
+        repeats={"sigma_0": scatter} if scatter else {},
     )
 
 
