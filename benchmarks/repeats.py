@@ -18,7 +18,7 @@ from bristle.data.record import Record
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import run_fits as moving_run_fits
-from bristle.identification.dynamic.unknowns import LOGARITHMIC
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms
 from bristle.identification.fits import Estimate, RunScatter
 from bristle.identification.repeats import scatter_of, spreader, widened, wider_estimate
 from bristle.identification.static.grid import default_range
@@ -92,7 +92,7 @@ def moving(truths: list[dict[ParameterName, float]], rng: np.random.Generator) -
         records.append(Record(file=f"run {k}", time=t, velocity=v, torque=torque, acceleration=acceleration))
     problem = dynamic_problem(records, ("both",), ("inertia",), 1, None)
     solved = fit_tracking(problem, TRUTH, "revolute", starts=1)
-    scatter = scatter_of(moving_run_fits(solved), {name for name in TRUTH if name.name in LOGARITHMIC})
+    scatter = scatter_of(moving_run_fits(solved), solved.fit.parameters, logarithms(solved.fit.names))
     fit = widened(solved.fit, scatter, solved.solution.freedom, LOGARITHMIC)
     return {name: (fit.parameters[name], x) for name, x in fit.repeats.items()}
 
@@ -110,12 +110,14 @@ def points(truths: list[dict[ParameterName, float]], rng: np.random.Generator) -
     whole = from_points(np.tile(SPEEDS, len(truths)), np.concatenate(torques), ("both",))
     core = solve_static(whole, FitOptions(), "revolute")
     runs = [(f"run {k}", from_points(SPEEDS, own, ("both",))) for k, own in enumerate(torques)]
-    scatter = scatter_of(run_fits(core, runs, default_range(SPEEDS)), {ParameterName("v_s", Direction.BOTH)})
+    scatter = scatter_of(
+        run_fits(core, runs, default_range(SPEEDS)), core.parameters, {ParameterName("v_s", Direction.BOTH)}
+    )
     return {name: (_wider(core.parameters[name], x, core.freedom, name), x) for name, x in scatter.items()}
 
 
 def _wider(e: Estimate, x: RunScatter, freedom: float, name: ParameterName) -> Estimate:
-    if x.widened == 1 or e.value is None:
+    if not x.significant or e.value is None:
         return e
     return wider_estimate(e, x, spreader(e.value, x, freedom, name.name, logarithmic=name.name == "v_s"))
 
@@ -130,7 +132,7 @@ def table(found: list[Found]) -> None:
             share = partial(np.mean, dtype=float)
             inside = share([bool(e.interval and e.interval[0] <= TRUTH[n] <= e.interval[1]) for n, e, _ in own])
             before, after = (share([getattr(x, which) for *_, x in own]) for which in ("before", "after"))
-            wide = share([x.widened > 1 for *_, x in own])
+            wide = share([x.significant for *_, x in own])
             print(
                 f"  {name or 'all'!s:<10}{len(own):>6}{wide:>9.1%}{before:>8.2f}{after:>7.2f}{inside:>9.1%}", flush=True
             )

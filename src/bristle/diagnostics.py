@@ -339,10 +339,10 @@ class Kind(Enum):
     RUNS_SCATTER = (
         _CAUTION,
         (
-            "Over {runs} runs fitted apart the estimates scatter by {scatter:.2g} times their standard errors (root of "
-            "the reduced chi-squared, significant at 1 %): the standard error is multiplied by {widened:.2g}, and the "
-            "interval has Student's t of {freedom} degree{freedom!e} of freedom. What differs between the runs "
-            "(temperature, load, wear) belongs to the uncertainty."
+            "The {runs} runs differ by more than chance (chi-squared, 1 %): fitted apart, they scatter by "
+            "{scatter:.2g} times their standard errors, {farthest} farthest from the median. The standard error is "
+            "multiplied by {widened:.2g}, and the interval has Student's t of {freedom} degree{freedom!e} of freedom; "
+            "look for what changed between the runs (temperature, load, wear)."
         ),
     )
     INTERVALS_DIFFER = (

@@ -130,9 +130,15 @@ class RunScatter:
     after: Number
     """The same by those errors as they are widened."""
     widened: Number
-    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter no more than by chance."""
+    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter no more than by chance, or that fit knows
+    of it."""
     by_run: Mapping[str, Number]
     """The estimate of each run that shows the parameter, by its file."""
+
+    @property
+    def significant(self) -> bool:
+        """Whether the runs differ by more than chance."""
+        return self.after < self.before
 
 
 @result

@@ -9,8 +9,9 @@ is one where runs differ by no more than the s_i say. Of all parameters that eve
     Q = sum over i of (x_i - m)' C_i**-1 (x_i - m),    m their weighted mean.
 
 Where chi2_red is significant at 1 %, or Q is and chi2_red is above one, the standard error of the fit of all runs is
-multiplied by the root of chi2_red (Birge, Phys. Rev. 40, 1932), and Student's t has k - 1 degrees of freedom. Q sees a
-scatter of all parameters that is too small to be seen in one of them with few runs. Errors that are known by few
+at least that of m times the root of chi2_red (Birge, Phys. Rev. 40, 1932), and Student's t has k - 1 degrees of
+freedom. What runs leave of one another in the residuals of their common fit may have widened its error already. Q sees
+a scatter of all parameters that is too small to be seen in one of them with few runs. Errors that are known by few
 degrees of freedom themselves make both tests F tests.
 """
 
@@ -49,11 +50,14 @@ class RunFit(NamedTuple, Generic[Key]):
     """Degrees of freedom behind the covariance."""
 
 
-def scatter_of(runs: Sequence[RunFit[Key]], logarithmic: Container[Key] = ()) -> dict[Key, RunScatter]:
+def scatter_of(
+    runs: Sequence[RunFit[Key]], of_all: Mapping[Key, Estimate], logarithmic: Container[Key] = ()
+) -> dict[Key, RunScatter]:
     """Each parameter's scatter over the runs that show it, where at least two do.
 
     Args:
         runs: each fitted apart.
+        of_all: the estimates from all runs at once.
         logarithmic: parameters whose logarithms are compared, not they themselves.
     """
     found = {}
@@ -62,15 +66,15 @@ def scatter_of(runs: Sequence[RunFit[Key]], logarithmic: Container[Key] = ()) ->
         own = [_compared(run, logarithmic, (name,)) for run in runs if name in run.names]
         if len(own) < 2:
             continue
-        (p, chi2), files = _differ(own), [run.file for run in own]
-        factor = float(np.sqrt(chi2)) if p < SIGNIFICANT or (apart and chi2 > 1) else 1.0
-        values = [float(run.values[run.names.index(name)]) for run in runs if name in run.names]
-        found[name] = RunScatter(
-            before=float(np.sqrt(chi2)),
-            after=float(np.sqrt(chi2)) / factor,
-            widened=factor,
-            by_run=dict(zip(files, values, strict=True)),
-        )
+        p, chi2 = _differ(own)
+        before, after, factor = float(np.sqrt(chi2)), float(np.sqrt(chi2)), 1.0
+        e = of_all[name]
+        if (p < SIGNIFICANT or apart) and chi2 > 1 and e.value is not None and e.standard_error:
+            mean_error = sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
+            own_error = e.standard_error / (e.value if name in logarithmic else 1.0)
+            after, factor = 1.0, max(before * mean_error / own_error, 1.0)
+        values = {run.file: float(run.values[run.names.index(name)]) for run in runs if name in run.names}
+        found[name] = RunScatter(before=before, after=after, widened=factor, by_run=values)
     return found
 
 
@@ -116,7 +120,7 @@ def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], freedom: float, loga
     parameters, three = dict(fit.parameters), dict(fit.uncertainty)
     for name, x in scatter.items():
         e: Estimate = fit.parameters[name]
-        if x.widened > 1 and e.value is not None:
+        if x.significant and e.value is not None:
             bare = getattr(name, "name", name)
             spread = spreader(e.value, x, freedom, bare, logarithmic=bare in logarithmic)
             parameters[name] = wider_estimate(e, x, spread)
@@ -155,13 +159,22 @@ def spreader(value: float, x: RunScatter, freedom: float, bare: str, *, logarith
 
 def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     """The estimate with its error and interval as the runs scatter, and the caution."""
-    why = Kind.RUNS_SCATTER(runs=len(x.by_run), scatter=x.before, widened=x.widened, freedom=len(x.by_run) - 1)
+    runs = len(x.by_run)
+    why = Kind.RUNS_SCATTER(
+        runs=runs, scatter=x.before, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run)
+    )
     return replace(
         e,
         standard_error=None if e.standard_error is None else e.standard_error * x.widened,
         interval=_spread_pair(e.interval, spread),
         warnings=(*_spread_warnings(e.warnings, spread), why),
     )
+
+
+def _farthest(by_run: Mapping[str, float]) -> str:
+    """The run farthest from the median."""
+    middle = float(np.median(list(by_run.values())))
+    return max(by_run, key=lambda file: abs(by_run[file] - middle))
 
 
 def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:

@@ -19,7 +19,7 @@ from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fi
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
 from bristle.identification.dynamic.uncertainty import profile_until_stable, run_fits, with_three_ways
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, solve_dynamic, without_deflections
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import scatter_of, widened, with_priors_beside
@@ -112,19 +112,12 @@ def fit_with_priors(
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
-    whole = _equation_error_problem(experiment, moving, records, {})
-    fixed = _fixed(experiment, whole)
-    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
-    problem = whole = replace(whole, fixed=fixed)
-    if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
-        problem = pose(records, fixed)
-        start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
-    tests = [(r.file, pose([r], fixed)) for r in held]
+    problem, start = _posed_and_start(experiment, moving, records, static, slow)
+    tests = [(r.file, pose([r], problem.fixed)) for r in held]
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
-    apart = run_fits(solved, progress)
-    scatter = scatter_of(apart, {name for run in apart for name in run.names if name.name in LOGARITHMIC})
+    scatter = scatter_of(run_fits(solved, progress), solved.fit.parameters, logarithms(solved.fit.names))
     by_runs = finished(solved, profiles)
     alone = widened(by_runs, scatter, solved.solution.freedom, LOGARITHMIC)
     if load and not static_is_apart:
@@ -139,6 +132,25 @@ def fit_with_priors(
     agree = _consistency(priors, alone, joint)
     joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
     return DynamicStages(alone, joint, agree, slow)
+
+
+def _posed_and_start(
+    experiment: Experiment,
+    moving: tuple[str, ...],
+    records: Sequence[Record],
+    static: Mapping[str, StaticFit],
+    slow: Presliding | None,
+) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
+    """The problem of the training runs, and where its fit begins."""
+    whole = _equation_error_problem(experiment, moving, records, {})
+    fixed = _fixed(experiment, whole)
+    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
+    whole = replace(whole, fixed=fixed)
+    if experiment.fit.predict == "torque":
+        return whole, start
+    # a position takes long to simulate: begin where the estimated velocity, good or bad, leads
+    start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
+    return _output_error_problem(experiment, moving, records, fixed), start
 
 
 def _crosschecked(solved: DynamicSolution) -> DynamicSolution:

@@ -3,7 +3,7 @@
 alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -189,6 +189,11 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
         return rows, slopes
 
     return evaluate
+
+
+def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
+    """Those that the descent sees as their logarithm."""
+    return {name for name in names if name.name in LOGARITHMIC}
 
 
 def solve_dynamic(

@@ -109,7 +109,7 @@ def fit_presliding(
     on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
     three = stiffness_uncertainty(loadings, level, best, sigma_0)
     scatter, freedom = stiffness_scatter(loadings, level, best, sigma_0)
-    if scatter and scatter.widened > 1 and sigma_0.value is not None:
+    if scatter and scatter.significant and sigma_0.value is not None:
         widen = spreader(sigma_0.value, scatter, freedom, "sigma_0")
         sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
         estimates = {**estimates, best: sigma_0}

@@ -134,7 +134,7 @@ def stiffness_scatter(
             counts = by_phase(pieces, value, quantum)[1] if estimator == "samples" and quantum else 0.0
             runs.append(RunFit(file, ("sigma_0",), np.array([value]), np.array([[error**2 + counts**2]]), freedom))
     of_all, own, freedom = solve([piece for pieces in by_file.values() for piece in pieces])
-    found = scatter_of(runs).get("sigma_0")
+    found = scatter_of(runs, {"sigma_0": replace(estimate, value=of_all, standard_error=own)}).get("sigma_0")
     if found is None or not estimate.standard_error or not of_all:
         return None, freedom
     share = min(own / estimate.standard_error, 1.0)  # of the error; the rest is by g0 and by counts
