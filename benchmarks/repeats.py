@@ -92,8 +92,10 @@ def moving(truths: list[dict[ParameterName, float]], rng: np.random.Generator) -
         records.append(Record(file=f"run {k}", time=t, velocity=v, torque=torque, acceleration=acceleration))
     problem = dynamic_problem(records, ("both",), ("inertia",), 1, None)
     solved = fit_tracking(problem, TRUTH, "revolute", starts=1)
-    scatter = scatter_of(moving_run_fits(solved), solved.fit.parameters, logarithms(solved.fit.names))
-    fit = widened(solved.fit, scatter, solved.solution.freedom, LOGARITHMIC)
+    scatter = scatter_of(
+        moving_run_fits(solved), solved.fit.parameters, solved.solution.freedom, logarithms(solved.fit.names)
+    )
+    fit = widened(solved.fit, scatter, LOGARITHMIC)
     return {name: (fit.parameters[name], x) for name, x in fit.repeats.items()}
 
 
@@ -111,15 +113,18 @@ def points(truths: list[dict[ParameterName, float]], rng: np.random.Generator) -
     core = solve_static(whole, FitOptions(), "revolute")
     runs = [(f"run {k}", from_points(SPEEDS, own, ("both",))) for k, own in enumerate(torques)]
     scatter = scatter_of(
-        run_fits(core, runs, default_range(SPEEDS)), core.parameters, {ParameterName("v_s", Direction.BOTH)}
+        run_fits(core, runs, default_range(SPEEDS)),
+        core.parameters,
+        core.freedom,
+        {ParameterName("v_s", Direction.BOTH)},
     )
-    return {name: (_wider(core.parameters[name], x, core.freedom, name), x) for name, x in scatter.items()}
+    return {name: (_wider(core.parameters[name], x, name), x) for name, x in scatter.items()}
 
 
-def _wider(e: Estimate, x: RunScatter, freedom: float, name: ParameterName) -> Estimate:
-    if not x.significant or e.value is None:
+def _wider(e: Estimate, x: RunScatter, name: ParameterName) -> Estimate:
+    if x.stretched == 1 or e.value is None:
         return e
-    return wider_estimate(e, x, spreader(e.value, x, freedom, name.name, logarithmic=name.name == "v_s"))
+    return wider_estimate(e, x, spreader(e.value, x.stretched, name.name, logarithmic=name.name == "v_s"))
 
 
 def table(found: list[Found]) -> None:

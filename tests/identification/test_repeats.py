@@ -51,7 +51,8 @@ def runs(values: Sequence[float], error: float = 1.0, freedom: float = 1e6) -> l
 
 def scattered(widened_by: float = 3.0, count: int = 5) -> RunScatter:
     """Runs that widen an error by so much."""
-    return RunScatter(before=widened_by, after=1.0, widened=widened_by, by_run={f"run {k}": 1.0 for k in range(count)})
+    runs = {f"run {k}": 1.0 for k in range(count)}
+    return RunScatter(before=widened_by, after=1.0, widened=widened_by, stretched=1.5 * widened_by, by_run=runs)
 
 
 def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
@@ -59,25 +60,27 @@ def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
 
     An error of the fit of all runs that is as large as their scatter already is not widened again.
     """
-    x = scatter_of(runs([10.0, 13.0, 16.0], 2.0), of_all(error=2 / 3**0.5))["alpha_0"]
+    x = scatter_of(runs([10.0, 13.0, 16.0], 2.0), of_all(error=2 / 3**0.5), 1e6)["alpha_0"]
     assert x.before == pytest.approx(1.5)
     assert (x.widened, x.after, x.significant) == (1.0, x.before, False)
-    far = scatter_of(runs([10.0, 13.0, 16.0], 0.5), of_all(error=0.5 / 3**0.5))["alpha_0"]
+    far = scatter_of(runs([10.0, 13.0, 16.0], 0.5), of_all(error=0.5 / 3**0.5), 1e6)["alpha_0"]
     assert [far.before, far.widened, far.after] == pytest.approx([6.0, 6.0, 1.0])
     assert far.by_run == {"run 0": 10.0, "run 1": 13.0, "run 2": 16.0}
-    known = scatter_of(runs([10.0, 13.0, 16.0], 0.5), of_all(error=4.0))["alpha_0"]
-    assert (known.widened, known.significant) == (1.0, True)
+    assert far.stretched == pytest.approx(6 * student(2) / student(1e6))
+    known = scatter_of(runs([10.0, 13.0, 16.0], 0.5), of_all(error=4.0), 1e6)["alpha_0"]
+    assert (known.widened, known.stretched, known.significant) == (1.0, 1.0, True)
 
 
 def test_an_interval_is_widened_in_one_case_of_a_hundred_by_chance() -> None:
     """Of 4000 sets of five runs that differ by their errors alone 1 % are widened, whether errors are known well or by few degrees of freedom."""
     rng = np.random.default_rng(0)
     sets = rng.standard_normal((4000, 5)) + 10
-    share = np.mean([scatter_of(runs(x.tolist()), of_all())["alpha_0"].significant for x in sets])
+    share = np.mean([scatter_of(runs(x.tolist()), of_all(), 1e6)["alpha_0"].significant for x in sets])
     assert 0.005 < share < 0.016
     spread = np.sqrt(rng.chisquare(20, 4000) / 20)  # of one variance for all runs, known by 4 degrees each
     few = [
-        scatter_of(runs(x.tolist(), e, 4.0), of_all())["alpha_0"].significant for x, e in zip(sets, spread, strict=True)
+        scatter_of(runs(x.tolist(), e, 4.0), of_all(), 1e6)["alpha_0"].significant
+        for x, e in zip(sets, spread, strict=True)
     ]
     assert 0.005 < np.mean(few) < 0.016
 
@@ -89,11 +92,11 @@ def test_the_interval_of_the_mean_covers_it_where_runs_scatter_by_three_errors()
     for _ in range(300):
         x = 100 + rng.standard_normal((5, 6)) * 10**0.5
         apart = [RunFit(f"run {k}", names, row, np.eye(6), 1e6) for k, row in enumerate(x)]
-        found = scatter_of(apart, of_all(names, 5**-0.5))
+        found = scatter_of(apart, of_all(names, 5**-0.5), 1e6)
         for k, name in enumerate(names):
             mean, e = float(x[:, k].mean()), 5**-0.5
             ends = mean + np.array([-1.96, 1.96]) * e
-            low, high = spreader(mean, found[name], 1e6, name)(ends) if found[name].significant else ends
+            low, high = spreader(mean, found[name].stretched, name)(ends)
             inside.append(low < 100 < high)
             before.append(abs(mean - 100) < 1.96 * e)
     assert 0.9 < np.mean(inside) < 0.98
@@ -105,29 +108,29 @@ def test_a_scatter_too_small_for_one_parameter_is_seen_in_all() -> None:
     x = np.array([-1.6, -0.8, 0.0, 0.8, 1.6]) * 1.05  # chi-squared 7, of 4 degrees: 14 %
     names = tuple(f"p{k}" for k in range(8))
     together = [RunFit(f"run {k}", names, np.full(8, 10 + one), np.eye(8), 1e6) for k, one in enumerate(x)]
-    found = scatter_of(together, of_all(names, 0.1)).values()
+    found = scatter_of(together, of_all(names, 0.1), 1e6).values()
     assert all(x.significant and x.before > 1 and x.widened > 1 for x in found)
     alone = [run._replace(names=("p0",), values=run.values[:1], covariance=np.eye(1)) for run in together]
-    assert not scatter_of(alone, of_all(names))["p0"].significant
+    assert not scatter_of(alone, of_all(names), 1e6)["p0"].significant
 
 
 def test_runs_that_do_not_show_a_parameter_are_left_out_of_it() -> None:
     """One run, or a parameter that one run alone shows, has no scatter; a logarithm is compared by relative errors."""
-    assert scatter_of(runs([1.0]), {}) == {}
-    assert scatter_of([], {}) == {}
+    assert scatter_of(runs([1.0]), {}, 1e6) == {}
+    assert scatter_of([], {}, 1e6) == {}
     two = [*runs([1.0, 2.0], 0.1), RunFit("blind", ("beta",), np.ones(1), np.eye(1), 10.0)]
-    assert list(scatter_of(two, of_all())) == ["alpha_0"]
-    assert list(scatter_of(two, of_all())["alpha_0"].by_run) == ["run 0", "run 1"]
+    assert list(scatter_of(two, of_all(), 1e6)) == ["alpha_0"]
+    assert list(scatter_of(two, of_all(), 1e6)["alpha_0"].by_run) == ["run 0", "run 1"]
     one, ten = (RunFit(str(x), ("alpha_0",), np.array([x]), np.array([[(0.1 * x) ** 2]]), 1e6) for x in (1.0, 10.0))
-    x = scatter_of([one, ten], of_all(), {"alpha_0"})["alpha_0"]
+    x = scatter_of([one, ten], of_all(), 1e6, {"alpha_0"})["alpha_0"]
     assert x.before == pytest.approx(np.log(10) / 0.1 / 2**0.5)
 
 
 def test_every_interval_is_widened_alike() -> None:
     """By the scatter and Student's t of k - 1 degrees; open ends stay open, none passes zero, and the estimate stays inside, also in logarithms."""
     e = Estimate(value=2.0, unit="N*m", standard_error=0.1, interval=(1.8, 2.2))
-    reach = 3 * student(4) / student(100)
-    spread = spreader(2.0, scattered(), 100, "alpha_0")
+    reach = scattered().stretched
+    spread = spreader(2.0, reach, "alpha_0")
     wide = wider_estimate(e, scattered(), spread)
     assert wide.standard_error == pytest.approx(0.3)
     assert wide.interval == pytest.approx((2 - 0.2 * reach, 2 + 0.2 * reach))
@@ -144,7 +147,7 @@ def test_every_interval_is_widened_alike() -> None:
     assert spread_three.profile == (0.0, np.inf)
     assert spread_three.curve[0] == pytest.approx([2 - 0.1 * reach, 2 + 0.5 * reach])
     assert spread_three.warnings[0].numbers["ends"] == (("profile", *spread_three.curve[0].tolist()),)
-    low, high = spreader(2.0, scattered(), 100, "sigma_0", logarithmic=True)(np.array([1.0, 4.0]))
+    low, high = spreader(2.0, reach, "sigma_0", logarithmic=True)(np.array([1.0, 4.0]))
     assert (low * high, high) == pytest.approx((4.0, 2 * 2**reach))
 
 
@@ -170,9 +173,9 @@ def test_moving_runs_that_differ_in_one_parameter_say_so_in_it() -> None:
     """Runs whose sigma_0 differs by 20 % have it back run by run; it is widened and warned of, and equal runs are not."""
     stiff = [1.0, 1.2, 0.8, 1.1, 0.9]
     solved = moving([GRIPPER._replace(sigma_0=x * GRIPPER.sigma_0) for x in stiff])
-    scatter = scatter_of(moving_run_fits(solved), solved.fit.parameters, {SIGMA_0, ALPHA_0})
+    scatter = scatter_of(moving_run_fits(solved), solved.fit.parameters, 1e6, {SIGMA_0, ALPHA_0})
     assert list(scatter[SIGMA_0].by_run.values()) == pytest.approx([x * GRIPPER.sigma_0 for x in stiff], rel=0.03)
-    fit = widened(solved.fit, scatter, solved.solution.freedom, ("alpha_0", "sigma_0"))
+    fit = widened(solved.fit, scatter, ("alpha_0", "sigma_0"))
     assert scatter[SIGMA_0].widened > 3
     wide, before = fit.parameters[SIGMA_0], solved.fit.parameters[SIGMA_0]
     assert wide.value == before.value
@@ -181,7 +184,7 @@ def test_moving_runs_that_differ_in_one_parameter_say_so_in_it() -> None:
     assert fit.covariance[row, row] == pytest.approx(solved.fit.covariance[row, row] * scatter[SIGMA_0].widened ** 2)
     assert Kind.RUNS_SCATTER in [w.kind for w in wide.warnings]
     same = moving([GRIPPER] * 3)
-    found = scatter_of(moving_run_fits(same), same.fit.parameters, {SIGMA_0, ALPHA_0})
+    found = scatter_of(moving_run_fits(same), same.fit.parameters, 1e6, {SIGMA_0, ALPHA_0})
     assert len(found) >= 5
     assert not any(x.significant for x in found.values())
     assert moving_run_fits(moving([GRIPPER])) == []
@@ -199,6 +202,12 @@ def test_priors_beside_the_runs_take_their_scatter_down() -> None:
 
     half = with_priors_beside(scatter, fit, joint(0.5)).values()
     assert [x.widened for x in half] == pytest.approx([(1 + 0.5 * 8) ** 0.5] * len(fit.names))
+    none = with_priors_beside(scatter, fit, joint(1e-9)).values()
+    assert [(x.widened, x.stretched) for x in none] == [pytest.approx((1.0, 1.0))] * len(fit.names)
+    blind = fit.covariance.copy()
+    blind[0], blind[:, 0] = np.nan, np.nan
+    rest = with_priors_beside(scatter, replace(fit, covariance=blind), fit)
+    assert list(rest) == list(fit.names[1:])
 
 
 def test_curves_of_points_that_differ_are_widened(speeds: Array) -> None:

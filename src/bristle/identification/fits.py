@@ -130,8 +130,10 @@ class RunScatter:
     after: Number
     """The same by those errors as they are widened."""
     widened: Number
-    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter no more than by chance, or that fit knows
-    of it."""
+    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter no more than by chance,
+    or that fit knows of it."""
+    stretched: Number
+    """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
     by_run: Mapping[str, Number]
     """The estimate of each run that shows the parameter, by its file."""
 

@@ -51,13 +51,17 @@ class RunFit(NamedTuple, Generic[Key]):
 
 
 def scatter_of(
-    runs: Sequence[RunFit[Key]], of_all: Mapping[Key, Estimate], logarithmic: Container[Key] = ()
+    runs: Sequence[RunFit[Key]],
+    of_all: Mapping[Key, Estimate],
+    freedom: float,
+    logarithmic: Container[Key] = (),
 ) -> dict[Key, RunScatter]:
     """Each parameter's scatter over the runs that show it, where at least two do.
 
     Args:
         runs: each fitted apart.
         of_all: the estimates from all runs at once.
+        freedom: degrees of freedom of their intervals.
         logarithmic: parameters whose logarithms are compared, not they themselves.
     """
     found = {}
@@ -67,14 +71,17 @@ def scatter_of(
         if len(own) < 2:
             continue
         p, chi2 = _differ(own)
-        before, after, factor = float(np.sqrt(chi2)), float(np.sqrt(chi2)), 1.0
+        before, after, factor, stretched = float(np.sqrt(chi2)), float(np.sqrt(chi2)), 1.0, 1.0
         e = of_all[name]
         if (p < SIGNIFICANT or apart) and chi2 > 1 and e.value is not None and e.standard_error:
             mean_error = sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
             own_error = e.standard_error / (e.value if name in logarithmic else 1.0)
-            after, factor = 1.0, max(before * mean_error / own_error, 1.0)
+            after, factor = 1.0, before * mean_error / own_error
+            stretched = factor * student(min(len(own) - 1, freedom)) / student(freedom)
         values = {run.file: float(run.values[run.names.index(name)]) for run in runs if name in run.names}
-        found[name] = RunScatter(before=before, after=after, widened=factor, by_run=values)
+        found[name] = RunScatter(
+            before=before, after=after, widened=max(factor, 1.0), stretched=max(stretched, 1.0), by_run=values
+        )
     return found
 
 
@@ -108,21 +115,20 @@ def _differ(runs: Sequence[RunFit[Key]]) -> tuple[float, float]:
     return float(fdtrc(freedom, sum(run.freedom for run in runs), Q / freedom)), Q / freedom
 
 
-def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], freedom: float, logarithmic: Container[str] = ()) -> Fitted:
+def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Container[str] = ()) -> Fitted:
     """The fit of all runs with its errors and intervals widened as they scatter, and a caution that says so.
 
     Args:
         fit: of all runs.
         scatter: by the names of its parameters.
-        freedom: degrees of freedom of its intervals.
         logarithmic: bare names of the parameters whose intervals are spread as logarithms.
     """
     parameters, three = dict(fit.parameters), dict(fit.uncertainty)
     for name, x in scatter.items():
         e: Estimate = fit.parameters[name]
-        if x.significant and e.value is not None:
+        if x.stretched > 1 and e.value is not None:
             bare = getattr(name, "name", name)
-            spread = spreader(e.value, x, freedom, bare, logarithmic=bare in logarithmic)
+            spread = spreader(e.value, x.stretched, bare, logarithmic=bare in logarithmic)
             parameters[name] = wider_estimate(e, x, spread)
             if name in three:
                 three[name] = wider_three(three[name], spread)
@@ -139,13 +145,11 @@ def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], freedom: float, loga
 Spread = Callable[[Array], Array]
 
 
-def spreader(value: float, x: RunScatter, freedom: float, bare: str, *, logarithmic: bool = False) -> Spread:
-    """What spreads the ends of intervals about an estimate, (k,) -> (k,), by the runs' scatter and their Student's t.
+def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = False) -> Spread:
+    """What spreads the ends of intervals about an estimate by a factor, (k,) -> (k,).
 
     An open end stays open, and none leaves what the parameter may be.
     """
-    runs = len(x.by_run) - 1
-    factor = x.widened * student(min(runs, freedom)) / student(freedom)
     least = 0.0 if bare.startswith(_POSITIVE) else -np.inf
 
     def spread(ends: Array) -> Array:
@@ -207,6 +211,12 @@ def _spread_warnings(warnings: Sequence[Diagnostic], spread: Spread) -> tuple[Di
     )
 
 
+def less(x: RunScatter, widened_by: float) -> RunScatter:
+    """The scatter where it widens the standard error by no more than this, for other things determine it as well."""
+    share = (min(widened_by, x.widened) - 1) / (x.widened - 1) if x.widened > 1 else 1.0
+    return replace(x, widened=1 + share * (x.widened - 1), stretched=1 + share * (x.stretched - 1))
+
+
 def with_priors_beside(
     scatter: Mapping[ParameterName, RunScatter], alone: TrackingFit, joint: TrackingFit
 ) -> dict[ParameterName, RunScatter]:
@@ -215,7 +225,10 @@ def with_priors_beside(
     With C_a the covariance of the runs alone and F the factors that widen it, the runs move the joint estimate by W =
     C_j C_a**-1 of what they move their own, and C_j becomes C_j + W (F C_a F - C_a) W'.
     """
-    names = [name for name in joint.names if name in alone.names]
+    seen = [
+        {name for name, x in zip(fit.names, fit.covariance.diagonal(), strict=True) if x > 0} for fit in (alone, joint)
+    ]
+    names = [name for name in joint.names if name in seen[0] & seen[1]]
     rows, own = ([fit.names.index(name) for name in names] for fit in (joint, alone))
     C_j, C_a = joint.covariance[np.ix_(rows, rows)], alone.covariance[np.ix_(own, own)]
     size = np.sqrt(C_a.diagonal())
@@ -224,8 +237,4 @@ def with_priors_beside(
     W = C_j @ inverse
     more = W @ (C_a * (np.outer(factor, factor) - 1)) @ W.T
     wider = np.sqrt(np.maximum(1 + more.diagonal() / C_j.diagonal(), 1.0)).tolist()
-    return {
-        name: replace(scatter[name], widened=min(one, scatter[name].widened))
-        for name, one in zip(names, wider, strict=True)
-        if name in scatter
-    }
+    return {name: less(scatter[name], one) for name, one in zip(names, wider, strict=True) if name in scatter}

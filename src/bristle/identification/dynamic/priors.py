@@ -117,9 +117,10 @@ def fit_with_priors(
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
-    scatter = scatter_of(run_fits(solved, progress), solved.fit.parameters, logarithms(solved.fit.names))
+    fit, freedom = solved.fit, solved.solution.freedom
+    scatter = scatter_of(run_fits(solved, progress), fit.parameters, freedom, logarithms(fit.names))
     by_runs = finished(solved, profiles)
-    alone = widened(by_runs, scatter, solved.solution.freedom, LOGARITHMIC)
+    alone = widened(by_runs, scatter, LOGARITHMIC)
     if load and not static_is_apart:
         slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
@@ -128,7 +129,7 @@ def fit_with_priors(
     ended = {**solved.problem.fixed, **solved.values}
     solved, profiles = fitted(with_priors(problem, priors, alone.rms), 1, ended)
     joint = finished(solved, profiles)
-    joint = widened(joint, with_priors_beside(scatter, by_runs, joint), solved.solution.freedom, LOGARITHMIC)
+    joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
     agree = _consistency(priors, alone, joint)
     joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
     return DynamicStages(alone, joint, agree, slow)

@@ -108,9 +108,9 @@ def fit_presliding(
     known = quantum > 0 and (sigma_0.value or 0.0) > 0
     on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
     three = stiffness_uncertainty(loadings, level, best, sigma_0)
-    scatter, freedom = stiffness_scatter(loadings, level, best, sigma_0)
-    if scatter and scatter.significant and sigma_0.value is not None:
-        widen = spreader(sigma_0.value, scatter, freedom, "sigma_0")
+    scatter = stiffness_scatter(loadings, level, best, sigma_0)
+    if scatter and scatter.stretched > 1 and sigma_0.value is not None:
+        widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
         sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
         estimates = {**estimates, best: sigma_0}
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]

@@ -37,7 +37,7 @@ from bristle.identification.presliding.stiffness import (
     centred,
     of_loading,
 )
-from bristle.identification.repeats import RunFit, scatter_of
+from bristle.identification.repeats import RunFit, less, scatter_of
 
 SEED = 0
 _LEAST_FREEDOM = 4.0
@@ -119,8 +119,8 @@ def stiffness_uncertainty(
 
 def stiffness_scatter(
     loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate
-) -> tuple[RunScatter | None, float]:
-    """How sigma_0 of one direction scatters over the runs, and the degrees of freedom of its fit to all of them.
+) -> RunScatter | None:
+    """How sigma_0 of one direction scatters over the runs.
 
     g0 is given, and the same in each run: its error moves all of them alike, and is no part of their scatter, nor
     widened by it. None where fewer than two runs show sigma_0. Arguments as in `stiffness_uncertainty`.
@@ -134,11 +134,12 @@ def stiffness_scatter(
             counts = by_phase(pieces, value, quantum)[1] if estimator == "samples" and quantum else 0.0
             runs.append(RunFit(file, ("sigma_0",), np.array([value]), np.array([[error**2 + counts**2]]), freedom))
     of_all, own, freedom = solve([piece for pieces in by_file.values() for piece in pieces])
-    found = scatter_of(runs, {"sigma_0": replace(estimate, value=of_all, standard_error=own)}).get("sigma_0")
+    given = replace(estimate, value=of_all, standard_error=own)  # without what g0 adds
+    found = scatter_of(runs, {"sigma_0": given}, freedom).get("sigma_0")
     if found is None or not estimate.standard_error or not of_all:
-        return None, freedom
-    share = min(own / estimate.standard_error, 1.0)  # of the error; the rest is by g0 and by counts
-    return replace(found, widened=float(np.sqrt(1 + share**2 * (found.widened**2 - 1)))), freedom
+        return None
+    share = min(own / estimate.standard_error, 1.0)
+    return less(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 
 def _natural(u: Array, *, inverse: bool) -> Array:

@@ -99,10 +99,12 @@ def _repeated(
     core: StaticSolution, fits: Mapping[Direction, StaticFit], apart: Sequence[RunFit[ParameterName]]
 ) -> dict[str, StaticFit]:
     """The fits with their intervals as wide as the runs scatter."""
-    scatter = scatter_of(apart, core.parameters, {name for name in core.names if name.name in _LOGARITHMIC})
+    scatter = scatter_of(
+        apart, core.parameters, core.freedom, {name for name in core.names if name.name in _LOGARITHMIC}
+    )
     one = len(core.problem.directions) == 1
     own = {d: {name.name: x for name, x in scatter.items() if one or name.direction is d} for d in fits}
-    return {d: widened(fit, own[d], core.freedom, _LOGARITHMIC) for d, fit in fits.items()}
+    return {d: widened(fit, own[d], _LOGARITHMIC) for d, fit in fits.items()}
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
