@@ -9,10 +9,12 @@ is one where runs differ by no more than the s_i say. Of all parameters that eve
     Q = sum over i of (x_i - m)' C_i**-1 (x_i - m),    m their weighted mean.
 
 Where chi2_red is significant at 1 %, or Q is and chi2_red is above one, the standard error of the fit of all runs is
-at least that of m times the root of chi2_red (Birge, Phys. Rev. 40, 1932), and Student's t has k - 1 degrees of
-freedom. What runs leave of one another in the residuals of their common fit may have widened its error already. Q sees
-a scatter of all parameters that is too small to be seen in one of them with few runs. Errors that are known by few
-degrees of freedom themselves make both tests F tests.
+at least that of m times the root of chi2_red (Birge, Phys. Rev. 40, 1932), and at least the one by the scatter itself:
+the fit of all runs is near m, to which run i adds A_i x_i with A_i = (sum of C_j**-1)**-1 C_i**-1, so that its
+covariance is k / (k - 1) sum of A_i (x_i - m) (x_i - m)' A_i'; what differs in one parameter then moves others too.
+Student's t has k - 1 degrees of freedom. What runs leave of one another in the residuals of their common fit may have
+widened its error already. Q sees a scatter of all parameters that is too small to be seen in one of them with few runs.
+Errors that are known by few degrees of freedom themselves make both tests F tests.
 """
 
 from collections.abc import Callable, Container, Hashable, Mapping, Sequence
@@ -64,19 +66,19 @@ def scatter_of(
         freedom: degrees of freedom of their intervals.
         logarithmic: parameters whose logarithms are compared, not they themselves.
     """
-    found = {}
-    apart = _differ_in_all([_compared(run, logarithmic) for run in runs]) if len(runs) > 1 else False
+    found, compared = {}, [_compared(run, logarithmic) for run in runs]
+    apart, errors = _together(compared)
     for name in dict.fromkeys(name for run in runs for name in run.names):
-        own = [_compared(run, logarithmic, (name,)) for run in runs if name in run.names]
+        own = [_compared(run, (), (name,)) for run in compared if name in run.names]
         if len(own) < 2:
             continue
-        p, chi2 = _differ(own)
+        p, chi2 = _differ(own)[:2]
         before, after, factor, stretched = float(np.sqrt(chi2)), float(np.sqrt(chi2)), 1.0, 1.0
         e = of_all[name]
         if (p < SIGNIFICANT or apart) and chi2 > 1 and e.value is not None and e.standard_error:
-            mean_error = sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
+            mean_error = before * sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
             own_error = e.standard_error / (e.value if name in logarithmic else 1.0)
-            after, factor = 1.0, before * mean_error / own_error
+            after, factor = 1.0, max(mean_error, errors.get(name, 0.0)) / own_error
             stretched = factor * student(min(len(own) - 1, freedom)) / student(freedom)
         values = {run.file: float(run.values[run.names.index(name)]) for run in runs if name in run.names}
         found[name] = RunScatter(
@@ -97,22 +99,27 @@ def _compared(run: RunFit[Key], logarithmic: Container[Key], names: Sequence[Key
     return run._replace(names=names, values=x, covariance=C)
 
 
-def _differ_in_all(runs: Sequence[RunFit[Key]]) -> bool:
-    """Whether the runs differ significantly in the parameters that all of them show, taken together."""
-    common = [name for name in runs[0].names if all(name in run.names for run in runs)]
-    return bool(common) and _differ([_compared(run, (), common) for run in runs])[0] < SIGNIFICANT
+def _together(runs: Sequence[RunFit[Key]]) -> tuple[bool, dict[Key, float]]:
+    """Whether the runs differ significantly in the parameters that all of them show; and errors of these by that."""
+    common = [name for name in runs[0].names if all(name in run.names for run in runs)] if len(runs) > 1 else []
+    if not common:
+        return False, {}
+    p, _, errors = _differ([_compared(run, (), common) for run in runs])
+    return p < SIGNIFICANT, dict(zip(common, errors.tolist(), strict=True))
 
 
-def _differ(runs: Sequence[RunFit[Key]]) -> tuple[float, float]:
-    """Probability that runs which all show the same parameters scatter so by chance, and the reduced chi-squared."""
-    size = np.sqrt(runs[0].covariance.diagonal())
-    x = [run.values / size for run in runs]
-    weights = [np.linalg.pinv(run.covariance / np.outer(size, size), hermitian=True) for run in runs]
-    pairs = list(zip(weights, x, strict=True))
-    mean = np.linalg.pinv(sum(weights), hermitian=True) @ sum(W @ one for W, one in pairs)
-    Q = sum(float((one - mean) @ W @ (one - mean)) for W, one in pairs)
-    freedom = mean.size * (len(runs) - 1)
-    return float(fdtrc(freedom, sum(run.freedom for run in runs), Q / freedom)), Q / freedom
+def _differ(runs: Sequence[RunFit[Key]]) -> tuple[float, float, Array]:
+    """Of runs that show the same parameters: probability of their scatter by chance, chi2_red, and errors by it, (p,)."""
+    size, count = np.sqrt(runs[0].covariance.diagonal()), len(runs)
+    x = np.array([run.values / size for run in runs])
+    weights = np.array([np.linalg.pinv(run.covariance / np.outer(size, size), hermitian=True) for run in runs])
+    inner = np.linalg.pinv(weights.sum(axis=0), hermitian=True)
+    off = x - inner @ np.einsum("kpq,kq->p", weights, x)
+    freedom = size.size * (count - 1)
+    chi2 = float(np.einsum("kp,kpq,kq->", off, weights, off)) / freedom
+    moves = np.einsum("pq,kqr,kr->kp", inner, weights, off)
+    errors: Array = size * np.sqrt(count / (count - 1) * np.einsum("kp,kp->p", moves, moves))
+    return float(fdtrc(freedom, sum(run.freedom for run in runs), chi2)), chi2, errors
 
 
 def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Container[str] = ()) -> Fitted:
