@@ -148,7 +148,7 @@ def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[Paramet
     known = without_deflections(values)
     taken = {name._replace(name="alpha_0"): known[name] for name in bent if name.name == "alpha_1"}
     rest = {name: value for name, value in known.items() if name not in bent}
-    return {n: value + (taken[n] if taken.get(n, 0.0) > value else 0.0) for n, value in rest.items()}
+    return {n: value + taken[n] if n in taken and taken[n] > value else value for n, value in rest.items()}
 
 
 def _all_estimates(
