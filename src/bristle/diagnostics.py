@@ -422,6 +422,15 @@ class Kind(Enum):
     )
 
     # intervals of any fit
+    RUNS_SCATTER = (
+        _CAUTION,
+        (
+            "The {runs} runs differ by more than chance (chi-squared, 1 %): fitted apart, they scatter by "
+            "{scatter:.2g} times their standard errors, {farthest} farthest from the median. The standard error is "
+            "multiplied by {widened:.2g}, and the interval has Student's t of {freedom} degree{freedom!e} of freedom; "
+            "look for what changed between the runs (temperature, load, wear)."
+        ),
+    )
     INTERVALS_DIFFER = (
         _CAUTION,
         ("The 95 % bounds {sides!j} the estimate differ by more than 1.5x between the methods ({ends!i}): {reason}."),

@@ -121,6 +121,28 @@ class OtherPoints:
     parameters: Mapping[str, Estimate]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunScatter:
+    """One parameter fitted to each of several runs of one kind apart, and how far they scatter beside their errors."""
+
+    before: Number
+    """Square root of the reduced chi-squared of the runs' estimates, by their own standard errors."""
+    after: Number
+    """The same by those errors as they are widened."""
+    widened: Number
+    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter no more than by chance,
+    or that fit knows of it."""
+    stretched: Number
+    """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
+    by_run: Mapping[str, Number]
+    """The estimate of each run that shows the parameter, by its file."""
+
+    @property
+    def significant(self) -> bool:
+        """Whether the runs differ by more than chance."""
+        return self.after < self.before
+
+
 @result
 class StaticFit:
     """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
@@ -152,6 +174,8 @@ class StaticFit:
     """Points that do not belong to the law of the others, the one that lowers the cost most first."""
     other_points: OtherPoints | None = None
     """The fit without them, or with them where they are left out (`fit.stray: drop`); None where there are none."""
+    repeats: Mapping[str, RunScatter] = field(default_factory=dict)
+    """How the parameters scatter over the runs; empty where there is but one."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """What was fitted: velocity, rad/s, shape (n,)."""
     torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
@@ -252,6 +276,8 @@ class PreslidingFit:
     warnings: tuple[Diagnostic, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """The recommended sigma_0's interval three ways, under `sigma_0`."""
+    repeats: Mapping[str, RunScatter] = field(default_factory=dict)
+    """How the recommended sigma_0 scatters over the runs, under `sigma_0`."""
 
     @property
     def sigma_0(self) -> Estimate:
@@ -320,6 +346,8 @@ class TrackingFit:
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
     """Each parameter's interval three ways; empty where that was not asked for."""
+    repeats: Mapping[ParameterName, RunScatter] = field(default_factory=dict)
+    """How the parameters scatter over the runs; empty where there is but one."""
 
     def all_warnings(self) -> Iterator[Diagnostic]:
         """Those about the fit, then those about one parameter."""

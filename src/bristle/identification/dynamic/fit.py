@@ -29,6 +29,7 @@ from bristle.identification.dynamic.unknowns import (
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
 from bristle.model.parameters import Kind as JointKind
+from bristle.progress import Progress
 
 SEED = 0
 STARTS = 6
@@ -41,7 +42,7 @@ _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
 _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
-_WIDE = 0.5
+WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 
 
@@ -65,6 +66,7 @@ def fit_tracking(
     starts: int = STARTS,
     seed: int = SEED,
     others: Sequence[Values] = (),
+    progress: Progress | None = None,
 ) -> DynamicSolution:
     """All parameters of moving data with intervals and warnings.
 
@@ -76,10 +78,11 @@ def fit_tracking(
         starts: how many, >= 1; the first is `start`.
         seed: of the others.
         others: further starts, whole, as another fit ended.
+        progress: told of each start.
 
     Raises InputError where a start shows no dependence on any parameter.
     """
-    problem, solution, bent = _settled(problem, start, starts, seed, others)
+    problem, solution, bent = _settled(problem, start, starts, seed, others, progress)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
     estimates = _all_estimates(problem, solution, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
@@ -119,22 +122,35 @@ def fit_tracking(
 
 
 def _settled(
-    problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values]
+    problem: DynamicProblem,
+    start: Values,
+    starts: int,
+    seed: int,
+    others: Sequence[Values],
+    progress: Progress | None,
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, float]]:
     """The problem as it is solved in the end, its solution, and what Stribeck terms that are none are fixed at.
 
-    It has the weights that its runs ask for, and not those terms.
+    It has the weights that its runs ask for, and not those terms. Between its first and its last form, from all starts
+    each, it is solved from where the first one ended alone.
     """
-    solution = solve_dynamic(problem, start, starts, seed, others)
+    solution = solve_dynamic(problem, start, starts, seed, others, progress)
     problem, changed = _weighted(problem, solution)
     if changed:
-        solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed)
+        solution = solve_dynamic(problem, without_deflections(solution.values), 1, seed)
     bent = _bent(problem, solution)
-    if bent:
-        problem = replace(problem, fixed={**problem.fixed, **bent})
-        rest = {n: v for n, v in without_deflections(solution.values).items() if n not in bent}
-        solution = solve_dynamic(problem, rest, starts, seed)
+    problem = replace(problem, fixed={**problem.fixed, **bent}) if bent else problem
+    if bent or (changed and starts > 1):
+        solution = solve_dynamic(problem, _unbent(solution.values, bent), starts, seed, progress=progress)
     return problem, solution, bent
+
+
+def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
+    """Values to start from without Stribeck terms that are none: a Coulomb torque that became such a term is one again."""
+    known = without_deflections(values)
+    taken = {name._replace(name="alpha_0"): known[name] for name in bent if name.name == "alpha_1"}
+    rest = {name: value for name, value in known.items() if name not in bent}
+    return {n: value + taken[n] if n in taken and taken[n] > value else value for n, value in rest.items()}
 
 
 def _all_estimates(
@@ -278,7 +294,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
                 low = max(low, 0.0)
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
                 warnings.append(Kind.AT_BOUND())
-        if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
+        if relative > WIDE and bare.startswith(("alpha", "v_s", "sigma")):
             warnings.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
         out[name] = Estimate(
             value=value,

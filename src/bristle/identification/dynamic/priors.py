@@ -18,10 +18,11 @@ from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import solve_dynamic, without_deflections
+from bristle.identification.dynamic.uncertainty import profile_until_stable, run_fits, with_three_ways
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
+from bristle.identification.repeats import scatter_of, widened, with_priors_beside
 from bristle.identification.results import Consistency
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -95,7 +96,7 @@ def fit_with_priors(
         posed: DynamicProblem, starts: int, *others: Values
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts; its profiles, where they are asked for, may improve it."""
-        refit = partial(fit_tracking, posed, start, kind, tests)
+        refit = partial(fit_tracking, posed, start, kind, tests, progress=progress)
         solved = refit(starts=starts, others=others)
         if not uncertainty:
             return solved, {}
@@ -111,28 +112,46 @@ def fit_with_priors(
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
-    whole = _equation_error_problem(experiment, moving, records, {})
-    fixed = _fixed(experiment, whole)
-    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
-    problem = whole = replace(whole, fixed=fixed)
-    if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
-        problem = pose(records, fixed)
-        start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
-    tests = [(r.file, pose([r], fixed)) for r in held]
+    problem, start = _posed_and_start(experiment, moving, records, static, slow)
+    tests = [(r.file, pose([r], problem.fixed)) for r in held]
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
-    alone = finished(solved, profiles)
+    fit, freedom = solved.fit, solved.solution.freedom
+    scatter = scatter_of(run_fits(solved, progress), fit.parameters, freedom, logarithms(fit.names))
+    by_runs = finished(solved, profiles)
+    alone = widened(by_runs, scatter, LOGARITHMIC)
     if load and not static_is_apart:
         slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
-    joint = finished(*fitted(with_priors(problem, priors, alone.rms), 1, ended))
+    solved, profiles = fitted(with_priors(problem, priors, alone.rms), 1, ended)
+    joint = finished(solved, profiles)
+    joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
     agree = _consistency(priors, alone, joint)
     joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
     return DynamicStages(alone, joint, agree, slow)
+
+
+def _posed_and_start(
+    experiment: Experiment,
+    moving: tuple[str, ...],
+    records: Sequence[Record],
+    static: Mapping[str, StaticFit],
+    slow: Presliding | None,
+) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
+    """The problem of the training runs, and where its fit begins."""
+    whole = _equation_error_problem(experiment, moving, records, {})
+    fixed = _fixed(experiment, whole)
+    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
+    whole = replace(whole, fixed=fixed)
+    if experiment.fit.predict == "torque":
+        return whole, start
+    # a position takes long to simulate: begin where the estimated velocity, good or bad, leads
+    start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
+    return _output_error_problem(experiment, moving, records, fixed), start
 
 
 def _crosschecked(solved: DynamicSolution) -> DynamicSolution:

@@ -24,7 +24,8 @@ from bristle.identification.presliding.stiffness import (
     printed_bias,
     stiffness,
 )
-from bristle.identification.presliding.uncertainty import stiffness_uncertainty
+from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
+from bristle.identification.repeats import spreader, wider_estimate, wider_three
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind as JointKind
@@ -120,6 +121,11 @@ def fit_presliding(
     known = quantum > 0 and (sigma_0.value or 0.0) > 0
     on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
     three = _three_ways(loadings, level, best, sigma_0, softens)
+    scatter = stiffness_scatter(loadings, level, best, sigma_0)
+    if scatter and scatter.stretched > 1 and sigma_0.value is not None:
+        widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
+        sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
+        estimates = {**estimates, best: sigma_0}
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
@@ -142,6 +148,7 @@ def fit_presliding(
         loadings=tuple(loadings),
         warnings=tuple(warnings),
         uncertainty={"sigma_0": three},
+        repeats={"sigma_0": scatter} if scatter else {},
     )
 
 

@@ -14,15 +14,19 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings, unexplained
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.repeats import RunFit, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.solution import StaticSolution, huber, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
-from bristle.identification.static.uncertainty import three_ways
+from bristle.identification.static.uncertainty import run_fits, three_ways
 from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
+
+_LOGARITHMIC = ("v_s",)
+"""What is compared, and widened, as its logarithm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +55,7 @@ def fit_static(
     where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
     timings: dict[str, float] | None = None,
+    runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Fit one static problem and everything that the report shows beside the fit.
 
@@ -61,6 +66,7 @@ def fit_static(
         where: what is known of each equation.
         held: hold-out runs by name, posed as the problem is.
         timings: where the seconds of the grid and of the full fit are written, by name.
+        runs: those that can be fitted apart, by name, posed as the problem is, without its priors.
 
     Returns:
         Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit
@@ -85,7 +91,20 @@ def fit_static(
         timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
     if not checked.agrees:
         comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
-    return {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}, {label: checked}
+    fits = {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}
+    return _repeated(core, fits, run_fits(core, runs, v_s_range)), {label: checked}
+
+
+def _repeated(
+    core: StaticSolution, fits: Mapping[Direction, StaticFit], apart: Sequence[RunFit[ParameterName]]
+) -> dict[str, StaticFit]:
+    """The fits with their intervals as wide as the runs scatter."""
+    scatter = scatter_of(
+        apart, core.parameters, core.freedom, {name for name in core.names if name.name in _LOGARITHMIC}
+    )
+    one = len(core.problem.directions) == 1
+    own = {d: {name.name: x for name, x in scatter.items() if one or name.direction is d} for d in fits}
+    return {d: widened(fit, own[d], _LOGARITHMIC) for d, fit in fits.items()}
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:

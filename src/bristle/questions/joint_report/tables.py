@@ -12,7 +12,7 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.page.wording import WORK
-from bristle.questions.joint_report.interval_tables import uncertainty
+from bristle.questions.joint_report.interval_tables import repeats, uncertainty
 from bristle.questions.joint_report.results_file import estimates, identified
 from bristle.questions.joint_report.sentences import methods
 
@@ -336,6 +336,6 @@ def units(joints: Sequence[Joint]) -> pd.DataFrame:
 def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
-    moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty)
+    moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty, repeats)
     makers = (*fits, models, presliding, breakaway, stiffness, hysteresis, *moving, units)
     return {maker.__name__: maker(joints) for maker in makers}

@@ -9,7 +9,15 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loop
 from bristle.diagnostics import Diagnostic, Severity
-from bristle.identification.fits import Crosscheck, Estimate, Presliding, PreslidingFit, StaticFit, TrackingFit
+from bristle.identification.fits import (
+    Crosscheck,
+    Estimate,
+    Presliding,
+    PreslidingFit,
+    RunScatter,
+    StaticFit,
+    TrackingFit,
+)
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
@@ -67,6 +75,7 @@ def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
     yield from _parameters("parameters", fit.parameters)
+    yield from _repeats(fit.repeats)
     yield from _correlations(fit.names, fit.covariance)
     yield from _parameters("without the points that stick and slip", fit.without_stick_slip)
     yield from _other_points(fit)
@@ -102,6 +111,15 @@ def _estimate(e: Estimate) -> str:
     relative = "" if share is None else f" ({share:.2g} %)" if share < 99.5 else f" ({share:.0f} %)"
     interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
     return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}, 95 %: {interval}"
+
+
+def _repeats(repeats: Mapping[Any, RunScatter]) -> Iterator[str]:
+    """How far the runs scatter, before and after widening, and each run's estimate."""
+    if repeats:
+        yield "    [[scatter of the runs fitted apart, sqrt(chi2_red), before -> after widening]]"
+    for name, x in repeats.items():
+        runs = ", ".join(f"{value:.4g}" for value in x.by_run.values())
+        yield f"      {f'{name}:':<13}{x.before:.2f} -> {x.after:.2f}, {len(x.by_run)} runs: {runs}"
 
 
 def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> Iterator[str]:
@@ -147,6 +165,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
     yield from _parameters(
         "sigma_0", {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
     )
+    yield from _repeats(fit.repeats)
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1})
     yield from _amplitudes(joint, fit)
     yield from _sentences(fit.warnings)
@@ -172,6 +191,7 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
     yield f"    {'starts':<15}= {reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
     yield from _parameters("parameters", fit.parameters)
+    yield from _repeats(fit.repeats)
     yield from _count_bias(fit)
     yield from _correlations(fit.names, fit.covariance)
     yield from _sentences(fit.warnings)
