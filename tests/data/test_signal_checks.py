@@ -124,6 +124,18 @@ def test_a_velocity_of_something_else() -> None:
         assert checked(replace(record, position=1e-4 * noise[0], velocity=1e-2 * noise[1]), "ramp") == ()
 
 
+def test_signals_at_right_angles_have_no_ratio() -> None:
+    """A velocity that is the position itself goes neither with it nor against it: no factor is said, and nothing divides by zero."""
+    time = np.arange(4000.0) / RATE
+    position = np.sin(2 * np.pi * time)
+    record = Record(file="run.csv", time=time, position=position, velocity=position, torque=np.cos(time))
+    found = travel_ratio(record)
+    assert found is not None
+    assert found.low < 1e-3
+    assert found.high > 1e3
+    assert [d.kind for d in checked(record, "ramp")] == [Kind.VELOCITY_UNRELATED]
+
+
 def test_the_ratio_is_bracketed_in_spite_of_noise() -> None:
     """With noise as large as the velocity itself, the truth lies between the two regressions."""
     for seed in range(20):

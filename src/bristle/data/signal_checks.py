@@ -135,11 +135,9 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     if record.position is None or record.velocity is None or record.velocity_estimated:
         return None
     best: TravelRatio | None = None
+    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
     for span in _SPANS:
         ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
-        area = np.concatenate(
-            [[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))]
-        )
         moved = np.concatenate([np.diff(record.position[k]) for k in ends])
         said = np.concatenate([np.diff(area[k]) for k in ends])
         if moved.size < _FEWEST or not (moved.any() and said.any()):
@@ -148,7 +146,8 @@ def travel_ratio(record: Record) -> TravelRatio | None:
         correlation = across / np.sqrt(moved_2 * said_2)
         size = max(abs(correlation), 1e-9)
         value = np.sqrt(moved_2 / said_2)
-        away = size * np.exp(-_DEVIATIONS * np.sqrt(max(1 - size**2, 0.0) / (moved.size - 2)) / size)
+        error = np.sqrt(max(1 - size**2, 0.0) / (moved.size - 2)) / size
+        away = size * np.exp(-min(_DEVIATIONS * error, 50.0))
         found = TravelRatio(float(np.copysign(value, correlation)), value * away, value / away, correlation)
         if best is None or found.low * best.high > best.low * found.high:
             best = found
