@@ -108,7 +108,8 @@ def fit_presliding(
     estimates = stiffness(loadings, level, kind)
     hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
     warnings = list(estimates["samples"].warnings) if hidden else []
-    amplitudes, softens = stiffness_by_amplitude(loadings, level, kind)
+    moves = estimates[best].value is not None
+    amplitudes, softens = stiffness_by_amplitude(loadings, level, kind) if moves else ((), None)
     if softens is not None:
         warnings.append(softens)
         estimates[best] = _spanning(estimates[best], amplitudes)

@@ -70,6 +70,10 @@ class Piece:
     """Of the edges: one over the variance of U at constant noise in T."""
 
 
+_NONE = 1e-60
+"""A compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20."""
+
+
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
     """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
 
@@ -318,7 +322,7 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(pieces) - 1, 1)) / abs(
         along or 1.0
     )
-    if not compliance:
+    if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
     return 1 / compliance, float(error / compliance**2), freedom
 
