@@ -247,3 +247,13 @@ def test_a_gradient_that_is_rounding_alone_divides_nothing() -> None:
     """The steady torque does not depend on sigma_0: the laws are then relative to the largest of them."""
     _, found = gradients(GRIPPER.positive, "sigma_0")
     assert max(float(g.max()) for g in found.values()) == 1.0
+
+
+def test_a_parameter_of_zero_divides_nothing() -> None:
+    """A joint without viscous friction is adapted by every law, whatever the law of the plan, with finite gains."""
+    pair = Pair(*(p._replace(alpha_2=0.0, sigma_1=0.0) for p in GRIPPER))
+    for law in ("partial", "partial-theta", "total"):
+        one = one_way(joint_loop(plant=pair, model=pair, adaptation=Adaptation(law=law)))
+        rows = {x.law: x for x in adapted(one).factors if x.parameter == "alpha_2"}
+        assert {"partial", "partial-theta", "total"} <= set(rows)
+        assert all(np.isfinite(x.final) for x in rows.values())

@@ -18,7 +18,7 @@ from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
-from bristle.questions.method_validation import figures, intervals
+from bristle.questions.method_validation import figures, intervals, tables
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, CaseSet, joint_cases, sweep
@@ -634,3 +634,11 @@ def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.Mon
     assert again.cases[0].starts.torque.tolist() == first.cases[0].starts.torque.tolist()
     with pytest.raises(ValueError, match="repetitions: got 1"):
         bristle.validate("no such file", repetitions=1)
+
+
+def test_noise_has_no_share_of_a_coulomb_friction_of_zero(validation: Validation) -> None:
+    """Where the truth has no Coulomb friction the tables name no noise in percent of it, and are written all the same."""
+    first = validation.cases[0]
+    without = replace(first, case=replace(first.case, truth=first.case.truth._replace(alpha_0=0.0)))
+    frame = tables.cases(replace(validation, cases=(without,)))
+    assert frame["noise_percent"].isna().all()

@@ -74,12 +74,15 @@ def growth(options: LoopOptions, cases: Sequence[Case], period: Array) -> Array:
 
 
 def _growth(options: LoopOptions, rows: Array, period: Array) -> Array:
-    """The same of the numbers of cases, a row each; (rows,)."""
+    """The same of the numbers of cases, a row each; infinite where the derivative is no number; (rows,)."""
     bare = replace(options, compensator=Compensator(name="none"), encoder=False, speedometer=False, informed=False)
     derivatives = _derivative(bare).map(len(rows))(rows.T, period[None]).full()
     size = derivatives.shape[0]
-    modes = np.linalg.eigvals(derivatives.reshape(size, len(rows), size).transpose(1, 0, 2))
-    return np.asarray(np.log(np.abs(modes).max(axis=1)))
+    matrices = derivatives.reshape(size, len(rows), size).transpose(1, 0, 2)
+    known = np.isfinite(matrices).all(axis=(1, 2))
+    grown = np.full(len(rows), inf)
+    grown[known] = np.log(np.abs(np.linalg.eigvals(matrices[known])).max(axis=1))
+    return grown
 
 
 def _bearable(options: LoopOptions, rows: Array, period: float) -> Array:

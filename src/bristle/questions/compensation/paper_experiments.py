@@ -120,7 +120,11 @@ def adapted(loop: JointLoop) -> Adapted:
 
 
 def comparable_rates(loop: JointLoop, law: Law) -> tuple[float, ...]:
-    """Rates of a law: the plan's, but times or over the parameter where only one of both laws has it once more in its gradient."""
+    """Rates of a law: the plan's, but times or over the parameter where only one of both laws has it once more in its gradient.
+
+    A parameter of zero, which a gain cannot change, keeps its rate.
+    """
     plan, begun = loop.adaptation, loop.wrong_start(loop.model).positive
     power = (plan.law == "partial-theta") - (law == "partial-theta")
-    return tuple(float(g * getattr(begun, name) ** power) for g, name in zip(plan.gamma, plan.parameters, strict=True))
+    sizes = (getattr(begun, name) or 1.0 for name in plan.parameters)
+    return tuple(float(g * size**power) for g, size in zip(plan.gamma, sizes, strict=True))

@@ -100,4 +100,5 @@ def v_s_by_method(result: CaseResult) -> pd.DataFrame:
 
 def _which(result: CaseResult) -> dict[str, object]:
     case = result.case
-    return {"of": case.label, "design": case.design, "noise_percent": 100 * case.noise / case.truth.alpha_0}
+    share = 100 * case.noise / case.truth.alpha_0 if case.truth.alpha_0 else None
+    return {"of": case.label, "design": case.design, "noise_percent": share}
