@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.data.constant_velocity.segments import Thresholds
-from bristle.data.experiment.load import Experiment, FitOptions, Inertia, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, FitOptions, PlusMinus, load_experiment, read_runs
 from bristle.errors import InputError
 
 _BASE: dict[str, Any] = {
@@ -51,7 +51,7 @@ def test_everything_in_si(tmp_path: Path) -> None:
     assert e.motor is not None
     assert e.motor[:3] == pytest.approx((0.35, 2.1, 0.0))
     assert math.isnan(e.motor.J)
-    assert e.inertia == Inertia(value=0.0089, standard_error=0.0004)
+    assert e.inertia == PlusMinus(value=0.0089, standard_error=0.0004)
     assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096)
     assert isinstance(e.segments, Thresholds)
     assert (e.segments.minimum_duration, e.segments.torque_limit) == (0.5, None)

@@ -5,7 +5,7 @@ without torque the bristle is not bent, whatever went before: so each piece begi
 of them load the same spring.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -69,6 +69,8 @@ class Loading:
     """Torque there, N*m, (m,)."""
     breakaway: float | None
     """Torque at which it began to slide, N*m; None where it did not."""
+    shares: Mapping[str, float] = field(default_factory=dict)
+    """Relative change of its torque per standard error of each constant behind it."""
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
@@ -143,6 +145,10 @@ def find_loadings(
                 edge_displacement=edges - position_along[0],
                 edge_torque=np.interp(at, np.arange(torque_along.size), torque_along),
                 breakaway=None if slide is None else float(torque_along[slide]),
+                shares={
+                    name: float(torque[piece] @ shift[piece] / (torque[piece] @ torque[piece]))
+                    for name, shift in record.torque_shifts.items()
+                },
             )
         )
     return tuple(loadings)

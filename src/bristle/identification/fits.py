@@ -1,7 +1,8 @@
 """Fits as values: an estimate, and what static, presliding and moving runs each gave, with their warnings."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import hypot, inf
 from typing import Literal
 
 import numpy as np
@@ -11,6 +12,11 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
 from bristle.model.parameters import WITHOUT_PEAK, Lugre, ParameterName, Stribeck, in_direction
+
+NORMAL = 1.96
+"""Half-width of a 95 % interval of a normal distribution, in standard errors."""
+_ROUNDING = 1e-9
+"""Of a value: a smaller change is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,8 +29,33 @@ class Estimate:
     value: float | None
     unit: str
     standard_error: float | None = None
+    """Statistical: how far the scatter of the data leaves the parameter open."""
     interval: Interval | None = None
+    """Of both errors, the statistical and the systematic one."""
+    systematic: float | None = None
+    """Standard error that the declared errors of constants add; None where none was declared."""
+    shifts: Mapping[str, Number] = field(default_factory=dict)
+    """Change of the value per standard error of each such constant: those of one constant go together."""
     warnings: tuple[Diagnostic, ...] = ()
+
+    def shifted(self, shifts: Mapping[str, float]) -> "Estimate":
+        """The estimate with what errors of constants do to it, which its interval then includes."""
+        if not shifts or self.value is None:
+            return self
+        shifts = {c: x if abs(x) > _ROUNDING * abs(self.value) else 0.0 for c, x in shifts.items()}
+        systematic = hypot(*shifts.values())
+        interval = self.interval and widened(self.interval, self.value, systematic)
+        return replace(self, systematic=systematic, shifts=shifts, interval=interval)
+
+
+def widened(interval: tuple[float, float], value: float, systematic: float) -> tuple[float, float]:
+    """A 95 % interval about a value with a systematic standard error as well, in quadrature, each end by itself.
+
+    An end at 0 that the parameter cannot pass stays there, and an open one open.
+    """
+    low, high = interval
+    least = 0.0 if low >= 0 else -inf
+    return max(value - hypot(value - low, NORMAL * systematic), least), value + hypot(high - value, NORMAL * systematic)
 
 
 def _and_of(warnings: tuple[Diagnostic, ...], estimates: Iterable[Estimate]) -> Iterator[Diagnostic]:
@@ -53,6 +84,16 @@ class Uncertainty:
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Diagnostic, ...] = ()
+
+    def of(self, e: Estimate) -> "Uncertainty":
+        """The same intervals with the systematic error of an estimate; curve and draws stay those of the data."""
+        value, systematic = e.value, e.systematic
+        if value is None or systematic is None:
+            return self
+        covariance, profile, bootstrap = (
+            ends and widened(ends, value, systematic) for ends in (self.covariance, self.profile, self.bootstrap)
+        )
+        return replace(self, covariance=covariance, profile=profile, bootstrap=bootstrap)
 
 
 @result

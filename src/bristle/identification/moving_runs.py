@@ -10,7 +10,7 @@ from scipy import signal, sparse
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import Inertia
+from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
 from bristle.errors import InputError
 
@@ -42,6 +42,12 @@ def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]
     if "gravity" in regressors:
         columns |= gravity(needed(record, "position"))
     return columns
+
+
+def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:
+    """What an error of each constant does to the torques of some records, one after the other, (N,), as in `Record`."""
+    names = dict.fromkeys(name for r in records for name in r.torque_shifts)
+    return {name: np.concatenate([r.torque_shifts.get(name, np.zeros(r.time.size)) for r in records]) for name in names}
 
 
 def gravity(position: Array) -> dict[str, Array]:
@@ -96,7 +102,7 @@ def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, 
     return tuple(moving) if experiment.fit.directions == "separate" else ("both",)
 
 
-def inertia(experiment: Experiment) -> tuple[float | None, Inertia | None]:
+def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:
     """The inertia where it is fixed, and where it is known with an error."""
     known = experiment.inertia
     if known is None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
+from bristle.identification.dynamic.systematic import with_systematic
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
@@ -102,12 +104,12 @@ def fit_with_priors(
         return profile_until_stable(solved, lambda end: refit(starts=1, others=[end]), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-        """The fit without the bias of encoder counts, and with its intervals three ways.
+        """The fit without the bias of encoder counts, with its intervals three ways, and with its systematic errors.
 
-        Each only where there are counts, and where intervals are asked for.
+        Each only where there are counts, where intervals are asked for, and where constants have errors.
         """
         fit = without_count_bias(solved, records, pose, options.position_cutoff, count) if count else solved.fit
-        return with_three_ways(solved, fit, profiles) if uncertainty else fit
+        return with_systematic(with_three_ways(solved, fit, profiles) if uncertainty else fit, solved)
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
@@ -206,12 +208,13 @@ def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None
     None where there is none with an error.
     """
     estimates = [fit.sigma_0 for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
-    known = [(e.value, e.standard_error) for e in estimates if e.value and e.standard_error]
+    known = [(e.value, e.standard_error, e.shifts) for e in estimates if e.value and e.standard_error]
     if not known:
         return None
-    weight = np.array([1 / error**2 for _, error in known])
-    value = float(weight @ [x for x, _ in known] / weight.sum())
-    return replace(estimates[0], value=value, standard_error=float(weight.sum() ** -0.5))
+    weight = np.array([1 / error**2 for _, error, _ in known])
+    value = float(weight @ [x for x, _, _ in known] / weight.sum())
+    shifts = {c: float(weight @ [by.get(c, 0.0) for _, _, by in known] / weight.sum()) for c in known[0][2]}
+    return replace(estimates[0], value=value, standard_error=float(weight.sum() ** -0.5), shifts=shifts)
 
 
 def _value(e: Estimate | None, otherwise: float) -> float:
@@ -248,12 +251,15 @@ def _priors(
             if rows and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in rows], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
-                priors.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in rows), value, root))
+                estimates = [fit.parameters[fit.names[k]] for k in rows]
+                shifts = {c: np.array([e.shifts.get(c, 0.0) for e in estimates]) for c in estimates[0].shifts}
+                priors.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in rows), value, root, shifts))
         bristle = _stiffness(slow, d)
         if bristle is not None:
-            priors.append(
-                _single("presliding", problem.key("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0)
+            sigma_0 = _single(
+                "presliding", problem.key("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0
             )
+            priors.append(replace(sigma_0, shifts={c: np.array([by]) for c, by in bristle.shifts.items()}))
     _, known = inertia(experiment)
     if known is not None and INERTIA in problem.extra_names:
         priors.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
@@ -270,12 +276,13 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     rows = []
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
-        for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
+        for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):
             moving, both = alone.parameters[name], joint.parameters[name]
             if moving.value is None or moving.standard_error is None:
                 verdict, difference = Kind.STAGE_UNSEEN(), None
             else:
-                difference = (moving.value - value) / float(np.hypot(error, moving.standard_error))
+                apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
+                difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
                 verdict = _verdict(
                     prior.stage, difference, error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
                 )

@@ -63,6 +63,8 @@ class Motion:
     """What is to be explained: the measured torque itself, N*m, (N,)."""
     coarsening: float = 1.0
     """As in `rollout`."""
+    shifts: Mapping[str, Array] = field(default_factory=dict)
+    """Change of the torque per standard error of each constant behind it, N*m, (N,)."""
 
     @property
     def size(self) -> int:
@@ -90,6 +92,8 @@ class Prior:
     """(p,)."""
     root: Array
     """The inverse of the Cholesky factor of their covariance, (p, p): `root @ (x - value)` scatters by one."""
+    shifts: Mapping[str, Array] = field(default_factory=dict)
+    """Change of `value` per standard error of each constant, (p,): a systematic error, which `root` knows nothing of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,6 +229,7 @@ def dynamic_problem(
                     extra=columns[part],
                     smooth=None if decimation == 1 else smooth,
                     measured=record.torque[part],
+                    shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
                 )
             )
     return DynamicProblem(

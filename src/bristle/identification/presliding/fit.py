@@ -15,7 +15,15 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate, Presliding, PreslidingFit
-from bristle.identification.presliding.stiffness import REACH, KnownValue, count_edges, printed_bias, stiffness
+from bristle.identification.presliding.stiffness import (
+    REACH,
+    KnownValue,
+    count_edges,
+    printed_bias,
+    stiffness,
+    torque_shares,
+    with_shifts,
+)
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -107,6 +115,8 @@ def fit_presliding(
     known = quantum > 0 and (sigma_0.value or 0.0) > 0
     on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
     three = stiffness_uncertainty(loadings, level, best, sigma_0)
+    estimates = with_shifts(estimates, loadings, level)
+    sigma_0 = estimates[best]
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
     reached = max(float(loading.torque.max()) for loading in loadings)
     if reached > level.value:
@@ -126,7 +136,7 @@ def fit_presliding(
         bias_spread=spread,
         loadings=tuple(loadings),
         warnings=tuple(warnings),
-        uncertainty={"sigma_0": three},
+        uncertainty={"sigma_0": three.of(sigma_0)},
     )
 
 
@@ -140,8 +150,10 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
     """The median breakaway torque of some loadings, and its outliers by name."""
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
+    shifts = {name: middle * share for name, share in torque_shares(slid).items()}
     if n == 1:
-        return Estimate(value=middle, unit=unit("torque", kind), warnings=(Kind.SINGLE_RUN(),)), []
+        single = Estimate(value=middle, unit=unit("torque", kind), warnings=(Kind.SINGLE_RUN(),))
+        return single.shifted(shifts), []
     error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
     reach = student(n - 1) * error
     warnings = [
@@ -149,12 +161,13 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
         for loading, value in zip(slid, torque.tolist(), strict=True)
         if n > 2 and abs(value - middle) > _OUTLIER * middle
     ]
-    return Estimate(
+    whole = Estimate(
         value=middle,
         unit=unit("torque", kind),
         standard_error=error,
         interval=(max(middle - reach, 0.0), middle + reach),
-    ), warnings
+    )
+    return whole.shifted(shifts), warnings
 
 
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> KnownValue | None:
@@ -163,7 +176,7 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> KnownV
         if d in breakaway:
             value, error = breakaway[d].value or 0.0, breakaway[d].standard_error
             source = Kind.OF_BREAKAWAY(direction=d) if error else Kind.OF_ONE_BREAKAWAY(direction=d, share=_SINGLE)
-            return KnownValue(value, error or _SINGLE * value, source)
+            return KnownValue(value, error or _SINGLE * value, source, breakaway[d].shifts)
     return None
 
 
@@ -190,9 +203,13 @@ def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: JointKind) -> 
     value, by_sigma_0, by_J = (
         float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
     )
-    return Estimate(
+    prior = Estimate(
         value=value,
         unit=unit("sigma_1", kind),
         standard_error=float(np.hypot(by_sigma_0 * (sigma_0.standard_error or 0.0), by_J * inertia.standard_error)),
         warnings=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),),
+    )
+    constants = dict.fromkeys((*sigma_0.shifts, *inertia.shifts))
+    return prior.shifted(
+        {c: by_sigma_0 * sigma_0.shifts.get(c, 0.0) + by_J * inertia.shifts.get(c, 0.0) for c in constants}
     )

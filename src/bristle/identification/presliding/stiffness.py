@@ -11,8 +11,9 @@ the joint rests is not known: only differences of y are. One encoder count is q.
                  torque noise follow the time
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,8 @@ class KnownValue(NamedTuple):
     value: float
     standard_error: float
     source: Diagnostic
+    shifts: Mapping[str, float] = MappingProxyType({})
+    """As of an `Estimate`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +79,42 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), _lower_bound(pieces, quantum, kind))
     return _estimates(loadings, level, quantum, kind)
+
+
+def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
+    """Relative change of the torque of some loadings per standard error of each constant: the mean, by their torque."""
+    weight = [float(np.square(loading.torque).sum()) for loading in loadings]
+    names = dict.fromkeys(name for loading in loadings for name in loading.shares)
+    shares = {name: [loading.shares.get(name, 0.0) for loading in loadings] for name in names}
+    return {name: float(np.average(share, weights=weight)) for name, share in shares.items()}
+
+
+def with_shifts(
+    estimates: Mapping[str, Estimate], loadings: Sequence[Loading], level: KnownValue
+) -> dict[str, Estimate]:
+    """The estimates of `stiffness` with what errors of constants do to them.
+
+    Where torque and g0 grow by one factor, so does sigma_0: a torque that grows by e does to it what g0 less by e does,
+    and e of its value beside.
+    """
+    shares = torque_shares(loadings)
+    constants, by_level = (*dict.fromkeys((*shares, *level.shifts)),), dict.fromkeys(estimates, 0.0)
+    if not constants:
+        return dict(estimates)
+    width, quantum = _width(level), max(loading.quantum for loading in loadings)
+    pieces = [[of_loading(x, level.value + k * width) for x in loadings] for k in (-1, 0, 1)]
+    for name, estimator in (("edges", by_edges), ("samples", by_samples)):
+        less, value, more = (estimator(piece)[0] for piece in pieces)
+        by_level[name] = _slope(less, value, more, width)
+    first = _first_torque(loadings, level.value)
+    if quantum > 0 and first.size:
+        slopes = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
+        by_level["corrected"] = float(np.mean(slopes)) / quantum
+    moved = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
+    return {
+        name: e.shifted({c: (e.value or 0.0) * shares.get(c, 0.0) + by_level[name] * moved[c] for c in constants})
+        for name, e in estimates.items()
+    }
 
 
 def count_edges(loadings: Sequence[Loading], level: KnownValue) -> int:
@@ -125,7 +164,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
 
 def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: JointKind) -> dict[str, Estimate]:
     """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
-    width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
+    width = _width(level)
     pieces, less, more = (
         [of_loading(loading, g0) for loading in loadings]
         for g0 in (level.value, level.value - width, level.value + width)
@@ -152,6 +191,11 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
         "edges": _estimate(value, float(np.hypot(error, by_level)), freedom, kind),
         "samples": samples,
     }
+
+
+def _width(level: KnownValue) -> float:
+    """How far g0 is moved to see what it does."""
+    return max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
 
 
 def _slope(less: float, value: float, more: float, width: float) -> float:
@@ -183,7 +227,7 @@ def _first_count(
 
     The interval is that of a rest position anywhere in the count, and of noise in U.
     """
-    T = np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
+    T = _first_torque(loadings, g0)
     if T.size == 0:
         return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
     U = _unbent(T, g0)
@@ -197,6 +241,11 @@ def _first_count(
         interval=(low, high),
         warnings=(Kind.WHOLE_COUNT(),),
     )
+
+
+def _first_torque(loadings: Sequence[Loading], g0: float) -> Array:
+    """Torque at the first count edge of each loading that has one below g0, N*m, (k,)."""
+    return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
 
 def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:

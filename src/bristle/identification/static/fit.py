@@ -199,7 +199,7 @@ def _comparisons(
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]
     warnings += residual_warnings(residuals, velocity, where.time, where.position)
-    three = three_ways(core, v_s_range)
+    three = {n: x.of(core.parameters[n]) for n, x in three_ways(core, v_s_range).items()}
     return _Comparisons(
         plain=plain, robust=robust, without=without, three=three, strays=strays, warnings=tuple(warnings)
     )

@@ -157,4 +157,6 @@ def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Seq
             )
         extra |= gravity(np.array([s.position for s in points], dtype=float))
     velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
-    return from_points(velocity, torque, sides, extra)
+    names = dict.fromkeys(name for s in points for name in s.torque_shifts)
+    shifts = {name: np.array([s.torque_shifts.get(name, 0.0) for s in points]) for name in names}
+    return from_points(velocity, torque, sides, extra, shifts)

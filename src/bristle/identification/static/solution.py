@@ -15,7 +15,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation, lag_one
-from bristle.estimation.linear import best_column_p_value
+from bristle.estimation.linear import best_column_p_value, first_order
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
@@ -87,6 +87,8 @@ def solve_static(
     full, _ = uncertainty.covariance(jacobian, solution.cost, variance_inflation)
     profiles = _profiles(problem, solution, options, v_s_range, likelihood.threshold)
     parameters = _estimates(problem, solution, covariance, free, likelihood.intervals, kind)
+    shifts = _shifts(problem, jacobian, free)
+    parameters = {name: e.shifted(shifts[name]) for name, e in parameters.items()}
     v_s = {
         d: likelihood.intervals[name]
         for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
@@ -250,6 +252,14 @@ def _estimates(
             warnings=warnings,
         )
     return out
+
+
+def _shifts(problem: Regression, jacobian: Array, free: Array) -> dict[ParameterName, dict[str, float]]:
+    """What a standard error of each constant does to each parameter; nothing to those at a bound."""
+    moved = {constant: np.zeros(len(problem.names)) for constant in problem.shifts}
+    for constant, change in problem.shifts.items():
+        moved[constant][free] = first_order(jacobian[:, free], change)
+    return {name: {c: float(by[k]) for c, by in moved.items()} for k, name in enumerate(problem.names)}
 
 
 def _outcome(
