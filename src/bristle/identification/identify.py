@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bristle.data.constant_velocity.segments import Segment, unit_mistake
+from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
@@ -85,6 +86,7 @@ def identify_joint(
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
         warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
+        torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         truth=experiment.truth,
         simulated=experiment.simulated,

@@ -1,6 +1,6 @@
 """The constants between what a run logged and its torque, and what an error of each does to that torque."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from bristle.arrays import Array
@@ -8,6 +8,7 @@ from bristle.data import units
 from bristle.data.experiment.schema import MotorConstants, PlusMinus
 from bristle.data.experiment.signals import Context, Signals, si
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.model.functions import drive_torque_slopes_function
 from bristle.model.vectorize import evaluate
 
@@ -45,6 +46,23 @@ def torque_constants(signals: Signals, motor: MotorConstants | None, context: Co
     number, unit, relative = units.scale_parts(signal.scale)
     if relative is not None or abs(number) != 1 or unit != "1":
         yield Constant(f"scale of {drive}", number, None if relative is None else abs(number) * relative, unit)
+
+
+def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Diagnostic | None:
+    """Which constants have an error, and which are taken as exact.
+
+    None where no torque was computed with any, and where data were simulated with exact ones.
+    """
+    uncertain = tuple(c for c in constants if c.error is not None)
+    exact = () if simulated else tuple(c for c in constants if c.error is None)
+    if uncertain:
+        rest = Kind.TORQUE_REST_EXACT(constants=exact) if exact else ""
+        return Kind.TORQUE_UNCERTAIN(constants=uncertain, rest=rest)
+    if not exact:
+        return None
+    first = exact[0]
+    line = f"{first.name.split()[0]}: {first.value:g} +/- s {first.unit}".removesuffix(" 1")
+    return Kind.TORQUE_EXACT(constants=exact, line=line)
 
 
 def torque_shifts(record: Record, signals: Signals, motor: MotorConstants | None, context: Context) -> dict[str, Array]:

@@ -10,7 +10,7 @@ from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, in_print, measured, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice, critical, median_breakaway
+from bristle.questions.joint_report.sentences import bias, choice, critical, median_breakaway, pair
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -24,7 +24,7 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
             "warnings": len(set(slow.warnings_of(d))),
             "critical": critical(fit.warnings),
             "estimates": [
-                (name, measured(e.value, e.standard_error), f"{pretty(e.unit)}{note}", span(e.interval))
+                (name, pair(e), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (("sigma_0", fit.sigma_0, ""), ("sigma_1", fit.sigma_1, " (a prior)"))
             ],
         }
@@ -65,8 +65,6 @@ def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
         "level": f"{measured(fit.level, fit.level_standard_error)} {pretty(unit('torque', joint.kind))}",
         "source": in_print(fit.level_source),
         "crossed": Kind.EDGES_CROSSED(loadings=len(fit.loadings), counts=fit.counts),
-        "sigma_1": None
-        if prior.value is None
-        else f"{measured(prior.value, prior.standard_error)} {pretty(prior.unit)}",
+        "sigma_1": None if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}",
         "prior": prior.warnings,
     }

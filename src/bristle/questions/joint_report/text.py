@@ -14,7 +14,16 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, span
-from bristle.questions.joint_report.sentences import bias, bias_text, biased, choice, cost_change, methods, reached
+from bristle.questions.joint_report.sentences import (
+    bias,
+    bias_text,
+    biased,
+    choice,
+    cost_change,
+    methods,
+    reached,
+    systematic,
+)
 
 _CORRELATED = 0.5
 """Correlations below this are not printed."""
@@ -30,7 +39,7 @@ def fit_report(joints: Sequence[Joint]) -> str:
 
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
-    yield from _sentences(joint.warnings)
+    yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings])
     for direction, fit in joint.static.items():
         yield from _fit(direction, fit)
         if direction in joint.crosscheck:
@@ -92,7 +101,8 @@ def _estimate(e: Estimate) -> str:
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f" ({share:.2g} %)" if share < 99.5 else f" ({share:.0f} %)"
     interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
-    return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}, 95 %: {interval}"
+    beside = systematic(e, ", systematic +/- {}")
+    return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}{beside}, 95 %: {interval}"
 
 
 def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> Iterator[str]:
