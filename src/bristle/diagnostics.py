@@ -1338,15 +1338,15 @@ class Kind(Enum):
     TORQUE_EXACT = (
         _NOTE,
         (
-            "Torque: assuming {constants!j} exact; what they are off by, the parameters are off by, and no interval has "
-            "it. Give the standard error, as in {line}."
+            "Torque: assuming {constants!j} exact: no interval contains that error, which is often the largest; "
+            "give it, as in {line}."
         ),
     )
     TORQUE_UNCERTAIN = (
         _NOTE,
         (
-            "Torque: the standard error of {constants!j} is in every interval; shown apart it is the systematic error, "
-            "which moves all parameters together{rest}."
+            "Torque: every interval contains the error of {constants!j}, which moves the parameters together; "
+            "its part is shown as systematic{rest}."
         ),
     )
     TORQUE_REST_EXACT = _NOTE, "; assuming {constants!j} exact"

@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import hypot, inf, sqrt
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from bristle.arrays import UNWRITTEN, Array, Interval, Matrix, Number, result
+from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
@@ -15,6 +15,10 @@ from bristle.model.parameters import WITHOUT_PEAK, Lugre, ParameterName, Stribec
 
 NORMAL = 1.96
 """Half-width of a 95 % interval of a normal distribution, in standard errors."""
+Shifts = Annotated[
+    Mapping[str, Number], JsonForm(dict[str, Number] | None, lambda x: dict(x) or None, lambda x: x or {})
+]
+"""Changes by the constant that causes them, as it prints; null in JSON where there are none."""
 _ROUNDING = 1e-9
 """Of a value: a smaller change is none."""
 
@@ -34,7 +38,7 @@ class Estimate:
     """Of both errors, the statistical and the systematic one."""
     systematic: float | None = None
     """Standard error that the declared errors of constants add; None where none was declared."""
-    shifts: Mapping[str, Number] = field(default_factory=dict)
+    shifts: Shifts = field(default_factory=dict)
     """Change of the value per standard error of each such constant: those of one constant go together."""
     warnings: tuple[Diagnostic, ...] = ()
 

@@ -315,7 +315,7 @@ def _moves(joint: Joint) -> _Moves | None:
     rng = np.random.default_rng(SEED)
     statistical = rng.multivariate_normal(np.zeros(len(names)), covariance, DRAWS, method="eigh")
     systematic = np.zeros(statistical.shape)
-    for constant in joint.uncertain_constants:
+    for constant in dict.fromkeys(c for name in names for c in fit.parameters[name].shifts):
         shift = np.array([fit.parameters[name].shifts.get(constant, 0.0) for name in names])
         systematic += rng.standard_normal((DRAWS, 1)) * (shift * chain)
     return _Moves(names, centre, positive, statistical, systematic)
