@@ -30,8 +30,8 @@ from .test_output_error import MOTOR, OTHER, STEP, drive, posed, values_of
 K, SHARE = 0.35, 0.05
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 20)
 NOISE = 0.01 * GRIPPER.alpha_0
-STEPPED = 0.05
-"""Of a standard error: how far K is moved for a refit; less would drown in what a descent leaves open."""
+STEPPED = 0.01
+"""Of a standard error: how far K is moved for a refit."""
 EDRO = Path(__file__).parents[2] / "datasets" / "edro"
 
 
@@ -212,11 +212,11 @@ def test_a_given_inertia_breaks_the_common_factor(tmp_path: Path) -> None:
     assert joint.tracking is not None
     assert other.tracking is not None
     assert INERTIA not in joint.tracking.parameters
-    for name in map(ParameterName.parse, ("alpha_2+", "sigma_0-", "sigma_1+", "sigma_1-")):
-        e, after = joint.tracking.parameters[name], other.tracking.parameters[name].value
+    for parameter in map(ParameterName.parse, ("alpha_2+", "sigma_0-", "sigma_1+", "sigma_1-")):
+        e, after = joint.tracking.parameters[parameter], other.tracking.parameters[parameter].value
         (shift,) = e.shifts.values()
         assert shift == pytest.approx(((after or 0.0) - (e.value or 0.0)) / STEPPED, rel=0.15)
-        assert name.name != "sigma_1" or shift > 3 * SHARE * (e.value or 0.0)
+        assert parameter.name != "sigma_1" or shift > 3 * SHARE * (e.value or 0.0)
 
 
 @pytest.mark.parametrize("torque", [True, False])
