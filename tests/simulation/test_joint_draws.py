@@ -51,6 +51,19 @@ def test_draws_are_physical_and_repeat(tmp_path: Path, share: float) -> None:
             assert np.isfinite(p).all()
 
 
+def test_an_error_of_a_constant_moves_all_parameters_of_a_draw_together(tmp_path: Path) -> None:
+    """By constants alone every parameter of a draw has the same factor, the inertia too; without errors of constants there are no such draws."""
+    fit = tracked(values_of(GRIPPER), 1e-9)
+    assert drawn(tmp_path, fit).draws_by_constants == ()
+    moved = {name: e.shifted({"K": 1e-3 * (e.value or 0.0)}) for name, e in fit.parameters.items()}
+    loop = drawn(tmp_path, replace(fit, parameters=moved))
+    for found in (loop.draws, loop.draws_by_constants):
+        rows = np.array([[*pair.positive, *pair.negative, inertia] for pair, inertia in found])
+        factors = rows / list(values_of(GRIPPER).values())
+        assert np.abs(factors - factors[:, :1]).max() < 1e-5
+        assert np.std(factors[:, 0]) == pytest.approx(1e-3, rel=0.3)
+
+
 def test_without_a_covariance_nothing_is_drawn(tmp_path: Path) -> None:
     """A fit with no covariance, or with one that is not finite, has no draws."""
     fit = tracked(values_of(GRIPPER))
