@@ -42,24 +42,29 @@ class Estimate:
     """Change of the value per standard error of each such constant: those of one constant go together."""
     warnings: tuple[Diagnostic, ...] = ()
 
-    def shifted(self, shifts: Mapping[str, float]) -> "Estimate":
-        """The estimate with what errors of constants do to it, which its interval then includes."""
+    def shifted(self, shifts: Mapping[str, float], least: float = 0.0) -> "Estimate":
+        """The estimate with what errors of constants do to it, which its interval then includes; `least` as in `widened`."""
         if not shifts or self.value is None:
             return self
         shifts = {c: x if abs(x) > _ROUNDING * abs(self.value) else 0.0 for c, x in shifts.items()}
         systematic = hypot(*shifts.values())
-        interval = self.interval and widened(self.interval, self.value, systematic)
+        interval = self.interval and widened(self.interval, self.value, systematic, least)
         return replace(self, systematic=systematic, shifts=shifts, interval=interval)
 
 
-def widened(interval: tuple[float, float], value: float, systematic: float) -> tuple[float, float]:
+def widened(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:
     """A 95 % interval about a value with a systematic standard error as well, in quadrature, each end by itself.
 
-    An end at 0 that the parameter cannot pass stays there, and an open one open.
+    An interval does not come to pass `least`, what the parameter may be at least, and an open end stays open.
     """
     low, high = interval
-    least = 0.0 if low >= 0 else -inf
-    return max(value - hypot(value - low, NORMAL * systematic), least), value + hypot(high - value, NORMAL * systematic)
+    below = value - hypot(value - low, NORMAL * systematic)
+    return max(below, least) if low >= least else below, value + hypot(high - value, NORMAL * systematic)
+
+
+def least_of(name: str) -> float:
+    """What a parameter may be at least: 0, but for an offset and gravity, which have a sign."""
+    return -inf if name.startswith(("offset", "gravity")) else 0.0
 
 
 def statistical(e: Estimate) -> tuple[float, float] | None:
@@ -98,13 +103,13 @@ class Uncertainty:
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Diagnostic, ...] = ()
 
-    def of(self, e: Estimate) -> "Uncertainty":
+    def of(self, e: Estimate, least: float = 0.0) -> "Uncertainty":
         """The same intervals with the systematic error of an estimate; curve and draws stay those of the data."""
         value, systematic = e.value, e.systematic
         if value is None or systematic is None:
             return self
         covariance, profile, bootstrap = (
-            ends and widened(ends, value, systematic) for ends in (self.covariance, self.profile, self.bootstrap)
+            ends and widened(ends, value, systematic, least) for ends in (self.covariance, self.profile, self.bootstrap)
         )
         return replace(self, covariance=covariance, profile=profile, bootstrap=bootstrap)
 

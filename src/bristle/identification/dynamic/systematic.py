@@ -17,7 +17,7 @@ from bristle.estimation.nonlinear import projected
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.output_error import with_more_torque
 from bristle.identification.dynamic.problem import DynamicProblem, Values, residuals
-from bristle.identification.fits import TrackingFit
+from bristle.identification.fits import TrackingFit, least_of
 from bristle.model.parameters import ParameterName
 
 _STEP = 1e-2
@@ -30,10 +30,10 @@ def with_systematic(fit: TrackingFit, solved: DynamicSolution) -> TrackingFit:
     if not shifts:
         return fit
     parameters = {
-        name: e.shifted({constant: by.get(name, 0.0) for constant, by in shifts.items()})
+        name: e.shifted({constant: by.get(name, 0.0) for constant, by in shifts.items()}, least_of(name.name))
         for name, e in fit.parameters.items()
     }
-    uncertainty = {name: x.of(parameters[name]) for name, x in fit.uncertainty.items()}
+    uncertainty = {name: x.of(parameters[name], least_of(name.name)) for name, x in fit.uncertainty.items()}
     return replace(fit, parameters=parameters, uncertainty=uncertainty)
 
 

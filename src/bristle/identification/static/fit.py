@@ -13,7 +13,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings
-from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty, least_of
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
@@ -199,7 +199,7 @@ def _comparisons(
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]
     warnings += residual_warnings(residuals, velocity, where.time, where.position)
-    three = {n: x.of(core.parameters[n]) for n, x in three_ways(core, v_s_range).items()}
+    three = {n: x.of(core.parameters[n], least_of(n.name)) for n, x in three_ways(core, v_s_range).items()}
     return _Comparisons(
         plain=plain, robust=robust, without=without, three=three, strays=strays, warnings=tuple(warnings)
     )

@@ -16,7 +16,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import best_column_p_value, first_order
-from bristle.identification.fits import Estimate, Profile
+from bristle.identification.fits import Estimate, Profile, least_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
@@ -88,7 +88,7 @@ def solve_static(
     profiles = _profiles(problem, solution, options, v_s_range, likelihood.threshold)
     parameters = _estimates(problem, solution, covariance, free, likelihood.intervals, kind)
     shifts = _shifts(problem, jacobian, free)
-    parameters = {name: e.shifted(shifts[name]) for name, e in parameters.items()}
+    parameters = {name: e.shifted(shifts[name], least_of(name.name)) for name, e in parameters.items()}
     v_s = {
         d: likelihood.intervals[name]
         for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
