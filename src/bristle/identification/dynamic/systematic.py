@@ -40,12 +40,14 @@ def with_systematic(fit: TrackingFit, solved: DynamicSolution) -> TrackingFit:
 def _shifts(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
     """Change of each free parameter that lies at no bound, per standard error of each constant."""
     problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
+    held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
+    constants = dict.fromkeys(constant for by in held for constant in by)
     x, unknowns, shared = minimum.x, posed.unknowns, posed.shared
+    if not constants or not shared.size:  # nothing is uncertain, or every parameter is given
+        return {constant: {} for constant in constants}
     inside = (x > unknowns.lower) & (x < unknowns.upper)
     chosen = shared[seen(minimum.jacobian[:, shared]) & inside[shared]]
     J, slopes = projected(minimum.jacobian, chosen, posed.blocks), unknowns.slopes(x)[chosen]
-    held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
-    constants = dict.fromkeys(constant for by in held for constant in by)
     shifts: dict[str, Mapping[ParameterName, float]] = {}
     for constant in constants:
         change = np.concatenate([_of_equations(problem, solved.values, constant), *_of_priors(problem, constant)])
