@@ -684,8 +684,8 @@ def test_help_waits_for_no_library() -> None:
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
 
 
-def test_warnings_of_segments_count(tmp_path: Path) -> None:
-    """Position and velocity that disagree by a unit are a warning about the joint that names the unit, and --strict exits with 3."""
+def test_warnings_about_signals_count(tmp_path: Path) -> None:
+    """Position and velocity that disagree by a unit are a critical warning about the joint that names the unit, and --strict exits with 3."""
     time = np.arange(4000) / 100
     speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
     position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed
@@ -699,8 +699,8 @@ def test_warnings_of_segments_count(tmp_path: Path) -> None:
     )
     ran = run("identify", tmp_path / "e.yaml", "--strict")
     assert ran.code == 3
-    assert "Position and velocity disagree in 4 of 4 kept segments" in ran.out
-    assert "a velocity in rpm read as rad/s" in ran.out
+    assert "critical: The position of log.csv moves 0.105 times as far as its logged velocity says" in ran.out
+    assert "`unit: rpm` under signals.velocity" in ran.out
 
 
 def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:

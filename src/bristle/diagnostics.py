@@ -307,6 +307,92 @@ class Kind(Enum):
         "Fewer than two of the torque samples are independent; the standard error of the torque is unknown.",
     )
 
+    # what a fit leaves
+    SET_UP_PAYS = (
+        _NOTE,
+        (
+            "Under fit, write {lines}: on parts of the data that were held out in turn the relative error then falls "
+            "from {asked:.2g} to {error:.2g} %."
+        ),
+    )
+    LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
+    UNEXPLAINED = (
+        _CRITICAL,
+        (
+            "The relative error is {error:.2g} %, of which noise accounts for {noise:.2g} %: the model does not describe "
+            "these data, so do not use its parameters.{advice!t}"
+        ),
+    )
+
+    # signals: what contradicts another signal, or itself
+    VELOCITY_FACTOR = (
+        _CRITICAL,
+        (
+            "The position of {files!l} moves {ratio:.3g} times as far as its logged velocity says: one of the two is wrong by "
+            "this factor, and with it friction against speed. What makes them agree: {remedy}."
+        ),
+    )
+    VELOCITY_UNRELATED = (
+        _CRITICAL,
+        (
+            "The logged velocity of {files!l} has nothing to do with its position (correlation {correlation:.2f}): name the "
+            "right column under signals.velocity, or leave velocity out to have it estimated."
+        ),
+    )
+    WHOLE_POSITIONS = (
+        _CRITICAL,
+        (
+            "Every position of {files!l} is a whole number of {unit}: encoder counts. Write `unit: counts` under "
+            "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
+        ),
+    )
+    CLIPPED = (
+        _CAUTION,
+        (
+            "The torque of {files!l} is clipped: {share:.1%} of its samples are exactly {limits}. The true torque there "
+            "is unknown; move slower or more gently, or widen the range of the drive or the sensor."
+        ),
+    )
+    LOST_SAMPLES = (
+        _CAUTION,
+        (
+            "Samples are missing: {files!m}. The position jumps there by more than its speed explains, while the time goes on "
+            "as if none were: speeds from it, and the acceleration there, are wrong. Log the time of each sample, or split the log."
+        ),
+    )
+    COARSE_ACCELERATION = (
+        _CAUTION,
+        (
+            "Counts of {count:.3g} hide the acceleration of {files!l}: they make noise of {noise:.3g} in one of "
+            "{acceleration:.3g} (rms), which takes some {share:.0%} off the inertia. Try `position_cutoff: {cutoff:.2g} Hz` "
+            "under fit, a finer encoder, or an inertia that is given."
+        ),
+    )
+    COARSE_VELOCITY = (
+        _CAUTION,
+        (
+            "Counts hide v_s{direction!d}: they make noise of {noise:.3g} in the velocity, and v_s is {v_s:.3g}. A finer "
+            "encoder, a lower fit.position_cutoff, or runs at constant velocity would show it."
+        ),
+    )
+
+    DRIFT_IN_ORDER = (
+        _CAUTION,
+        (
+            "Speed {way} with the order of the runs{direction!d} while the torque drifts within them ({slope:+.2g} per second, "
+            "{across:.3g} from first to last, {share:.0%} of the torque): drift and speed cannot be told apart. Warm up, and take "
+            "the speeds in random order."
+        ),
+    )
+    OFFSET_OR_FRICTION = (
+        _CAUTION,
+        (
+            "The torque of the two directions differs by a constant. Either it has an offset of {offset:.3g} {unit}, and alpha_0 "
+            "is {common:.4g} in both (`directions: symmetric` and `regressors: [offset]` under fit); or friction differs, with "
+            "alpha_0 {plus:.4g} (+) and {minus:.4g} (-). The data cannot tell."
+        ),
+    )
+
     # residuals of any fit
     DIRECTIONS_DIFFER = (
         _CAUTION,
@@ -336,6 +422,15 @@ class Kind(Enum):
     )
 
     # intervals of any fit
+    RUNS_SCATTER = (
+        _CAUTION,
+        (
+            "The {runs} runs differ by more than chance (chi-squared, 1 %): fitted apart, they scatter by "
+            "{scatter:.2g} times their standard errors, {farthest} farthest from the median. The standard error is "
+            "multiplied by {widened:.2g}, and the interval has Student's t of {freedom} degree{freedom!e} of freedom; "
+            "look for what changed between the runs (temperature, load, wear)."
+        ),
+    )
     INTERVALS_DIFFER = (
         _CAUTION,
         ("The 95 % bounds {sides!j} the estimate differ by more than 1.5x between the methods ({ends!i}): {reason}."),
@@ -501,6 +596,26 @@ class Kind(Enum):
             "depend on that one speed (slower ones would decide)"
         ),
     )
+    TAKES_UP_PEAK = (
+        _CAUTION,
+        (
+            "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured "
+            "speeds, and no others."
+        ),
+    )
+    V_S_DOWN_TO_ZERO = (
+        _CAUTION,
+        "these speeds set no lower limit on v_s (slower ones than {slowest:.3g} would)",
+    )
+    V_S_UP_TO_ANY = (
+        _CAUTION,
+        "these speeds set no upper limit on v_s (faster ones than {fastest:.3g}, or more of them, would)",
+    )
+    NONE_BELOW_V_S = (
+        _CAUTION,
+        "no speed lies below its v_s of {v_s:.3g} (the slowest is {slowest:.3g}; slower ones would decide)",
+    )
+    NO_STRIBECK_ASKED = _NOTE, "Not fitted: fit.model is coulomb-viscous."
     RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g} to {high:.3g}."
     ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
     V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."
@@ -582,6 +697,42 @@ class Kind(Enum):
     UNSEEN_COMPANION = (
         _CAUTION,
         ("Not identifiable from this motion: it means nothing without another parameter, which is not identifiable."),
+    )
+    UNSEEN_PEAK = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in {percent:.0f} % of "
+            "cases."
+        ),
+    )
+    UNSEEN_UNCONVERGED = _CAUTION, "Not identifiable from this motion: the fit did not converge."
+    UNSEEN_BELOW_COUNT = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: the bristle would bend by {reach:.2g}, which is less than an encoder count "
+            "of {count:.2g}; a finer encoder would show it."
+        ),
+    )
+    UNSEEN_NO_REVERSAL = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g} by which the bristle "
+            "would bend; move to and fro."
+        ),
+    )
+    UNSEEN_FAST = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: reversals pass the bristle's deflection in {samples:.2g} samples, and "
+            "{least} are needed; log faster, or reverse more slowly."
+        ),
+    )
+    UNSEEN_HALVES = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow "
+            "loading from rest (experiment: presliding) would show it."
+        ),
     )
     UNSEEN_BEND = (
         _CAUTION,
@@ -670,9 +821,18 @@ class Kind(Enum):
     )
 
     # slow loading
-    NO_SIGMA_0 = (
+    G0_AT_LEAST = (
         _CAUTION,
-        "No sigma_0{direction!d}: it needs the breakaway torque; add ramp runs, or load up to breakaway once.",
+        "No run breaks away{direction!d}: g0 is at least {held:.3g}, and the interval of sigma_0 allows for every g0 above; "
+        "add ramp runs, or load up to breakaway once.",
+    )
+    SOFTENS = (
+        _CAUTION,
+        (
+            "Softening{direction!d}: from {low:.3g} to {high:.3g} {unit} the secant stiffness falls to {ratio:.2g} +/- {error:.1g} of "
+            "its initial value, LuGre's own exponential to {lugre:.2g}; the interval of sigma_0 spans what the "
+            "amplitudes give, and a Maxwell-slip model would describe the rest."
+        ),
     )
     FEW_COUNTS = (
         _CAUTION,
@@ -715,12 +875,19 @@ class Kind(Enum):
     PRIOR = (
         _CAUTION,
         (
-            "A prior, not an estimate: (15) assumes a damping ratio of {ratio:g} (J: {source}); the error does "
-            "not include that of the assumption."
+            "An assumption, not an estimate: (15) with an assumed damping ratio of {ratio:g} (J: {source}); without an "
+            "error, since that ratio is known no better than a factor."
         ),
     )
     NO_COUNTS = _NOTE, "No encoder counts are visible; (14) and the count edges need them."
-    COUNTS_BIAS = _CAUTION, "Encoder counts bias this estimate by about {share:.1%}, more than its standard error."
+    COUNTS_BIAS = (
+        _CAUTION,
+        "No interval: encoder counts bias this estimate by about {share:.1%}, more than its standard error.",
+    )
+    COUNTS_HIDE = (
+        _NOTE,
+        "No estimate from all samples: at some rest positions inside a count they would show no motion.",
+    )
     NOT_POSITIVE = _CRITICAL, "Not positive: the displacement does not increase with the torque."
     NOTHING_BELOW_G0 = _NOTE, "No displacement was measured below g0."
     WHOLE_COUNT = (
@@ -728,6 +895,13 @@ class Kind(Enum):
         (
             "Assumes that the joint moves a whole count to the first edge; it may be any part of one. The "
             "interval allows for an unknown rest position."
+        ),
+    )
+    REST_EXCLUDES = (
+        _NOTE,
+        (
+            "No interval: it assumes that the joint moves a whole count to the first edge, and over the rest positions "
+            "of these loadings sigma_0 lies in [{low:.3g}, {high:.3g}] {unit}, which excludes it."
         ),
     )
     WITHIN_NOISE = (
@@ -746,12 +920,8 @@ class Kind(Enum):
     NOT_MEASURED = _CAUTION, "it was not measured"
     POSITIONS_DISAGREE = (
         _CAUTION,
-        (
-            "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position is"
-            " used.{looks}"
-        ),
+        "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position is used.",
     )
-    LOOKS_LIKE = _CAUTION, " It looks like {what}."
     TORQUES_DOUBTED = (
         _CAUTION,
         "The torque of {doubted} of {kept} kept segments is questionable; the list of segments says why.",
@@ -1480,8 +1650,10 @@ class Kind(Enum):
     OF_EXPERIMENT_FILE = _NOTE, "the experiment file"
     OF_STATIC_FIT_WITHOUT_PEAK = _NOTE, "alpha_0 of the static fit, which shows no peak"
     OF_MOVING_RUNS_WITHOUT_PEAK = _NOTE, "alpha_0 of the moving runs, which show no peak"
-    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}"
-    OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}; its error of {share:.0%} is a guess"
+    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}{creep}"
+    OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}{creep}; its error of {share:.0%} is a guess"
+    CREEP_ADDED = _NOTE, ", with up to {share:.0%} added for the creep before it"
+    OF_LARGEST_HELD = _CAUTION, "the largest torque held: no run breaks away"
 
     # simulated data: how many intervals hold what was simulated
     TRUTH_INSIDE = _NOTE, "{inside} of {count} true values lie inside their 95 % intervals{more}."
@@ -1665,5 +1837,8 @@ class Kind(Enum):
     )
 
 
-NOT_IDENTIFIABLE = frozenset({Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND})
+NOT_IDENTIFIABLE = frozenset({
+    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND, Kind.UNSEEN_UNCONVERGED,
+    Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES, Kind.UNSEEN_PEAK,
+})  # fmt: skip  # a list of values
 """Kinds by which a motion refuses a parameter."""

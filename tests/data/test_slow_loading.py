@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
-from bristle.data.slow_loading import find_loadings, find_loops
+from bristle.data.slow_loading import find_all_loadings, find_loadings, find_loops
 from bristle.errors import InputError
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
@@ -84,8 +84,16 @@ def test_loops_have_the_loss_and_stiffness_of_the_law() -> None:
     middle = (record.torque[one][1:] + record.torque[one][:-1]) / 2
     assert found[-1].loss == pytest.approx(abs(float(middle @ np.diff(record.position[one]))), rel=1e-9)
     assert found[-1].loss == pytest.approx(found[-2].loss, rel=2e-3)
-    assert 0 < found[-1].slope < found[-1].inverse_slope
-    assert found[-1].slope < P.sigma_0
+    slope, inverse = found[-1].slope, found[-1].inverse_slope
+    assert slope is not None
+    assert inverse is not None
+    assert 0 < slope < inverse
+    assert slope < P.sigma_0
+    x = found[-1].torque_amplitude / G0
+    assert found[-1].secant == pytest.approx(P.sigma_0 * x / np.arctanh(x), rel=0.02)
+    assert found[-1].torque_amplitude == pytest.approx(
+        found[-1].displacement_amplitude * (found[-1].secant or 0), rel=2e-3
+    )
 
 
 def test_a_cycle_that_drifts_is_no_loop() -> None:
@@ -111,6 +119,77 @@ def test_breakaway_is_seen_where_the_joint_slides() -> None:
     assert found.breakaway == pytest.approx(G0, rel=0.1)
     (declared,) = find_loadings(record, 2.0, None, 0.004)
     assert declared.breakaway == pytest.approx(float(np.interp(0.004, position, torque)), rel=0.01)
+
+
+def slipped(level: float, top: float, seconds: float = 12.0, back: bool = False) -> Record:
+    """A ramp of torque to a top, which breaks away at a level; with `back` the torque falls again and the joint sticks."""
+    time = np.arange(0, seconds, STEP)
+    torque = top * time / seconds
+    slid = np.cumsum(np.maximum(torque - level, 0.0) / P.alpha_2) * STEP
+    position = -(level / P.sigma_0) * np.log(1 - np.minimum(torque, 0.99 * level) / level) + slid
+    if back:
+        time, torque = np.arange(0, 2 * seconds, STEP), np.append(torque, torque[::-1])
+        position = np.append(position, np.full(position.size, position[-1]))
+    return Record(file="slip.csv", time=time[: torque.size], position=position, torque=torque)
+
+
+@pytest.mark.parametrize("top", [1.1, 1.5, 2.0, 4.0])
+@pytest.mark.parametrize("back", [False, True])
+def test_breakaway_does_not_depend_on_what_follows(top: float, back: bool) -> None:
+    """However far the torque rises beyond, and whether or not it falls again, the joint breaks away near g0."""
+    found = find_loadings(slipped(G0, top * G0, back=back), 2.0, None, None)
+    assert found[0].breakaway == pytest.approx(G0, rel=0.12)
+
+
+def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
+    """A jump by some counts at half of g0, and then no more, is no breakaway: nor is fast creep up to a torque that another run holds.
+
+    A joint that slides far has broken away, though another run held more.
+    """
+    calm = ramp(0.0)
+    assert calm.position is not None
+    hop = replace(calm, position=calm.position + 2e-3 * (calm.time > 9))
+    assert [x.breakaway for x in find_loadings(hop, 2.0, None, None)] == [None]
+    creep = replace(calm, file="creep.csv", position=calm.position + 2e-3 * np.maximum(calm.time - 19.5, 0.0))
+    assert calm.torque is not None
+    higher = ramp(0.0, share=0.9)
+    (alone,) = find_loadings(creep, 5.0, None, None)
+    assert alone.breakaway == pytest.approx(0.78 * G0, rel=0.02)
+    (with_more,), (more,) = find_all_loadings([creep, higher], 5.0, None, None)
+    assert (with_more.breakaway, more.breakaway) == (None, None)
+    assert with_more.torque.size > alone.torque.size
+    (slid,), _ = find_all_loadings([slipped(0.7 * G0, G0), higher], 2.0, None, None)
+    assert slid.breakaway == pytest.approx(0.7 * G0, rel=0.12)
+
+
+def test_the_largest_torque_held_is_the_logged_one() -> None:
+    """At the tip of a triangle the low pass rounds the torque off; what was held is the tip, to its noise."""
+    record = cycle()
+    assert record.torque is not None
+    noisy = replace(
+        record, torque=record.torque + 1e-3 * G0 * np.random.default_rng(0).standard_normal(record.time.size)
+    )
+    for one, tolerance in ((record, 1e-6), (noisy, 6e-3)):
+        for x in find_loadings(one, 2.0, None, None)[1:-1]:
+            own = np.abs(record.torque[x.start : x.start + x.torque.size])
+            assert x.held == pytest.approx(own.max(), rel=tolerance)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-4, 1e-3]), st.floats(0, 10))
+@settings(deadline=None, max_examples=60)
+def test_what_is_no_stiffness_is_absent(seed: int, quantum: float, noise: float) -> None:
+    """Whatever a cycle is, noise, standstill and motion against the torque among it, a slope is positive and finite or absent.
+
+    NumPy warns of nothing.
+    """
+    rng, record = np.random.default_rng(seed), cycle()
+    assert record.position is not None
+    position = rng.choice([-1.0, 0.0, 1.0]) * record.position + noise * 1e-3 * rng.standard_normal(record.time.size)
+    if quantum:
+        position = quantum * np.floor(position / quantum)
+    for x in find_loops(replace(record, position=position), 2.0, quantum or None)[0]:
+        for value in (x.secant, x.slope, x.inverse_slope):
+            assert value is None or 0 < value < np.inf
 
 
 def test_a_run_that_slides_is_refused() -> None:

@@ -60,7 +60,7 @@ def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> Multistar
     """The solution near some values."""
     own = problem.unknowns
 
-    def solve(at: Mapping[str, float], most: int) -> tuple[LeastSquares[str], Minimum]:
+    def solve(at: Mapping[str, float], most: int, _lowest: float) -> tuple[LeastSquares[str], Minimum]:
         """The problem and its minimum."""
         return problem, minimise(problem.evaluate, own.scaled(at), own.lower, own.upper, most, settled=1e-14)
 
@@ -164,9 +164,10 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
 
     problem = LeastSquares(unknowns=known, evaluate=evaluate)
 
-    def solve(a: float, most: int) -> tuple[LeastSquares[str], Minimum]:
+    def solve(a: float, most: int, lowest: float) -> tuple[LeastSquares[str], Minimum]:
         """From a."""
-        return problem, minimise(evaluate, known.scaled({"a": a}), known.lower, known.upper, most)
+        start = known.scaled({"a": a})
+        return problem, minimise(evaluate, start, known.lower, known.upper, most, lowest=lowest)
 
     found = solve_from_starts(solve, [-1.5], [1.5, 50.0, 0.5], lambda posed, minimum: (posed, minimum))
     assert found.values["a"] == pytest.approx(1.0, abs=1e-3)

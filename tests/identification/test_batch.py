@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.estimation import covariance
-from bristle.identification.moving_runs import gravity
+from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.batch import Batch, solve_batch
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
@@ -96,7 +96,8 @@ def test_errors_are_those_of_the_covariance() -> None:
 def test_extra_regressors_are_carried_along() -> None:
     """With gravity among the columns, which may be negative, a batch is its sets one by one as well."""
     velocity = np.geomspace(0.2 * GRIPPER.v_s, 0.8, 20)
-    extra = gravity(np.linspace(0, 11, velocity.size))
+    position = np.linspace(0, 11, velocity.size)
+    extra = load_columns(("gravity",), lambda _: position, velocity.size)
     noise = 1e-4 * np.random.default_rng(0).standard_normal((velocity.size, 20))
     torques = (curve(velocity, GRIPPER) - 0.004 * extra["gravity_sin"])[:, None] + noise
     problem = from_points(velocity, torques[:, 0], ("both",), extra)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.optimize import curve_fit, nnls
 
 from bristle.arrays import Array
-from bristle.identification.moving_runs import gravity
+from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import Projected, default_range, plain_grid, solve, solve_at
 from bristle.identification.static.problem import from_points
@@ -135,7 +135,7 @@ def test_slope_of_the_profile_is_the_envelope_theorem(gripper: Lugre[float], spe
 def test_jacobian_is_the_derivative_of_the_model(gripper: Lugre[float], speeds: Array) -> None:
     """Residuals move against the Jacobian for a small change of each parameter (central differences, 1e-7 relative)."""
     both = np.concatenate([speeds, -speeds])
-    problem = from_points(both, curve(both, gripper), ("+", "-"), gravity(both))
+    problem = from_points(both, curve(both, gripper), ("+", "-"), load_columns(("gravity",), lambda _: both, both.size))
     theta = solve(problem, default_range(both)).theta * 1.1
     jacobian = problem.jacobian(theta)
     for k in range(theta.size):
@@ -166,7 +166,7 @@ def test_known_regressors_are_told_from_friction(gripper: Lugre[float], speeds: 
     both = np.concatenate([speeds, -speeds])
     position = np.linspace(0, 5, both.size)
     torque = curve(both, gripper) + 0.003 + 0.01 * np.sin(position) - 0.004 * np.cos(position)
-    problem = from_points(both, torque, ("both",), {"offset": np.ones(both.size)} | gravity(position))
+    problem = from_points(both, torque, ("both",), load_columns(("offset", "gravity"), lambda _: position, both.size))
     found = dict(zip(problem.names, solve(problem, default_range(both)).theta, strict=True))
     extra = [found[parse(n)] for n in ("offset", "gravity_sin", "gravity_cos")]
     assert extra == pytest.approx([0.003, 0.01, -0.004], rel=1e-6)

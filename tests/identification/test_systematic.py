@@ -15,11 +15,12 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.identification.dynamic.output_error import Window, with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
-from bristle.identification.fits import NORMAL, Estimate, StaticFit, least_of, statistical, widened
+from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
-from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName
+from bristle.identification.systematic import NORMAL, combined, statistical
+from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName, least_of
 from bristle.questions.joint_report.results_file import to_frame
 from bristle.questions.joint_report.static_figures import band
 from bristle.simulation.bench import steady_points
@@ -119,10 +120,10 @@ def test_without_an_error_nothing_changes(tmp_path: Path) -> None:
 
 def test_an_end_that_is_open_or_a_bound_stays() -> None:
     """No systematic error closes an open side, or takes a positive parameter below zero; an offset it does."""
-    assert widened((0.0, np.inf), 1.0, 0.3) == (0.0, np.inf)
-    assert widened((0.1, 2.0), 1.0, 1.0)[0] == 0.0
-    assert widened((0.1, 2.0), 1.0, 1.0, least_of("offset"))[0] < 0.0
-    assert widened((-1.0, 2.0), 0.5, 1.0)[0] < -1.0
+    assert combined((0.0, np.inf), 1.0, 0.3) == (0.0, np.inf)
+    assert combined((0.1, 2.0), 1.0, 1.0)[0] == 0.0
+    assert combined((0.1, 2.0), 1.0, 1.0, least_of("offset"))[0] < 0.0
+    assert combined((-1.0, 2.0), 0.5, 1.0)[0] < -1.0
 
 
 @pytest.mark.parametrize(

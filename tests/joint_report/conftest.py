@@ -165,7 +165,7 @@ def loading(direction: str, phase: float, file: str, breakaway: float | None = N
     edges = np.arange(1, np.floor(y[-1] / QUANTUM) + 1)
     return Loading(
         file=file, direction=direction, start=40, time=np.linspace(0.0, 15.0, T.size), displacement=QUANTUM * np.floor(y / QUANTUM), torque=T,
-        quantum=QUANTUM, edge_displacement=(edges - 0.5) * QUANTUM, edge_torque=np.interp(edges * QUANTUM, y, T), breakaway=breakaway,
+        quantum=QUANTUM, edge_displacement=(edges - 0.5) * QUANTUM, edge_torque=np.interp(edges * QUANTUM, y, T), breakaway=breakaway, held=0.9 * g0,
     )  # fmt: skip  # as above
 
 
@@ -177,8 +177,9 @@ def slow_fit(direction: str) -> PreslidingFit:
     first = Estimate(value=half, unit=unit("sigma_0"), interval=(0.9 * half, 10 * half), warnings=warnings)
     return PreslidingFit(
         direction=direction, printed=first, corrected=replace(first, value=1.1 * half), edges=stiffness, samples=replace(stiffness, value=1.05 * s),
-        sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), standard_error=1e-4, warnings=(PRIOR,)),
-        recommended="edges", level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source=Kind.OF_STATIC_FIT(), quantum=QUANTUM, counts=60,
+        sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), warnings=(PRIOR,)),
+        recommended="edges", degrees_of_freedom=40.0, level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source=Kind.OF_STATIC_FIT(),
+        quantum=QUANTUM, counts=60,
         bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
         loadings=tuple(loading(direction, phase, f"slow_{k}.csv") for k, phase in enumerate((0.1, 0.45, 0.8))),
         warnings=(FEW,) if direction == "+" else (),
@@ -189,8 +190,8 @@ def closed_cycle(file: str, loss: float = 3e-5) -> Loop:
     """An ellipse of torque over displacement with one slope in the middle, of which nothing depends on noise."""
     turn = np.linspace(0.0, 2 * np.pi, 401)
     return Loop(
-        file=file, start=100, stop=500, position=0.002 * np.cos(turn - 0.6) + 0.3, torque=0.01 * np.cos(turn), loss=loss,
-        secant=5.0, slope=4.1, inverse_slope=6.1, counts=20,
+        file=file, start=100, stop=500, position=0.002 * np.cos(turn - 0.6) + 0.3, torque=0.01 * np.cos(turn), loss=loss, torque_amplitude=0.01,
+        displacement_amplitude=0.002, secant=5.0, slope=4.1, inverse_slope=6.1, counts=20,
     )  # fmt: skip  # as above
 
 

@@ -1,5 +1,6 @@
 """Intervals three ways in the report: table, page and figures of real fits; open ends and missing ways written as such, never nan."""
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,7 +13,7 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.fits import StaticFit, Uncertainty
+from bristle.identification.fits import RunScatter, StaticFit, Uncertainty
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
@@ -20,17 +21,20 @@ from bristle.model.parameters import Kind as JointKind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
 from bristle.questions.joint_report.static_figures import curve
+from bristle.questions.joint_report.text import fit_report
 
 from .conftest import TABLE_1
 
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
 
 
-def fits(velocity: Array, noise: float, kind: JointKind = "revolute", seed: int = 1) -> Mapping[str, StaticFit]:
+def fits(
+    velocity: Array, noise: float, kind: JointKind = "revolute", seed: int = 1, options: FitOptions | None = None
+) -> Mapping[str, StaticFit]:
     """The fit of simulated points."""
     torque = curve(velocity, TABLE_1["+"].stribeck) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     directions = ("+",) if velocity.min() > 0 else ("+", "-")
-    return fit_static(from_points(velocity, torque, directions), FitOptions(), kind, PointInfo())[0]
+    return fit_static(from_points(velocity, torque, directions), options or FitOptions(), kind, PointInfo())[0]
 
 
 def built(static: Mapping[str, StaticFit], kind: JointKind = "revolute", name: str = "wrist") -> Joint:
@@ -56,8 +60,8 @@ def good() -> Joint:
 
 @pytest.fixture(scope="module")
 def open_() -> Joint:
-    """Speeds from v_s up: v_s has no lower end, alpha_1 no upper one."""
-    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5))
+    """Speeds from v_s up, and the term asked for by hand: v_s has no lower end, alpha_1 no upper one."""
+    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5, options=FitOptions(model="stribeck")))
     assert (joint.static["+"].uncertainty["v_s"].profile or (1,))[0] == 0
     return joint
 
@@ -162,3 +166,22 @@ def test_results_keep_the_three_intervals(open_: Joint) -> None:
     for own in open_.static["+"].uncertainty.values():
         for interval in (own.covariance, own.profile, own.bootstrap):
             assert interval is None or all(repr(end) in text or not np.isfinite(end) for end in interval)
+
+
+def test_the_scatter_of_runs_stands_in_text_table_and_page(good: Joint, tmp_path: Path) -> None:
+    """Before and after widening with each run's estimate; without repeats there is no word of it."""
+    assert interval_tables.repeats([good]).empty
+    assert "fitted apart" not in fit_report([good])
+    by_run = {"one.csv": 0.0190, "two.csv": 0.0200}
+    x = RunScatter(before=2.34, after=1.0, widened=2.34, stretched=10.0, by_run=by_run)
+    fit = replace(good.static["+"], repeats={"alpha_0": x})
+    joint = replace(good, static={"+": fit})
+    assert "alpha_0:     2.34 -> 1.00, 2 runs: 0.019, 0.02" in fit_report([joint])
+    frame = interval_tables.repeats([joint])
+    assert list(frame["file"]) == list(by_run)
+    assert frame[["value", "before", "after", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 1.0, 2.34]
+    text = page.write_report([joint], tmp_path / "out", title="t", seed=0).read_text(encoding="utf-8")
+    assert "Each run fitted apart" in text
+    assert "2.34" in text
+    (document,) = json.loads(results_file.to_json([joint]))["joints"].values()
+    assert document["static"]["+"]["repeats"]["alpha_0"]["by_run"] == by_run

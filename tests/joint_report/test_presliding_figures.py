@@ -72,9 +72,27 @@ def test_what_does_not_exist_is_not_drawn(joint: Joint, slow: Joint) -> None:
     assert panels(only(slow, fits={}, loops=())) == []
     (ax,) = panels(only(slow, fits={"+": nothing_seen()}, loops=()))
     assert not [x for x in ax.get_lines() if str(x.get_label()).startswith(tuple(METHODS.values()))]
-    flat = replace(closed_cycle("x.csv"), inverse_slope=float("inf"))
+    flat = replace(closed_cycle("x.csv"), inverse_slope=None, secant=None)
     (ax,) = panels(only(slow, fits={}, loops=(flat,)))
-    assert "inverse regression" not in {x.get_label() for x in ax.get_lines()}
+    assert not {"inverse regression", "secant"} & {x.get_label() for x in ax.get_lines()}
+
+
+def test_nothing_is_drawn_beyond_what_was_measured(slow: Joint) -> None:
+    """No line of a loading's panel reaches beyond its largest displacement from rest, none of a cycle's beyond its ends; but g0's level."""
+    assert slow.presliding is not None
+    fits, loops = list(slow.presliding.fits.values()), slow.presliding.loops
+    shown = panels(slow)
+    for ax, fit in zip(shown[: len(fits)], fits, strict=True):
+        most = max(float(x.displacement.max()) - presliding_figures.rest(x, fit) for x in fit.loadings)
+        lines = [np.asarray(x.get_xdata()) for x in ax.get_lines() if not str(x.get_label()).startswith("g")]
+        assert len(lines) > 3
+        assert max(float(x.max()) for x in lines) <= most * (1 + 1e-9)
+    for ax, loop in zip(shown[len(fits) :], loops, strict=False):
+        y = loop.position - loop.position.mean()
+        for line in ax.get_lines():
+            x = np.asarray(line.get_xdata())
+            assert y.min() - 1e-12 <= x.min()
+            assert x.max() <= y.max() + 1e-12
 
 
 def test_figures_say_simulated_and_hold_no_markup() -> None:

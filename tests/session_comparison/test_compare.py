@@ -27,6 +27,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.fits import Estimate
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
+from bristle.identification.systematic import shifted
 from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
@@ -231,7 +232,7 @@ def test_few_degrees_of_freedom_widen_the_joint_uncertainty() -> None:
 
 def scaled(value: float, shift: float, constant: str, name: str = "alpha_0") -> Fit:
     """A fit of one parameter and of the same with the other sign, both moved by an error of a constant."""
-    parameters = {n: estimate(value, 1.0, n).shifted({constant: shift}) for n in (f"{name}+", f"{name}-")}
+    parameters = {n: shifted(estimate(value, 1.0, n), {constant: shift}) for n in (f"{name}+", f"{name}-")}
     return fit_of(source="static +", parameters=parameters, names=tuple(parameters), covariance=np.eye(2))
 
 

@@ -4,7 +4,7 @@ Each is counted and said.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from bristle.data.columns import Key
 from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
+from bristle.data.signal_checks import whole_positions
 from bristle.data.text_table import RawTable
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
@@ -37,6 +38,7 @@ class _Rows:
     number: NDArray[np.intp]
     """Number of each row in the file, from 1."""
     notes: list[Diagnostic]
+    warnings: list[Diagnostic] = field(default_factory=list)
 
     def keep(self, mask: NDArray[np.bool_]) -> None:
         """Leave only the rows of a mask."""
@@ -72,10 +74,12 @@ def make_record(
     _enough(rows)
     starts = _gaps(rows, cleaning.gap, stamped="time" in keys_of(signals))
     if signals.position is not None:
+        whole = whole_positions(file, table.columns[keys_of(signals)["position"]], signals.position, context)
+        rows.warnings += [whole] if whole else []
         _unwrap(
             rows,
             signals.position.period(context),
-            declared=signals.position.wraps is not None,
+            declared=signals.position.wraps is not None or whole is not None,
             revolute=context.kind == "revolute",
         )
     _refuse_constant(rows)
@@ -115,6 +119,7 @@ def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], la
         dropped=table.rows - rows.number.size,
         sha256=table.sha256,
         notes=tuple(rows.notes),
+        warnings=tuple(rows.warnings),
         labels=labels,
     )
 

@@ -1,19 +1,22 @@
 """The encoder's count: as an experiment declares it, or as the readings show it."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+
+if TYPE_CHECKING:
+    from bristle.data.experiment.load import Experiment
 
 _NEAR, _ENOUGH = 50.0, 8
 """Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid
 by chance."""
 
 
-def resolution(experiment: Experiment, records: Sequence[Record]) -> float:
+def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
     """One encoder count, rad, as declared or as the positions show it; 0 where they keep to no grid."""
     steps = [smallest_step(r.position) for r in records if r.position is not None]
     return experiment.encoder_resolution or max(steps, default=0.0)

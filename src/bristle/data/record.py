@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +9,6 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
-
-if TYPE_CHECKING:
-    pass
 
 _SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration")
 
@@ -54,6 +50,8 @@ class Record:
     """Digest of the file's bytes."""
     notes: tuple[Diagnostic, ...] = ()
     """What was counted, assumed and done."""
+    warnings: tuple[Diagnostic, ...] = ()
+    """Where its signals contradict one another, or themselves."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """Run-level labels: temperature, load."""
     lines: NDArray[np.intp] | None = None

@@ -8,6 +8,8 @@ of them load the same spring.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +23,21 @@ from bristle.errors import InputError
 
 _PROMINENT = 0.1
 """Of the range of torque: a turn smaller than this is none."""
-_ONSET = 10.0
-"""Sliding begins where the joint moves this many times as fast as in the first half of its loading."""
+ONSET = 10.0
+"""Sliding begins where the joint moves this many times as fast as in the first half of its loading: LuGre's own creep does
+so within a tenth below g0, for its speed under a ramp is as 1 / (1 - T / g0)."""
 _FLOOR = 5.0
 """... and this many times the deviation that counts alone give its speed."""
+_STEPS = 3.0
+"""Counts that a joint slides at least; fewer are steps of the encoder."""
+_TRAVELS = 2.0
+"""Times the way up to there: a joint that goes on for this far slides; one that goes on for less may merely creep."""
+_PEAK = 0.99
+"""Of its largest torque: up to where a piece is looked at for sliding, since a joint that slides stops as the torque falls."""
+_EXCEEDED = 1.02
+"""Times the torque of an onset: where another loading held that much, noise aside, the onset was none."""
+_NOISES = 4.0
+"""Standard deviations that the largest of some thousand noisy torques may be too large."""
 _HELD = 0.9
 """Of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not."""
 _SHORTEST = 8
@@ -69,6 +82,8 @@ class Loading:
     """Torque there, N*m, (m,)."""
     breakaway: float | None
     """Torque at which it began to slide, N*m; None where it did not."""
+    held: float
+    """The largest torque that the joint held without sliding, N*m, which the low pass may round off."""
     shares: Mapping[str, float] = field(default_factory=dict)
     """Relative change of its torque per standard error of each constant behind it."""
 
@@ -88,13 +103,18 @@ class Loop:
     """rad, (n,)."""
     torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """N*m, as logged, (n,)."""
+    torque_amplitude: Number = float("nan")
+    """Half the range of torque, N*m."""
+    displacement_amplitude: Number = float("nan")
+    """Half the range of displacement, rad."""
     loss: Number
     """Work lost in the cycle, J."""
-    secant: Number
-    """Torque between its extremes over the displacement between them, N*m/rad."""
-    slope: Number
+    secant: float | None
+    """Torque between its extremes over the displacement between them, N*m/rad; None, as the next two, where it is not positive
+    and finite, and so no stiffness."""
+    slope: float | None
     """Regression of torque on displacement, N*m/rad."""
-    inverse_slope: Number
+    inverse_slope: float | None
     """One over the regression of displacement on torque, N*m/rad."""
     counts: int
     """Counts that the cycle spans; 0 where no counts are seen."""
@@ -104,8 +124,32 @@ class Loop:
         freeze(self)
 
 
+def find_all_loadings(
+    records: Sequence[Record], cutoff: float, resolution: float | None, breakaway: float | None
+) -> tuple[tuple[Loading, ...], ...]:
+    """`find_loadings` of each record, with what the loadings of all of them held; arguments and errors as there.
+
+    A torque that another loading exceeds without sliding is no breakaway, unless the joint slid far.
+    """
+    held: dict[str, float] = {}
+    while True:
+        found = tuple(find_loadings(record, cutoff, resolution, breakaway, held) for record in records)
+        reached = {d: max(x.held for one in found for x in one if x.direction == d) for d in _directions(found)}
+        if reached == held:
+            return found
+        held = reached
+
+
+def _directions(found: Sequence[Sequence[Loading]]) -> set[str]:
+    return {x.direction for one in found for x in one}
+
+
 def find_loadings(
-    record: Record, cutoff: float, resolution: float | None, breakaway: float | None
+    record: Record,
+    cutoff: float,
+    resolution: float | None,
+    breakaway: float | None,
+    held: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Loading, ...]:
     """The pieces of a presliding run that load from zero torque.
 
@@ -115,7 +159,9 @@ def find_loadings(
             it is.
         resolution: one count, rad; None: the smallest step seen.
         breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the
-            noise floor.
+            noise floor for good.
+        held: per direction the largest torque that any loading held without sliding, N*m: below it a joint that went on for
+            a short way only did not break away.
 
     Raises InputError where the joint slides from the start, in one sentence.
     """
@@ -128,23 +174,27 @@ def find_loadings(
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
         torque_along, position_along = sign * slow[piece], sign * position[piece]
-        limit = 0.5 * quantum * cutoff
-        slide = _slides_at(torque_along, position_along - position_along[0], sign * speed[piece], limit, breakaway)
+        least = _Least(0.5 * _FLOOR * quantum * cutoff, _STEPS * quantum, 0.5 / (cutoff * record.step))
+        moved, name = position_along - position_along[0], "+" if sign > 0 else "-"
+        slide = _slides_at(torque_along, moved, sign * speed[piece], least, breakaway, held.get(name, 0.0))
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
         inside = slice(0, slide)
         edges, at = _edges(position_along[inside], quantum)
         loadings.append(
             Loading(
                 file=record.file,
-                direction="+" if sign > 0 else "-",
+                direction=name,
                 start=piece.start,
                 time=record.time[piece][inside] - record.time[piece.start],
-                displacement=position_along[inside] - position_along[0],
+                displacement=moved[inside],
                 torque=torque_along[inside],
                 quantum=quantum,
                 edge_displacement=edges - position_along[0],
                 edge_torque=np.interp(at, np.arange(torque_along.size), torque_along),
                 breakaway=None if slide is None else float(torque_along[slide]),
+                held=_held(torque_along, sign * torque[piece])
+                if slide is None
+                else float(torque_along[inside].max(initial=0.0)),
                 shares={
                     name: float(torque[piece] @ shift[piece] / (torque[piece] @ torque[piece]))
                     for name, shift in record.torque_shifts.items()
@@ -230,16 +280,53 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
     return pieces
 
 
-def _slides_at(torque: Array, displacement: Array, speed: Array, floor: float, breakaway: float | None) -> int | None:
-    """The sample at which the joint breaks away; None where it does not."""
+class _Least(NamedTuple):
+    """What a joint that slides does at least."""
+
+    speed: float
+    """rad/s."""
+    travel: float
+    """rad."""
+    samples: float
+    """For how long: at the end of a run the low pass makes a step of the encoder look like sliding."""
+
+
+def _slides_at(
+    torque: Array, displacement: Array, speed: Array, least: _Least, breakaway: float | None, held: float
+) -> int | None:
+    """The sample at which the joint breaks away; None where it does not.
+
+    It keeps sliding from there to the peak of the torque. What the usual speed of loading is, the first half up to there
+    tells, whatever the torque rises to thereafter.
+    """
     if breakaway is not None:
         beyond = np.flatnonzero(displacement >= breakaway)
         return int(beyond[0]) if beyond.size else None
-    loading = speed[torque <= torque[-1] / 2]
-    usual = float(np.median(loading)) if loading.size else 0.0
-    slow = np.flatnonzero(speed <= max(_ONSET * usual, _FLOOR * floor))
-    onset = int(slow[-1]) + 1 if slow.size else 0
-    return onset if onset < speed.size else None
+    top = int(np.flatnonzero(torque >= _PEAK * torque.max())[-1]) + 1
+    onset = top
+    while onset > 1:
+        first = speed[:onset][torque[:onset] <= torque[onset - 1] / 2]
+        usual = max(float(np.median(first)) if first.size else 0.0, 0.0)
+        slow = np.flatnonzero(speed[:onset] <= max(ONSET * usual, least.speed))
+        earlier = int(slow[-1]) + 1 if slow.size else 0
+        if earlier == onset:
+            break
+        onset = earlier
+    if top - onset <= least.samples or displacement[top - 1] - displacement[onset] < least.travel:
+        return None
+    far = float(displacement.max() - displacement[onset]) > _TRAVELS * float(displacement[onset])
+    return None if not far and held > _EXCEEDED * torque[onset] else onset
+
+
+def _held(smooth: Array, logged: Array) -> float:
+    """The largest torque of a loading, N*m.
+
+    That through the low pass, which rounds tips off or overshoots them, but no less than the logged one without its
+    noise, and no more than the logged one.
+    """
+    noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
+    most = float(logged.max())
+    return min(max(float(smooth.max()), most - _NOISES * noise), most)
 
 
 def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:
@@ -284,9 +371,17 @@ def _loop(file: str, start: int, stop: int, position: Array, torque: Array, quan
         stop=stop,
         position=position,
         torque=torque,
+        torque_amplitude=float(np.ptp(torque)) / 2,
+        displacement_amplitude=float(np.ptp(position)) / 2,
         loss=abs(float(np.trapezoid(torque, position))),
-        secant=float(torque[top] - torque[bottom]) / across if across else float("inf"),
-        slope=float(y @ T / (y @ y)),
-        inverse_slope=float(T @ T / (y @ T)),
+        secant=_stiffness(float(torque[top] - torque[bottom]), across),
+        slope=_stiffness(float(y @ T), float(y @ y)),
+        inverse_slope=_stiffness(float(T @ T), float(y @ T)),
         counts=round(float(np.ptp(position)) / quantum) if quantum else 0,
     )
+
+
+def _stiffness(torque: float, displacement: float) -> float | None:
+    """One over the other; None where that is not positive and finite."""
+    value = torque / displacement if displacement else np.inf
+    return value if 0 < value < np.inf else None

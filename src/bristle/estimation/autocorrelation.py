@@ -15,6 +15,11 @@ _WINDOW = 5.0
 _HARMONICS = 64
 """Most ripples looked for."""
 _SIGNIFICANT = 0.01
+_FEW = 8
+_POOR = 0.15
+"""Of the measured torque: a fit that leaves a larger pattern describes something else."""
+_CHANCE = 3.3
+"""White noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times."""
 
 
 def autocorrelation(x: Array) -> Array:
@@ -64,6 +69,25 @@ def standard_error(x: Array) -> float | None:
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
 
 
+def unexplained(residuals: Array, norm: float) -> tuple[Diagnostic, ...]:
+    """A diagnostic where the model leaves more than noise: a pattern of more than `_POOR` of what it should explain.
+
+    Noise changes from one equation to the next, a pattern does not: half the mean square of the successive differences
+    is the noise's variance (von Neumann, 1941). None of fewer than eight equations.
+
+    Args:
+        residuals: in the order of time, or of velocity where there is no time, (n,).
+        norm: of what was measured, > 0, in the residuals' unit.
+    """
+    if residuals.size < _FEW or not norm > 0:
+        return ()
+    power, n = float(residuals @ residuals), residuals.size
+    noise = min(float(np.sum(np.diff(residuals) ** 2)) / 2 * n / (n - 1), power)
+    if power - noise <= max((_POOR * norm) ** 2, _CHANCE / np.sqrt(n) * power):
+        return ()
+    return (Kind.UNEXPLAINED(error=100 * np.sqrt(power) / norm, noise=100 * np.sqrt(noise) / norm, advice=()),)
+
+
 def residual_warnings(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Diagnostic, ...]:
     """A diagnostic for what the residuals show beyond noise.
 
@@ -80,7 +104,7 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
     """
     n = residuals.size
     trends = {"time": time, "velocity": velocity, "position": position}
-    known = {name: x for name, x in trends.items() if x.size == n and n >= 8 and np.ptp(x) > 0}
+    known = {name: x for name, x in trends.items() if x.size == n and n >= _FEW and np.ptp(x) > 0}
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in known.items()}
     tests: list[tuple[Kind, dict[str, float | str], Array]] = [
         (Kind.RESIDUAL_TREND, {"over": name}, np.stack([s, s * s])) for name, s in scaled.items()

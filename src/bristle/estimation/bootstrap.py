@@ -275,7 +275,8 @@ def _resample(
         )
         for part in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE))
     ]
-    studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
+    with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
+        studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
     return Resampled(steps, studentised, number)
 
 

@@ -3,14 +3,17 @@
 The lowest minimum, how many starts reached it, and what is known there.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.covariance import covariance_at
 from bristle.estimation.nonlinear import LeastSquares, Minimum, Name
+from bristle.progress import Progress, teller
 
 Start = TypeVar("Start")
 _STEPS, _TRIES = 60, 30
@@ -39,27 +42,33 @@ class MultistartSolution(NamedTuple, Generic[Name]):
 
 
 def solve_from_starts(
-    solve: Callable[[Start, int], tuple[LeastSquares[Name], Minimum]],
-    starts: Iterable[Start],
-    random: Iterable[Start],
+    solve: Callable[[Start, int, float], tuple[LeastSquares[Name], Minimum]],
+    starts: Sequence[Start],
+    random: Sequence[Start],
     finish: Callable[[LeastSquares[Name], Minimum], tuple[LeastSquares[Name], Minimum]],
+    progress: Progress | None = None,
 ) -> MultistartSolution[Name]:
     """The lowest minimum from several starts, and the covariance there.
 
     Args:
-        solve: poses the problem about a start, and solves it from there in so many steps at most.
+        solve: poses the problem about a start, and solves it from there in so many steps at most; it may give up where
+            it comes to an end that is worse than the lowest cost known, the last argument.
         starts: at least one.
         random: further starts; one where nothing depends on anything is passed over.
         finish: what is still done at the lowest end.
+        progress: told of each start.
 
     Raises InputError as `solve` does.
     """
-    ends = [solve(start, _STEPS) for start in starts]
-    count = len(ends)
+    ends, count = list[tuple[LeastSquares[Name], Minimum]](), len(starts) + len(random)
+    tell = teller(progress, count)
+    for start in starts:
+        tell("fitting the moving runs")
+        ends.append(solve(start, _STEPS, np.inf))
     for start in random:
-        count += 1
+        tell("fitting the moving runs, random starts")
         with suppress(InputError):
-            ends.append(solve(start, _TRIES))
+            ends.append(solve(start, _TRIES, min(end.cost for _, end in ends)))
     posed, minimum = finish(*min(ends, key=lambda end: end[1].cost))
     reached = max(sum(end.cost <= minimum.cost * (1 + _SAME) + _NOTHING for _, end in ends), 1)
     names, values = posed.unknowns.names, posed.unknowns.values(minimum.x)

@@ -33,6 +33,12 @@ errors."""
 _FLAT = 1e-6
 """Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen.
 """
+_HOPELESS = 4
+"""Steps in a row that gain too little, after which a descent is given up:"""
+_STILL_ABOVE = 1.2
+"""it stays above this many times the lowest end known, ..."""
+_PROMISED = 3.0
+"""... were all that is left to gain this many times what the step gained."""
 _BLOCK_DAMPING, _MOST_BLOCK_DAMPING = 1e-2, 1e6
 _INNER = 8
 """Evaluations in which blocks settle, where the shared unknowns moved a little ..."""
@@ -141,6 +147,7 @@ def minimise(
     upper: Array,
     most: int = 100,
     settled: float = _SETTLED,
+    lowest: float = np.inf,
 ) -> Minimum:
     """The nearest minimum of the sum of squared residuals, lower <= x <= upper.
 
@@ -151,6 +158,7 @@ def minimise(
         upper: bounds, (p,), inf where there is none.
         most: steps tried.
         settled: what lowers the cost by less than this share of the residuals' variance is no step any more.
+        lowest: cost of the lowest end known; a descent that clearly goes to a worse one is given up, unconverged.
 
     Raises InputError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
     """
@@ -162,7 +170,7 @@ def minimise(
         raise InputError(
             f"at the start of the fit {what}; the motion shows none of the parameters, or the start is wrong"
         )
-    damping, taken, scale, converged = _DAMPING, 0, np.zeros(x.size), False
+    damping, taken, scale, converged, hopeless = _DAMPING, 0, np.zeros(x.size), False, 0
     gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
     for _ in range(most):
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
@@ -177,9 +185,14 @@ def minimise(
         gained = (cost - new_cost) / expected if np.isfinite(new_cost) else -1.0
         if gained > 1e-4:
             converged = cost - new_cost <= _FLAT * cost
+            little = new_cost - _PROMISED * (cost - new_cost) > _STILL_ABOVE * lowest
+            hopeless = hopeless + 1 if little else 0
             x, residuals, jacobian, cost = trial, new_residuals, new_jacobian, new_cost
             gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
             taken += 1
+            if hopeless >= _HOPELESS:
+                converged = False
+                break
         damping = damping * (0.1 if gained > 0.75 else 1.0 if gained > 0.25 else 10.0)
         if damping > _MOST_DAMPING:
             converged = abs(cost - new_cost) <= 1e-9 * cost

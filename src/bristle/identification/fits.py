@@ -1,8 +1,7 @@
 """Fits as values: an estimate, and what static, presliding and moving runs each gave, with their warnings."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from math import hypot, inf, sqrt
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,14 +12,10 @@ from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
 from bristle.model.parameters import WITHOUT_PEAK, Lugre, ParameterName, Stribeck, in_direction
 
-NORMAL = 1.96
-"""Half-width of a 95 % interval of a normal distribution, in standard errors."""
 Shifts = Annotated[
     Mapping[str, Number], JsonForm(dict[str, Number] | None, lambda x: dict(x) or None, lambda x: x or {})
 ]
 """Changes by the constant that causes them, as it prints; null in JSON where there are none."""
-_ROUNDING = 1e-9
-"""Of a value: a smaller change is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,39 +36,6 @@ class Estimate:
     shifts: Shifts = field(default_factory=dict)
     """Change of the value per standard error of each such constant: those of one constant go together."""
     warnings: tuple[Diagnostic, ...] = ()
-
-    def shifted(self, shifts: Mapping[str, float], least: float = 0.0) -> "Estimate":
-        """The estimate with what errors of constants do to it, which its interval then includes; `least` as in `widened`."""
-        if not shifts or self.value is None:
-            return self
-        shifts = {c: x if abs(x) > _ROUNDING * abs(self.value) else 0.0 for c, x in shifts.items()}
-        systematic = hypot(*shifts.values())
-        interval = self.interval and widened(self.interval, self.value, systematic, least)
-        return replace(self, systematic=systematic, shifts=shifts, interval=interval)
-
-
-def widened(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:
-    """A 95 % interval about a value with a systematic standard error as well, in quadrature, each end by itself.
-
-    An interval does not come to pass `least`, what the parameter may be at least, and an open end stays open.
-    """
-    low, high = interval
-    below = value - hypot(value - low, NORMAL * systematic)
-    return max(below, least) if low >= least else below, value + hypot(high - value, NORMAL * systematic)
-
-
-def least_of(name: str) -> float:
-    """What a parameter may be at least: 0, but for an offset and gravity, which have a sign."""
-    return -inf if name.startswith(("offset", "gravity")) else 0.0
-
-
-def statistical(e: Estimate) -> tuple[float, float] | None:
-    """The 95 % interval of an estimate without its systematic error: what `widened` did is undone."""
-    if e.interval is None or e.value is None or not e.systematic:
-        return e.interval
-    off = NORMAL * e.systematic
-    below, above = (abs(end - e.value) for end in e.interval)
-    return e.value - sqrt(max(below**2 - off**2, 0.0)), e.value + sqrt(max(above**2 - off**2, 0.0))
 
 
 def _and_of(warnings: tuple[Diagnostic, ...], estimates: Iterable[Estimate]) -> Iterator[Diagnostic]:
@@ -102,16 +64,6 @@ class Uncertainty:
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Diagnostic, ...] = ()
-
-    def of(self, e: Estimate, least: float = 0.0) -> "Uncertainty":
-        """The same intervals with the systematic error of an estimate; curve and draws stay those of the data."""
-        value, systematic = e.value, e.systematic
-        if value is None or systematic is None:
-            return self
-        covariance, profile, bootstrap = (
-            ends and widened(ends, value, systematic, least) for ends in (self.covariance, self.profile, self.bootstrap)
-        )
-        return replace(self, covariance=covariance, profile=profile, bootstrap=bootstrap)
 
 
 @result
@@ -180,6 +132,28 @@ class OtherPoints:
     parameters: Mapping[str, Estimate]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunScatter:
+    """One parameter fitted to each of several runs of one kind apart, and how far they scatter beside their errors."""
+
+    before: Number
+    """Square root of the reduced chi-squared of the runs' estimates, by their own standard errors."""
+    after: Number
+    """The same by those errors as they are widened."""
+    widened: Number
+    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter no more than by chance,
+    or that fit knows of it."""
+    stretched: Number
+    """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
+    by_run: Mapping[str, Number]
+    """The estimate of each run that shows the parameter, by its file."""
+
+    @property
+    def significant(self) -> bool:
+        """Whether the runs differ by more than chance."""
+        return self.after < self.before
+
+
 @result
 class StaticFit:
     """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
@@ -211,6 +185,8 @@ class StaticFit:
     """Points that do not belong to the law of the others, the one that lowers the cost most first."""
     other_points: OtherPoints | None = None
     """The fit without them, or with them where they are left out (`fit.stray: drop`); None where there are none."""
+    repeats: Mapping[str, RunScatter] = field(default_factory=dict)
+    """How the parameters scatter over the runs; empty where there is but one."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """What was fitted: velocity, rad/s, shape (n,)."""
     torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
@@ -252,6 +228,24 @@ class Crosscheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AmplitudeStiffness:
+    """The stiffness of slow loading from rest up to one torque."""
+
+    kind: Literal["initial", "secant"]
+    torque: Number
+    """N*m."""
+    displacement: Number
+    """rad."""
+    value: Number
+    """One over the other, N*m/rad."""
+    standard_error: Number
+    lugre: Number
+    """What LuGre's own exponential gives there, from the initial stiffness on, N*m/rad."""
+    sigma_0: Number
+    """Of the LuGre joint that bends this far, N*m/rad: the same at every amplitude where LuGre holds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PreslidingFit:
     """sigma_0 of one direction by four estimators side by side, and sigma_1 by (15)."""
 
@@ -265,12 +259,15 @@ class PreslidingFit:
     samples: Estimate
     """From all samples."""
     sigma_1: Estimate
-    """(15): a prior from an assumed damping ratio."""
+    """(15): of an assumed damping ratio, without an error."""
     recommended: str
     """Which of the four to use."""
+    degrees_of_freedom: Number = float("inf")
+    """Of its standard error."""
     level: Number
     """g0, the torque at which slow loading slides, N*m."""
     level_standard_error: Number
+    """Infinite where g0 is a lower bound: the largest torque held."""
     level_source: Diagnostic
     """Where g0 comes from."""
     quantum: float
@@ -284,10 +281,14 @@ class PreslidingFit:
     """Its mean over rest positions anywhere in the count."""
     bias_spread: Number
     """Its standard deviation over them."""
+    amplitudes: tuple[AmplitudeStiffness, ...] = ()
+    """The stiffness at some amplitudes, the initial one first; empty where the loadings show too little."""
     loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     warnings: tuple[Diagnostic, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """The recommended sigma_0's interval three ways, under `sigma_0`."""
+    repeats: Mapping[str, RunScatter] = field(default_factory=dict)
+    """How the recommended sigma_0 scatters over the runs, under `sigma_0`."""
 
     @property
     def sigma_0(self) -> Estimate:
@@ -356,6 +357,8 @@ class TrackingFit:
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
     """Each parameter's interval three ways; empty where that was not asked for."""
+    repeats: Mapping[ParameterName, RunScatter] = field(default_factory=dict)
+    """How the parameters scatter over the runs; empty where there is but one."""
 
     def all_warnings(self) -> Iterator[Diagnostic]:
         """Those about the fit, then those about one parameter."""

@@ -3,7 +3,6 @@
 Static, presliding and moving fits, models.
 """
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 from time import perf_counter
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.data.constant_velocity.segments import Segment, unit_mistake
+from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
@@ -24,15 +23,19 @@ from bristle.identification.model_selection import compare_on_motion, compare_on
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     refuse_mixed_rates,
+    refuse_noise,
     refuse_opposing_runs,
+    smeared_by_counts,
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
+from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, ModelComparison
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
+from bristle.identification.static.set_up import better_for_motion, better_for_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress
 
@@ -61,6 +64,7 @@ def identify_joint(
     points = measured.points(hold_out=False)
     static, checks, left_out = _static(measured, points, timings)
     stages = DynamicStages()
+    better = better_for_motion(experiment, training) if training and experiment.fit.predict == "torque" else None
     if training:
         stages = _moving(
             measured,
@@ -71,6 +75,11 @@ def identify_joint(
             uncertainty=uncertainty,
             progress=progress,
         )
+        if better:
+            stages = stages._replace(
+                alone=stages.alone and better.warned(stages.alone), joint=stages.joint and better.warned(stages.joint)
+            )
+            static = static if points else {d: better.warned(fit) for d, fit in static.items()}
     elif measured.slow:
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
     return Joint(
@@ -85,7 +94,12 @@ def identify_joint(
         joint_fit=stages.joint,
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
-        warnings=(*_joint_warnings(measured, static, bool(points)), *left_out),
+        warnings=(
+            *_joint_warnings(measured, static, bool(points)),
+            *point_warnings(measured, points, static),
+            *smeared_by_counts(experiment, training, stages.alone.parameters if stages.alone else {}),
+            *left_out,
+        ),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         truth=experiment.truth,
@@ -96,8 +110,15 @@ def identify_joint(
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
-    """The moving runs that are fitted. Raises InputError where they do not go together, or where there should be some."""
+    """The moving runs that are fitted.
+
+    Raises InputError where they do not go together, there should be some, or a torque of moving or slow runs is noise.
+    """
     experiment, training = measured.experiment, measured.moving(hold_out=False)
+    for record in measured.slow:
+        if record.position is not None and record.torque is not None:
+            bent = record.position - record.position.mean()
+            refuse_noise(experiment, bent, record.torque, f"of {record.file}", np.zeros((bent.size, 0)))
     if training:
         refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)
@@ -153,7 +174,9 @@ def _static(
     """
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
-        return *fit_points(measured, points, timings), ()
+        fits, checks = fit_points(measured, points, timings)
+        better = better_for_points(measured.experiment, points)
+        return {d: better.warned(fit) if better else fit for d, fit in fits.items()}, checks, ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)
@@ -243,7 +266,7 @@ def _input(record: Record) -> Input:
 
 
 def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:
-    experiment, warnings = measured.experiment, []
+    experiment, warnings = measured.experiment, list(measured.warnings)
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
@@ -264,11 +287,10 @@ def _segment_warnings(measured: Measured) -> list[Diagnostic]:
     """Warnings about kept segments, counted: each is listed with its segment."""
     kept = measured.points(hold_out=False)
     warnings = []
+    told = {file for d in measured.warnings if d.kind is Kind.VELOCITY_FACTOR for file in d.numbers["files"]}
     differ = sum(any(d.kind is Kind.POSITION_DIFFERS for d in s.warnings) for s in kept)
-    if differ:
-        looks = Counter(filter(None, (unit_mistake(run.record) for run in measured.runs))).most_common(1)
-        hint = Kind.LOOKS_LIKE(what=looks[0][0]) if looks else ""
-        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept), looks=hint))
+    if differ and not told:
+        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept)))
     others = sum(any(d.kind not in {Kind.POSITION_DIFFERS, Kind.STICK_SLIP} for d in s.warnings) for s in kept)
     if others:
         warnings.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
@@ -279,6 +301,7 @@ def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:
     fit = experiment.fit
     settings = {
         "directions": fit.directions,
+        "model": fit.model,
         "loss": fit.loss,
         "grid": f"{fit.grid} values of v_s, even in log(v_s), refined to the continuous minimum",
         "plain grid": f"{fit.plain_grid} evenly spaced values of v_s",

@@ -10,7 +10,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.data.signal_checks import merged
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, short, short_list
 from bristle.identification.static.points import PointSearch, search_points, without_strays
 
@@ -37,6 +38,11 @@ class Measured:
     def moving(self, *, hold_out: bool) -> tuple[Record, ...]:
         """Records of the moving runs that are, or are not, held out."""
         return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """Where signals contradict one another or themselves, files alike together."""
+        return merged(d for run in self.runs for d in run.record.warnings)
 
     @property
     def positions(self) -> tuple[float, float] | None:

@@ -3,20 +3,58 @@
 Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import signal, sparse
+from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
+from bristle.data.signal_checks import merged, velocity_noise
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation, lag_one
+from bristle.identification.fits import Estimate
+from bristle.model.functions import load_terms_function
+from bristle.model.parameters import ParameterName
+from bristle.model.vectorize import evaluate
 
+_RELATED = 0.01
+"""Probability, by chance, of so close a relation between torque and motion."""
+_ROUGHER = 3.0
+"""Times one less the correlation with the next sample: noise against a motion."""
+_EXPLAINED = 0.1
+"""Of the variance of a torque that belongs to a motion, at the least."""
+_FEWEST = 4
+"""Samples for each column, below which a relation cannot be tested."""
+_SMEARED = 0.3
+"""Of v_s: noise of the velocity widens the peak to sqrt(v_s**2 + 2 noise**2), which is then 9 % more."""
 _DROWNS = 1e9
 """Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
 DIRECTIONS = {"+": 1.0, "-": -1.0}
+
+
+class Regressor(NamedTuple):
+    """What an experiment can ask for beside friction."""
+
+    names: tuple[str, ...]
+    """Its parameters."""
+    needs: tuple[str, ...] = ()
+    """Signals that its columns are made of."""
+
+
+REGRESSORS = {
+    "inertia": Regressor(("inertia",), ("acceleration",)),
+    "offset": Regressor(("offset",)),
+    "gravity": Regressor(("gravity_sin", "gravity_cos"), ("position",)),
+    "quadratic": Regressor(("quadratic",), ("velocity",)),
+}
+LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
+"""In the order of `law.load_terms`."""
 _KERNEL_TAIL = 1e-8
 """Where the smoothing kernel is cut, relative to its peak."""
 
@@ -30,29 +68,30 @@ def needed(record: Record, name: str) -> Array:
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors (inertia, offset, gravity) by parameter, each (N,).
+    """The columns of some regressors by parameter, each (N,).
 
     Raises InputError where the record lacks what one needs.
     """
-    columns: dict[str, Array] = {}
-    if "inertia" in regressors:
-        columns["inertia"] = needed(record, "acceleration")
-    if "offset" in regressors:
-        columns["offset"] = np.ones(record.time.size)
-    if "gravity" in regressors:
-        columns |= gravity(needed(record, "position"))
-    return columns
+    return load_columns(regressors, lambda signal: needed(record, signal), record.time.size)
+
+
+def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: int) -> dict[str, Array]:
+    """What multiplies each parameter of some regressors (`law.load_terms`), each (n,).
+
+    `signal` gives position, velocity or acceleration, rad and s, (n,); it is asked for those that are needed alone.
+    """
+    needs = {what for regressor in regressors for what in REGRESSORS[regressor].needs}
+    signals = (signal(what) if what in needs else np.zeros(n) for what in ("position", "velocity", "acceleration"))
+    terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
+    return {
+        name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
+    }
 
 
 def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:
     """What an error of each constant does to the torques of some records, one after the other, (N,), as in `Record`."""
     names = dict.fromkeys(name for r in records for name in r.torque_shifts)
     return {name: np.concatenate([r.torque_shifts.get(name, np.zeros(r.time.size)) for r in records]) for name in names}
-
-
-def gravity(position: Array) -> dict[str, Array]:
-    """The two columns of a gravity torque, gravity_sin sin(q) + gravity_cos cos(q); position in rad, (n,)."""
-    return {"gravity_sin": np.sin(position), "gravity_cos": np.cos(position)}
 
 
 def regressors(experiment: Experiment) -> tuple[str, ...]:
@@ -67,11 +106,23 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
     return tuple(r for r in asked if r != "inertia" or fixed is None)
 
 
-def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what: str) -> None:
-    """Raise InputError where the drive's torque (n,) opposes the velocity (n,).
+def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:
+    """Raise InputError where the drive's torque (n,) has nothing to do with the motion (n,), as `unrelated` has it."""
+    if unrelated(motion, torque, others):
+        raise InputError(
+            f"{experiment.path.name}: the torque has nothing to do with the motion {what}, and is noise of {np.std(torque):.3g} "
+            f"about {np.mean(torque):.3g} (SI); name the column of the torque under signals, or move against more friction than that noise"
+        )
 
-    Friction opposes motion, so its sign is wrong.
+
+def refuse_opposing(
+    experiment: Experiment, velocity: Array, torque: Array, what: str, others: Array | None = None
+) -> None:
+    """Raise InputError where the drive's torque (n,) has nothing to do with the motion, or opposes the velocity (n,).
+
+    Friction opposes motion, so its sign is wrong. `others`, (n, k), are what else of the motion may make torque.
     """
+    refuse_noise(experiment, velocity, torque, what, others)
     if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
         raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
@@ -79,10 +130,64 @@ def refuse_opposing(experiment: Experiment, velocity: Array, torque: Array, what
         )
 
 
+def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bool:
+    """Whether a torque (n,) shows nothing of friction, nor of what else a motion makes, beyond noise.
+
+    An F test at 1 % of sgn(v), v and `others`, (n, k), against a constant, or against zero where only one direction is
+    there; correlated samples of a course over time, which `others` are of, count for fewer. Of such a course noise is what
+    is much rougher than the motion and explained by less than a tenth: a load that is not among the columns is smooth.
+    """
+    basis = np.column_stack([np.sign(velocity), velocity, *([] if others is None else [others])])
+    if velocity.size < _FEWEST * basis.shape[1]:
+        return False
+    if velocity.size and velocity.min() < 0 < velocity.max():
+        basis, torque = basis - basis.mean(axis=0), torque - torque.mean()
+    basis = basis[:, np.ptp(basis, axis=0) + np.abs(basis).max(axis=0) > 0]
+    rest = torque - basis @ np.linalg.lstsq(basis, torque, rcond=None)[0]
+    k, total, left = basis.shape[1], float(torque @ torque), float(rest @ rest)
+    course = others is not None
+    freedom = torque.size / (inflation(rest) if course else 1.0) - k - 1
+    explained = 1 - left / total if total > 0 else 1.0
+    smooth = 1 - lag_one(rest) < _ROUGHER * (1 - lag_one(velocity))
+    if freedom < 1 or left <= 0 or (course and (smooth or explained > _EXPLAINED)):
+        return False
+    return float(fdtrc(k, freedom, (total - left) / k / left * freedom)) > _RELATED
+
+
+def smeared_by_counts(
+    experiment: Experiment, records: Sequence[Record], parameters: Mapping[ParameterName, Estimate]
+) -> Iterator[Diagnostic]:
+    """Warnings about each v_s of some moving runs that the noise of counts in their velocity widens by a tenth or more."""
+    cutoff = experiment.fit.position_cutoff
+    noise = max((velocity_noise(r, experiment.encoder_resolution, cutoff) for r in records), default=0.0)
+    for name, estimate in parameters.items() if experiment.fit.predict == "torque" else ():
+        if name.name == "v_s" and estimate.value and noise > _SMEARED * estimate.value:
+            yield Kind.COARSE_VELOCITY(direction=name.direction, noise=noise, v_s=estimate.value)
+
+
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
-    """Raise InputError where the torque of moving runs opposes their velocity."""
+    """Raise InputError where the torque of moving runs has nothing to do with their motion, or opposes their velocity.
+
+    Where that is the velocity's fault, whose sign is not that of the position, the sentence says so.
+    """
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-    refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole")
+    others = np.concatenate([_motion(r) for r in records])
+    turned = merged(d for r in records for d in r.warnings if d.kind is Kind.VELOCITY_FACTOR and d.numbers["ratio"] < 0)
+    if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
+        raise InputError(f"{experiment.path.name}: {turned[0]}")
+    refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)
+
+
+def _motion(record: Record) -> Array:
+    """Acceleration, and gravity by the position, as far as they are known, (n, 3)."""
+    n = record.time.size
+
+    def signal(name: str) -> Array:
+        """Zeros where it is not known, (n,)."""
+        values: Array | None = getattr(record, name)
+        return np.zeros(n) if values is None else values
+
+    return np.column_stack(list(load_columns(("inertia", "gravity"), signal, n).values()))
 
 
 def refuse_mixed_rates(records: Sequence[Record]) -> None:

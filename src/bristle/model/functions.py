@@ -57,6 +57,12 @@ def stribeck_shape_slope_function() -> ca.Function:
 
 
 @cache
+def load_terms_function() -> ca.Function:
+    """(q, v, a) -> `law.load_terms`, in that order."""
+    s = _symbols("q", "v", "a")
+    return _function("load_terms", s, law.load_terms(**s))
+
+
 def drive_torque_slopes_function() -> ca.Function:
     """(V, w, k_t, R) -> (T_V, T_k_t, T_R): derivatives of `motor.drive_torque` (7)-(8), N*m/V, A and N*m/ohm."""
     s = _symbols("V", "w", "k_t", "R")

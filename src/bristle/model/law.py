@@ -80,6 +80,21 @@ def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
     return steady_torque(v, Stribeck(0.0, 1.0, 0.0, v_s))
 
 
+def load_terms(q: Expression, v: Expression, a: Expression) -> dict[str, Expression]:
+    """What multiplies each parameter of the torque that is not friction, by that parameter's name.
+
+    T = T_f + inertia dv/dt + offset + gravity_sin sin(q) + gravity_cos cos(q) + quadratic v abs(v), of the position q
+    (rad), the velocity and the acceleration a.
+    """
+    return {
+        "inertia": a,
+        "offset": 1.0,
+        "gravity_sin": ca.sin(q),
+        "gravity_cos": ca.cos(q),
+        "quadratic": v * ca.fabs(v),
+    }
+
+
 def adapted(p: Lugre[Any], theta: Mapping[str, Expression]) -> Lugre[Any]:
     """The parameters of the adaptive form (16)-(18): each named one times its gain.
 

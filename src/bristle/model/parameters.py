@@ -157,6 +157,7 @@ _UNITS: dict[str, tuple[str, str]] = {
     "offset": ("N*m", "N"),
     "gravity_sin": ("N*m", "N"),
     "gravity_cos": ("N*m", "N"),
+    "quadratic": ("N*m*s**2/rad**2", "N*s**2/m**2"),
     "time": ("s", "s"),
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),
@@ -183,6 +184,11 @@ def unit(name: str, kind: Kind = "revolute") -> str:
     Raises KeyError for a name that is neither.
     """
     return _UNITS[name][kind == "prismatic"]
+
+
+def least_of(name: str) -> float:
+    """What a parameter may be at least, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
+    return 0.0 if name in BOUNDS or name == INERTIA.name else -float("inf")
 
 
 def is_passive(p: Lugre[float]) -> bool:

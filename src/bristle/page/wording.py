@@ -20,6 +20,7 @@ _SYMBOLS = {
     "sigma_1": "σ₁",
     "gravity_sin": "gravity (sin)",
     "gravity_cos": "gravity (cos)",
+    "quadratic": "v·|v|",
 }
 _DIRECTIONS = {"+": "(+)", "-": "(−)", "both": "both directions", "shared": "shared by both directions"}
 _WORDS = {"displacement": "position", "displacement from rest": "position"}

@@ -12,6 +12,7 @@ from bristle.data.constant_velocity.acceptance import Thresholds, reasons, stick
 from bristle.data.constant_velocity.changepoints import CandidateSpan, candidates
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
 from bristle.data.record import Record
+from bristle.data.signal_checks import travel_ratio
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import residual_warnings
@@ -185,12 +186,8 @@ def _segment(
 
 def unit_mistake(record: Record) -> str | None:
     """Where position and velocity are both logged, their ratio betrays the unit: what it looks like, or None."""
-    if record.position is None or record.velocity is None or record.time.size < 3:
-        return None
-    inner = np.setdiff1d(np.arange(1, record.time.size), record.starts)
-    travelled = np.diff(record.position)[inner - 1]
-    expected = ((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))[inner - 1]
-    ratio = float(travelled @ expected / (expected @ expected)) if np.any(expected) else 1.0
+    found = travel_ratio(record)
+    ratio = found.value if found else 1.0
     if ratio <= 0:
         return "a velocity whose sign is not that of the position (give it a negative scale)" if ratio < -0.5 else None
     near = {what: abs(float(np.log(ratio / factor))) for what, factor in _MISTAKES.items()}

@@ -26,6 +26,8 @@ class Scale:
     """Typical distance travelled in one, rad."""
     extremes: tuple[float, ...]
     """Largest abs(torque) and abs(voltage), where there are enough levels for a limit to stand out."""
+    commanded: bool
+    """Whether a plateau below the largest torque holds one value: then the torque is a command, and holds others too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +60,7 @@ class Evidence:
     backward: float
     """Share of the time moving the other way, faster than a tenth of the mean velocity."""
     clipped: float
-    """Share of samples at the record's extreme torque or voltage, where it is a share and not all."""
+    """Share of samples at the record's extreme torque or voltage; of what may be a command where it is not all."""
     limited: float
     """Share of samples at or beyond the torque limit."""
 
@@ -72,12 +74,15 @@ def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution:
     steps = np.abs(np.diff(record.position)) if record.position is not None else np.zeros(0)
     smallest = float(np.min(steps, where=steps > 1e-9 * steps.max(initial=0.0), initial=np.inf))
     signals = [np.abs(x) for x in (record.torque, record.voltage) if x is not None]
+    torque = np.abs(_signal(record.torque))
+    levels = [x for s in plateaus if (x := torque[s.start : s.stop]).max() < torque.max() * (1 - 1e-6)]
     return Scale(
         quantum=resolution or (smallest if np.isfinite(smallest) else 0.0),
         fastest=float(speeds.max()),
         duration=_weighted_median(durations, durations),
         distance=_weighted_median(durations * speeds, durations),
         extremes=tuple(float(x.max()) if np.unique(x).size > 20 else np.inf for x in signals),
+        commanded=any(np.ptp(x) == 0 for x in levels),
     )
 
 
@@ -96,6 +101,7 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limi
     torque_drift, torque_drift_noise, t_correlation = _drift(torque)
     signals = [np.abs(x[part]) for x in (record.torque, record.voltage) if x is not None]
     pinned = [float(np.mean(x >= e * (1 - 1e-6))) for x, e in zip(signals, usual.extremes, strict=True)]
+    measured = record.voltage is None and not usual.commanded
     return Evidence(
         samples=n,
         duration=float(time[-1] - time[0] + np.nan_to_num(record.step)),
@@ -113,7 +119,7 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limi
         swing=swing,
         resting=resting,
         backward=backward,
-        clipped=max([share for share in pinned if share < 1], default=0.0),
+        clipped=max([share for share in pinned if share < 1 or measured], default=0.0),
         limited=float(np.mean(np.abs(torque) >= 0.999 * torque_limit)) if torque_limit else 0.0,
     )
 

@@ -34,6 +34,7 @@ from bristle.data.experiment.schema import (
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
+from bristle.data.signal_checks import check_signals
 from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind as JointKind
@@ -264,8 +265,9 @@ def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Reco
             record = make(shown, table, signals, experiment.cleaning, experiment.context, labels=labels)
             if run.experiment != "points":
                 record = _complete(experiment, run.experiment, record, signals.drive())
+            found = check_signals(record, run.experiment, signals, experiment.context, experiment.fit)
             shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
-            return replace(record, torque_shifts=shifts) if shifts else record
+            return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
         except InputError as error:
             raise InputError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
 

@@ -12,7 +12,7 @@ from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind, Lugre
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
-Regressor = Literal["inertia", "offset", "gravity"]
+Regressor = Literal["inertia", "offset", "gravity", "quadratic"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +70,7 @@ _SIGNS = {
     "offset": "",
     "gravity_sin": "",
     "gravity_cos": "",
+    "quadratic": "",
 }
 """What can be fixed, and which sign it has."""
 
@@ -168,6 +169,8 @@ class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
     directions: Literal["separate", "symmetric"] = "separate"
+    model: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
+    """Whether the Stribeck term is fitted: where the data support it, never, or always."""
     loss: Literal["least-squares", "huber"] = "least-squares"
     stray: Literal["report", "drop"] = "report"
     """Points that do not belong to the law of the others: name them, or leave them out as well."""

@@ -12,9 +12,10 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
-from bristle.estimation.autocorrelation import lag_one
+from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
+from bristle.identification.dynamic.claims import bristle_doubts, peak_doubts
 from bristle.identification.dynamic.missing_terms import missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unknowns import (
@@ -28,6 +29,7 @@ from bristle.identification.dynamic.unknowns import (
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
 from bristle.model.parameters import Kind as JointKind
+from bristle.progress import Progress
 
 SEED = 0
 STARTS = 6
@@ -40,7 +42,7 @@ _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
 _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
-_WIDE = 0.5
+WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 
 
@@ -64,6 +66,7 @@ def fit_tracking(
     starts: int = STARTS,
     seed: int = SEED,
     others: Sequence[Values] = (),
+    progress: Progress | None = None,
 ) -> DynamicSolution:
     """All parameters of moving data with intervals and warnings.
 
@@ -75,17 +78,19 @@ def fit_tracking(
         starts: how many, >= 1; the first is `start`.
         seed: of the others.
         others: further starts, whole, as another fit ended.
+        progress: told of each start.
 
     Raises InputError where a start shows no dependence on any parameter.
     """
-    problem, solution, bent = _settled(problem, start, starts, seed, others)
+    problem, solution, bent = _settled(problem, start, starts, seed, others, progress)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _all_estimates(solution, kind, bent)
+    estimates = _all_estimates(problem, solution, kind, bent)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
     warnings = (
+        *_lack_of_fit(problem, rows),
         *missing_terms(problem, solution, kind),
         *_warnings(solution, rows, unseen),
         *_physics(problem, solution.values, unseen),
@@ -117,34 +122,51 @@ def fit_tracking(
 
 
 def _settled(
-    problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values]
+    problem: DynamicProblem,
+    start: Values,
+    starts: int,
+    seed: int,
+    others: Sequence[Values],
+    progress: Progress | None,
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, float]]:
     """The problem as it is solved in the end, its solution, and what Stribeck terms that are none are fixed at.
 
-    It has the weights that its runs ask for, and not those terms.
+    It has the weights that its runs ask for, and not those terms. Between its first and its last form, from all starts
+    each, it is solved from where the first one ended alone.
     """
-    solution = solve_dynamic(problem, start, starts, seed, others)
+    solution = solve_dynamic(problem, start, starts, seed, others, progress)
     problem, changed = _weighted(problem, solution)
     if changed:
-        solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed)
+        solution = solve_dynamic(problem, without_deflections(solution.values), 1, seed)
     bent = _bent(problem, solution)
-    if bent:
-        problem = replace(problem, fixed={**problem.fixed, **bent})
-        rest = {n: v for n, v in without_deflections(solution.values).items() if n not in bent}
-        solution = solve_dynamic(problem, rest, starts, seed)
+    problem = replace(problem, fixed={**problem.fixed, **bent}) if bent else problem
+    if bent or (changed and starts > 1):
+        solution = solve_dynamic(problem, _unbent(solution.values, bent), starts, seed, progress=progress)
     return problem, solution, bent
 
 
+def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
+    """Values to start from without Stribeck terms that are none: a Coulomb torque that became such a term is one again."""
+    known = without_deflections(values)
+    taken = {name._replace(name="alpha_0"): known[name] for name in bent if name.name == "alpha_1"}
+    rest = {name: value for name, value in known.items() if name not in bent}
+    return {n: value + taken[n] if n in taken and taken[n] > value else value for n, value in rest.items()}
+
+
 def _all_estimates(
-    solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value."""
     estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
+    doubts = {**peak_doubts(problem, solution), **bristle_doubts(problem, solution, estimates)}
+    for doubted, why in doubts.items():
+        estimates[doubted] = replace(estimates[doubted], warnings=(*estimates[doubted].warnings, why))
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, Kind.ONLY_SUM_SEEN()))
-    return estimates | {name: _without(estimates[name]) for name in _weak(estimates)}
+    asked = {"alpha_1", "v_s"} if problem.stribeck == "stribeck" else set()
+    return estimates | {name: _without(estimates[name]) for name in _weak(estimates) if name.name not in asked}
 
 
 def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Diagnostic:
@@ -193,6 +215,8 @@ def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dic
 
     Beside each stands what to fix it at.
     """
+    if problem.stribeck == "stribeck":
+        return {}
     values, upper = solution.values, solution.posed.unknowns.upper
     with_prior = {name for prior in problem.priors for name in prior.names}
     bent: dict[ParameterName, float] = {}
@@ -214,6 +238,14 @@ def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     warnings = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
     refused = any(w.kind is Kind.UNSEEN_BEND for e in unseen.values() for w in e.warnings)
     return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
+
+
+def _lack_of_fit(problem: DynamicProblem, rows: Array) -> tuple[Diagnostic, ...]:
+    """What the equations (n,) leave beyond noise; of a simulated position, which drifts, nothing is said."""
+    if problem.quantity == "position":
+        return ()
+    patterns = residual_warnings(rows, problem.velocity, problem.time, problem.position)
+    return (*unexplained(rows, problem.extent), *patterns)
 
 
 def _percent(rows: Array, problem: DynamicProblem) -> float:
@@ -262,7 +294,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
                 low = max(low, 0.0)
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
                 warnings.append(Kind.AT_BOUND())
-        if relative > _WIDE and bare.startswith(("alpha", "v_s", "sigma")):
+        if relative > WIDE and bare.startswith(("alpha", "v_s", "sigma")):
             warnings.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
         out[name] = Estimate(
             value=value,

@@ -2,7 +2,7 @@
 
 No velocity is needed.
 
-    J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity,   dz/dt by (4),   dy/dt = v
+    J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity - quadratic v abs(v),   dz/dt by (4),   dy/dt = v
 
 A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each
 begins at a position, a velocity and a deflection of its own, which are unknowns beside the parameters (multiple
@@ -24,13 +24,14 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values, by_name
-from bristle.model import motor
+from bristle.identification.moving_runs import LOADS
+from bristle.model import law, motor
 from bristle.model.parameters import INERTIA, Direction, Lugre, Motor, ParameterName, pair_of
 
-_FREE = 16
+_FREE = 12 + len(LOADS)
 """Parameters by which the state is differentiated: a pair of sets, and the loads."""
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
-_LOADS = tuple(ParameterName(name, Direction.SHARED) for name in ("inertia", "offset", "gravity_sin", "gravity_cos"))
+_LOADS = tuple(ParameterName(name, Direction.SHARED) for name in LOADS)
 _EQUATIONS = 4
 """In a window, at the least: its position, velocity and deflection at the start are unknown."""
 _SHORTEST = 16
@@ -197,13 +198,14 @@ def _inputs(window: Window, every: int) -> Array:
 
 @lru_cache(maxsize=4)
 def _step(current: Current) -> ca.Function:
-    """((y, v, z), (drive, h), (pair, inertia, offset, gravity, k_t, R)) -> (y, v, z) after h."""
+    """((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h."""
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
-    sets, (J, offset, by_sin, by_cos, k_t, R) = ca.vertsplit(p[:12]), ca.vertsplit(p[12:])
+    sets, (J, *loads, k_t, R) = ca.vertsplit(p[:12]), ca.vertsplit(p[12:])
     drive, h = ca.vertsplit(u)
     state = State(*ca.vertsplit(x))
     middle = state.position + h / 2 * state.velocity
-    load = -(offset + by_sin * ca.sin(middle) + by_cos * ca.cos(middle))
+    _, *terms = law.load_terms(middle, state.velocity, 0.0).values()
+    load = -sum(parameter * term for parameter, term in zip(loads, terms, strict=True))
     new = plant_step(state, drive, load, h, pair_of(sets), Motor(k_t, R, 0.0, J), current)
     return ca.Function("plant", [x, u, p], [ca.vertcat(*new)], {"cse": True})
 

@@ -19,12 +19,14 @@ from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.systematic import with_systematic
-from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import solve_dynamic, without_deflections
+from bristle.identification.dynamic.systematic import shifts_of
+from bristle.identification.dynamic.uncertainty import profile_until_stable, run_fits, with_three_ways
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
+from bristle.identification.repeats import scatter_of, widened, with_priors_beside
 from bristle.identification.results import Consistency
+from bristle.identification.systematic import with_systematic
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
@@ -91,50 +93,69 @@ def fit_with_priors(
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
     pose = partial(_equation_error_problem if by_torque else _output_error_problem, experiment, moving)
-    count = resolution(experiment, records) if by_torque and experiment.signals.velocity is None else 0.0
+    count = _count(experiment, records) if by_torque else 0.0
 
     def fitted(
         posed: DynamicProblem, starts: int, *others: Values
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts; its profiles, where they are asked for, may improve it."""
-        refit = partial(fit_tracking, posed, start, kind, tests)
+        refit = partial(fit_tracking, posed, start, kind, tests, progress=progress)
         solved = refit(starts=starts, others=others)
         if not uncertainty:
             return solved, {}
         return profile_until_stable(solved, lambda end: refit(starts=1, others=[end]), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-        """The fit without the bias of encoder counts, with its intervals three ways, and with its systematic errors.
+        """The fit without the bias of encoder counts, and with its intervals three ways.
 
-        Each only where there are counts, where intervals are asked for, and where constants have errors.
+        Each only where there are counts, and where intervals are asked for.
         """
         fit = without_count_bias(solved, records, pose, options.position_cutoff, count) if count else solved.fit
-        return with_systematic(with_three_ways(solved, fit, profiles) if uncertainty else fit, solved)
+        return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
-    whole = _equation_error_problem(experiment, moving, records, {})
-    fixed = _fixed(experiment, whole)
-    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
-    problem = whole = replace(whole, fixed=fixed)
-    if not by_torque:  # which takes long to simulate: begin where the estimated velocity, good or bad, leads
-        problem = pose(records, fixed)
-        start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
-    tests = [(r.file, pose([r], fixed)) for r in held]
+    problem, start = _posed_and_start(experiment, moving, records, static, slow)
+    tests = [(r.file, pose([r], problem.fixed)) for r in held]
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
-    alone = finished(solved, profiles)
+    fit, freedom = solved.fit, solved.solution.freedom
+    scatter = scatter_of(run_fits(solved, progress), fit.parameters, freedom, logarithms(fit.names))
+    by_runs = finished(solved, profiles)
+    alone = with_systematic(widened(by_runs, scatter, LOGARITHMIC), shifts_of(solved))
     if load and not static_is_apart:
         slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
     if not priors:
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
-    joint = finished(*fitted(with_priors(problem, priors, alone.rms), 1, ended))
+    solved, profiles = fitted(with_priors(problem, priors, alone.rms), 1, ended)
+    joint = finished(solved, profiles)
+    joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
+    joint = with_systematic(joint, shifts_of(solved))
     agree = _consistency(priors, alone, joint)
     joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
     return DynamicStages(alone, joint, agree, slow)
+
+
+def _posed_and_start(
+    experiment: Experiment,
+    moving: tuple[str, ...],
+    records: Sequence[Record],
+    static: Mapping[str, StaticFit],
+    slow: Presliding | None,
+) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
+    """The problem of the training runs, and where its fit begins."""
+    whole = _equation_error_problem(experiment, moving, records, {})
+    fixed = _fixed(experiment, whole)
+    start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
+    whole = replace(whole, fixed=fixed)
+    if experiment.fit.predict == "torque":
+        return whole, start
+    # a position takes long to simulate: begin where the estimated velocity, good or bad, leads
+    start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
+    return _output_error_problem(experiment, moving, records, fixed), start
 
 
 def _crosschecked(solved: DynamicSolution) -> DynamicSolution:
@@ -153,6 +174,7 @@ def _output_error_problem(
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
     posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared)
+    posed = replace(posed, count=_count(experiment, records), stribeck=options.model)
     return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
 
 
@@ -162,7 +184,13 @@ def _equation_error_problem(
     """The problem that some records pose, with the experiment's options, in the directions `moving`."""
     known, _ = inertia(experiment)
     options = experiment.fit
-    return dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+    posed = dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+    return replace(posed, count=_count(experiment, records), stribeck=options.model)
+
+
+def _count(experiment: Experiment, records: Sequence[Record]) -> float:
+    """The encoder's count where the velocity is made of positions, rad; 0 where it is logged, or no count is seen."""
+    return resolution(experiment, records) if experiment.signals.velocity is None else 0.0
 
 
 def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticFit | None:
@@ -205,16 +233,22 @@ def _start(
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
     """sigma_0 from presliding of one direction, or of both by their inverse variances.
 
-    None where there is none with an error.
+    Its standard error is that of a normal distribution that scatters as its own Student distribution does. None where
+    there is none with an error.
     """
-    estimates = [fit.sigma_0 for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
-    known = [(e.value, e.standard_error, e.shifts) for e in estimates if e.value and e.standard_error]
+    fits = [fit for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
+    known = [
+        (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom), fit.sigma_0.shifts)
+        for fit in fits
+        if fit.sigma_0.value and fit.sigma_0.standard_error
+    ]
     if not known:
         return None
-    weight = np.array([1 / error**2 for _, error, _ in known])
+    weight = np.array([1 / variance for _, variance, _ in known])
     value = float(weight @ [x for x, _, _ in known] / weight.sum())
-    shifts = {c: float(weight @ [by.get(c, 0.0) for _, _, by in known] / weight.sum()) for c in known[0][2]}
-    return replace(estimates[0], value=value, standard_error=float(weight.sum() ** -0.5), shifts=shifts)
+    constants = dict.fromkeys(c for _, _, by in known for c in by)
+    shifts = {c: float(weight @ [by.get(c, 0.0) for _, _, by in known] / weight.sum()) for c in constants}
+    return replace(fits[0].sigma_0, value=value, standard_error=float(weight.sum() ** -0.5), shifts=shifts)
 
 
 def _value(e: Estimate | None, otherwise: float) -> float:
@@ -232,6 +266,9 @@ def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterNam
                 f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
             )
         fixed |= dict.fromkeys(meant, value)
+    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
+        peak = [name for name in problem.friction_names if name.name in {"alpha_1", "v_s"} and name not in fixed]
+        fixed |= {name: 0.0 if name.name == "alpha_1" else 1.0 for name in peak}
     return fixed
 
 
@@ -244,10 +281,7 @@ def _priors(
         fit = _static_of(static, d)
         if fit is not None:
             rows = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
-            # few degrees of freedom: a Student distribution scatters by more than its standard error
-            covariance = fit.covariance[np.ix_(rows, rows)] * (
-                fit.degrees_of_freedom / (fit.degrees_of_freedom - 2) if fit.degrees_of_freedom > 2 else 4.0
-            )
+            covariance = fit.covariance[np.ix_(rows, rows)] * _scatter(fit.degrees_of_freedom)
             if rows and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in rows], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -265,6 +299,11 @@ def _priors(
         priors.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
     free = set(problem.names)
     return [prior for prior in priors if free.issuperset(prior.names)]
+
+
+def _scatter(freedom: float) -> float:
+    """By how much the variance of a Student distribution exceeds the square of its standard error."""
+    return 1 + 2 / (freedom - 2) if freedom > 2 else 4.0  # n / (n - 2)
 
 
 def _single(stage: str, name: ParameterName, value: float, error: float) -> Prior:

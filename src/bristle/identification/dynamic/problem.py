@@ -61,6 +61,8 @@ class Motion:
     """What its residuals are multiplied by in the fit."""
     measured: Array
     """What is to be explained: the measured torque itself, N*m, (N,)."""
+    position: Array = field(default_factory=lambda: np.zeros(0))
+    """rad, (N,); empty where unknown."""
     coarsening: float = 1.0
     """As in `rollout`."""
     shifts: Mapping[str, Array] = field(default_factory=dict)
@@ -115,6 +117,10 @@ class DynamicProblem:
     """What the equations are about; where it is the position, residuals are in rad."""
     initial_states: tuple[str, ...] = ("z0",)
     """What each motion begins with, unknown."""
+    count: float = 0.0
+    """Encoder count where the velocity is made of positions, rad; 0 where none is seen."""
+    stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
+    """As `fit.model`."""
     equations: "Equations" = field(default_factory=lambda: equation_error)
     """The model."""
 
@@ -173,6 +179,12 @@ class DynamicProblem:
         return np.concatenate([m.smoothed(m.velocity) for m in self.motions])
 
     @property
+    def position(self) -> Array:
+        """The same of the position, (n,); empty where it is not known throughout."""
+        known = all(m.position.size for m in self.motions)
+        return np.concatenate([m.smoothed(m.position) for m in self.motions]) if known else np.zeros(0)
+
+    @property
     def time(self) -> Array:
         """The same of the time, (n,)."""
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
@@ -229,6 +241,7 @@ def dynamic_problem(
                     extra=columns[part],
                     smooth=None if decimation == 1 else smooth,
                     measured=record.torque[part],
+                    position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
                 )
             )

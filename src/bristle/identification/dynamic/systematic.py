@@ -6,7 +6,6 @@ what has the same cause is not averaged out. An inertia that is given holds its 
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,28 +16,14 @@ from bristle.estimation.nonlinear import projected
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.output_error import with_more_torque
 from bristle.identification.dynamic.problem import DynamicProblem, Values, residuals
-from bristle.identification.fits import TrackingFit, least_of
 from bristle.model.parameters import ParameterName
 
 _STEP = 1e-2
 """Of a standard error: by so much either way a constant is moved where the motor is simulated."""
 
 
-def with_systematic(fit: TrackingFit, solved: DynamicSolution) -> TrackingFit:
-    """The fit with what errors of constants do to each parameter, its intervals with it; `solved` is where it comes from."""
-    shifts = _shifts(solved)
-    if not shifts:
-        return fit
-    parameters = {
-        name: e.shifted({constant: by.get(name, 0.0) for constant, by in shifts.items()}, least_of(name.name))
-        for name, e in fit.parameters.items()
-    }
-    uncertainty = {name: x.of(parameters[name], least_of(name.name)) for name, x in fit.uncertainty.items()}
-    return replace(fit, parameters=parameters, uncertainty=uncertainty)
-
-
-def _shifts(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
-    """Change of each free parameter that lies at no bound, per standard error of each constant."""
+def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
+    """Change of each free parameter that lies at no bound, per standard error of each constant, by constant."""
     problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
     held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
     constants = dict.fromkeys(constant for by in held for constant in by)

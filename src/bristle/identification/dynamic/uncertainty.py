@@ -1,25 +1,32 @@
 """The 95 % intervals of a fit of moving data three ways: covariance, profile, bootstrap of blocks; and where they part.
 
+Each of several runs fitted apart as well, from where the fit of all ended, for `repeats`.
+
 What encoder counts add is taken off after the fit (`encoder_bias`): the estimate is moved, and its error widened by a
 factor. The profile's ends and the bootstrap's draws, which know nothing of it, are moved and spread about the estimate
 in the same way; an end that is open stays so.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
+from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.profile_likelihood import Profiled, profiles
-from bristle.identification.dynamic.fit import SEED, DynamicSolution
+from bristle.identification.dynamic.fit import SEED, WIDE, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
-from bristle.model.parameters import ParameterName
-from bristle.progress import Progress
+from bristle.identification.repeats import RunFit
+from bristle.model.parameters import Lugre, ParameterName
+from bristle.progress import Progress, teller
 
 _RESTARTS = 3
 
@@ -131,3 +138,47 @@ def _moved(solved: DynamicSolution, name: ParameterName, e: Estimate) -> Callabl
         return np.where(np.isin(x, limits), x, np.clip(new + (inside - value) * wider, *limits))
 
     return moved
+
+
+def run_fits(solved: DynamicSolution, progress: Progress | None = None) -> list[RunFit[ParameterName]]:
+    """Each run fitted apart, from where the fit of all of them ended, with what it shows of the parameters found there.
+
+    Empty where there is one run; a run that shows nothing is left out.
+    """
+    problem, found = solved.problem, list[RunFit[ParameterName]]()
+    files = list(dict.fromkeys(m.file for m in problem.motions))
+    tell = teller(progress, len(files))
+    for file in files if len(files) > 1 else ():
+        tell("fitting each run apart")
+        own = replace(problem, motions=tuple(m for m in problem.motions if m.file == file), priors=())
+        with suppress(InputError):
+            solution = solve_dynamic(own, without_deflections(solved.values), 1, SEED)
+            found.append(_run_fit(file, solution, solved.fit))
+    return [run for run in found if run.names]
+
+
+def _run_fit(file: str, solution: MultistartSolution[Unknown], of_all: TrackingFit) -> RunFit[ParameterName]:
+    """What a run shows: parameters with a value in the fit of all runs, within their bounds, and not too unsure."""
+    unknowns, x = solution.posed.unknowns, solution.minimum.x
+    inside = (unknowns.lower < x) & (x < unknowns.upper) & np.isfinite(solution.scaled_errors)
+    keep = [
+        k
+        for k, name in enumerate(solution.names)
+        if isinstance(name, ParameterName)
+        and inside[k]
+        and name in of_all.parameters
+        and of_all.parameters[name].value is not None
+        and (name.name not in Lugre._fields or _relative_error(solution, k, name) <= WIDE)
+    ]
+    return RunFit(
+        file=file,
+        names=tuple(name for k in keep if isinstance(name := solution.names[k], ParameterName)),
+        values=unknowns.natural(x)[keep],
+        covariance=solution.covariance[np.ix_(keep, keep)],
+        freedom=solution.freedom,
+    )
+
+
+def _relative_error(solution: MultistartSolution[Unknown], k: int, name: ParameterName) -> float:
+    error = float(solution.scaled_errors[k])
+    return error if name.name in LOGARITHMIC else error / abs(float(solution.minimum.x[k]))

@@ -3,7 +3,7 @@
 alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -25,6 +25,7 @@ from bristle.identification.dynamic.problem import (
 )
 from bristle.model.parameters import STRIBECK_REACH, Lugre, ParameterName
 from bristle.model.rollout import rollout
+from bristle.progress import Progress
 
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
@@ -53,12 +54,14 @@ def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Un
     return posed.unknowns.values(minimum.x), minimum
 
 
-def solved(problem: DynamicProblem, start: Values, most: int) -> tuple[LeastSquares[Unknown], Minimum]:
-    """The least-squares problem about a start, and its minimum near there."""
+def solved(
+    problem: DynamicProblem, start: Values, most: int, lowest: float = np.inf
+) -> tuple[LeastSquares[Unknown], Minimum]:
+    """The least-squares problem about a start, and its minimum near there; `lowest` as in `minimise`."""
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
     near = unknowns.scaled(_brought_near(problem, unknowns, start, most))
-    return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most)
+    return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most, lowest=lowest)
 
 
 def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
@@ -188,14 +191,24 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
     return evaluate
 
 
+def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
+    """Those that the descent sees as their logarithm."""
+    return {name for name in names if name.name in LOGARITHMIC}
+
+
 def solve_dynamic(
-    problem: DynamicProblem, start: Values, starts: int, seed: int, others: Sequence[Values] = ()
+    problem: DynamicProblem,
+    start: Values,
+    starts: int,
+    seed: int,
+    others: Sequence[Values] = (),
+    progress: Progress | None = None,
 ) -> MultistartSolution[Unknown]:
     """The lowest minimum from several starts, and the covariance there."""
     rng = np.random.default_rng(seed)
-    moved = ({name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1))
-    first, random = with_deflections(problem, start), (with_deflections(problem, whole) for whole in moved)
-    return solve_from_starts(partial(solved, problem), (first, *others), random, partial(polished, problem))
+    moved = [{name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1)]
+    first, random = with_deflections(problem, start), [with_deflections(problem, whole) for whole in moved]
+    return solve_from_starts(partial(solved, problem), (first, *others), random, partial(polished, problem), progress)
 
 
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:

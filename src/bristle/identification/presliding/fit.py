@@ -10,21 +10,24 @@ import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.data.slow_loading import Loading, Loop, find_loadings, find_loops
+from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, find_loops
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.identification.fits import Estimate, Presliding, PreslidingFit
+from bristle.identification.fits import AmplitudeStiffness, Estimate, Presliding, PreslidingFit, Uncertainty
+from bristle.identification.presliding.softening import stiffness_by_amplitude
 from bristle.identification.presliding.stiffness import (
     REACH,
     KnownValue,
     count_edges,
+    freedom_of,
     printed_bias,
     stiffness,
-    torque_shares,
-    with_shifts,
 )
-from bristle.identification.presliding.uncertainty import stiffness_uncertainty
+from bristle.identification.presliding.systematic import torque_shares, with_shifts
+from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
+from bristle.identification.repeats import spreader, wider_estimate, wider_three
+from bristle.identification.systematic import shifted, shifted_three
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind as JointKind
@@ -33,12 +36,15 @@ from bristle.model.vectorize import evaluate
 
 _FEW = 8
 """Count edges in a loading below which they are called few."""
-_YIELDS = 3.0
-"""An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
 _OUTLIER = 0.2
 """A breakaway torque this far from the median, relative, is named."""
 _SINGLE = 0.1
 """Standard error of a breakaway torque seen once, relative: a guess, said where it is used."""
+_CREEP = 1 / (ONSET - 1)
+"""Of a breakaway torque found by speed: how far above it g0 may lie. LuGre's creep is ONSET times as fast as at first where
+1 - T / g0 is one over ONSET; a joint that lets go at once slides there."""
+_SURE = 3.0
+"""Standard errors of g0 above which a torque that was held contradicts it."""
 
 
 def identify_presliding(
@@ -53,7 +59,8 @@ def identify_presliding(
 
     Args:
         records: with position and torque.
-        levels: g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in.
+        levels: g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in, or else
+            the largest torque held, as a lower bound.
         inertia: for (15); None where unknown.
         options: the experiment's `fit`.
         resolution: one encoder count, rad; None: from the data.
@@ -61,14 +68,13 @@ def identify_presliding(
 
     Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """
-    loadings: list[Loading] = []
-    for record in records:
-        of_record = find_loadings(record, options.presliding_cutoff, resolution, options.breakaway_displacement)
+    found = find_all_loadings(records, options.presliding_cutoff, resolution, options.breakaway_displacement)
+    for record, of_record in zip(records, found, strict=True):
         if not of_record:
             raise InputError(
                 f"{record.file}: the torque never grows slowly from zero; a presliding run is a slow ramp or cycle of torque from rest"
             )
-        loadings += of_record
+    loadings = [loading for of_record in found for loading in of_record]
     slid = [loading for loading in loadings if loading.breakaway is not None]
     fits, breakaway, warnings = {}, {}, list[Diagnostic]()
     for direction in ("+", "-"):
@@ -76,12 +82,11 @@ def identify_presliding(
         if own_slid:
             breakaway[direction], outliers = _breakaway(own_slid, direction, kind)
             warnings += outliers
+    creep = 0.0 if options.breakaway_displacement else _CREEP
     for direction in sorted({loading.direction for loading in loadings}):
-        level = levels.get(direction) or _from_breakaway(breakaway, direction)
-        if level is None:
-            warnings.append(Kind.NO_SIGMA_0(direction=direction))
-            continue
-        fits[direction] = fit_presliding([x for x in loadings if x.direction == direction], level, inertia, kind)
+        own = [x for x in loadings if x.direction == direction]
+        level = levels.get(direction) or _from_breakaway(breakaway, direction, max(x.held for x in own), creep)
+        fits[direction] = fit_presliding(own, level, inertia, kind)
     cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
     warnings += _loop_warnings(loops, [drift for _, drifts in cycles for drift in drifts])
@@ -95,37 +100,46 @@ def fit_presliding(
 
     Args:
         loadings: of one direction, at least one.
-        level: g0 of this direction.
+        level: g0 of this direction; a lower bound where its error is infinite.
         inertia: for (15); None: sigma_1 is absent, with the reason.
         kind: of the joint.
     """
     quantum = max(loading.quantum for loading in loadings)
     counts = count_edges(loadings, level)
+    best = "edges" if quantum > 0 else "samples"
     estimates = stiffness(loadings, level, kind)
     hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
     warnings = list(estimates["samples"].warnings) if hidden else []
+    amplitudes, softens = stiffness_by_amplitude(loadings, level, kind)
+    if softens is not None:
+        warnings.append(softens)
+        estimates[best] = _spanning(estimates[best], amplitudes)
+    sigma_0 = estimates[best]
     if 0 < counts < _FEW * len(loadings):
         warnings.append(Kind.FEW_COUNTS(edges=counts, loadings=len(loadings)))
-    first = estimates["corrected"]
-    if first.interval and (estimates["edges"].value or np.inf) < first.interval[0] / _YIELDS:
-        warnings.append(Kind.YIELDS())
-    best = "edges" if quantum > 0 else "samples"
-    sigma_0 = estimates[best]
+    if level.is_bound:
+        warnings.append(Kind.G0_AT_LEAST(direction=loadings[0].direction, held=level.value))
     u = np.array([max((sigma_0.value or 0.0) * quantum / level.value, 1e-9)])
     known = quantum > 0 and (sigma_0.value or 0.0) > 0
     on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
-    three = stiffness_uncertainty(loadings, level, best, sigma_0)
+    three = _three_ways(loadings, level, best, sigma_0, softens)
+    scatter = stiffness_scatter(loadings, level, best, sigma_0)
+    if scatter and scatter.stretched > 1 and sigma_0.value is not None:
+        widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
+        sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
+        estimates = {**estimates, best: sigma_0}
     estimates = with_shifts(estimates, loadings, level)
     sigma_0 = estimates[best]
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
-    reached = max(float(loading.torque.max()) for loading in loadings)
-    if reached > level.value:
+    reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
+    if not level.is_bound and reached > level.value + _SURE * level.standard_error:
         warnings.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
     return PreslidingFit(
         direction=loadings[0].direction,
         **estimates,
         sigma_1=_sigma_1(sigma_0, inertia, kind),
         recommended=best,
+        degrees_of_freedom=freedom_of(loadings, level, best),
         level=level.value,
         level_standard_error=level.standard_error,
         level_source=level.source,
@@ -134,10 +148,31 @@ def fit_presliding(
         bias_on_edge=on_edge,
         bias_mean=mean,
         bias_spread=spread,
+        amplitudes=amplitudes,
         loadings=tuple(loadings),
         warnings=tuple(warnings),
-        uncertainty={"sigma_0": three.of(sigma_0)},
+        uncertainty={"sigma_0": shifted_three(three, sigma_0)},
+        repeats={"sigma_0": scatter} if scatter else {},
     )
+
+
+def _spanning(estimate: Estimate, amplitudes: Sequence[AmplitudeStiffness]) -> Estimate:
+    """With an interval that holds the sigma_0 of each amplitude too, where no single one holds, and the error of its half."""
+    if estimate.value is None or estimate.interval is None:
+        return estimate
+    found = [*estimate.interval, *(x.sigma_0 for x in amplitudes)]
+    error = max(estimate.standard_error or 0.0, (max(found) - min(found)) / (2 * student(np.inf)))
+    return replace(estimate, standard_error=error, interval=(min(found), max(found)))
+
+
+def _three_ways(
+    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, softens: Diagnostic | None
+) -> Uncertainty:
+    """The intervals of sigma_0; that of the estimate alone where it is more than a sigma_0 at a given g0 explains."""
+    if softens is None and not level.is_bound:
+        return stiffness_uncertainty(loadings, level, estimator, estimate)
+    reason = softens or Kind.G0_AT_LEAST(direction=loadings[0].direction, held=level.value)
+    return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=(reason,))
 
 
 def with_damping(presliding: Presliding, inertia: KnownValue, kind: JointKind) -> Presliding:
@@ -153,7 +188,7 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
     shifts = {name: middle * share for name, share in torque_shares(slid).items()}
     if n == 1:
         single = Estimate(value=middle, unit=unit("torque", kind), warnings=(Kind.SINGLE_RUN(),))
-        return single.shifted(shifts), []
+        return shifted(single, shifts), []
     error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
     reach = student(n - 1) * error
     warnings = [
@@ -167,17 +202,25 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
         standard_error=error,
         interval=(max(middle - reach, 0.0), middle + reach),
     )
-    return whole.shifted(shifts), warnings
+    return shifted(whole, shifts), warnings
 
 
-def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str) -> KnownValue | None:
-    """g0 from the breakaway of this direction, or else of the other one."""
+def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: float, creep: float) -> KnownValue:
+    """g0 from the breakaway of this direction, else of the other one, else at least the largest torque held.
+
+    Where this direction held more than the other one's breakaway, that is none of its own.
+    """
     for d in (direction, "-" if direction == "+" else "+"):
-        if d in breakaway:
-            value, error = breakaway[d].value or 0.0, breakaway[d].standard_error
-            source = Kind.OF_BREAKAWAY(direction=d) if error else Kind.OF_ONE_BREAKAWAY(direction=d, share=_SINGLE)
-            return KnownValue(value, error or _SINGLE * value, source, breakaway[d].shifts)
-    return None
+        torque = breakaway[d].value if d in breakaway else None
+        if torque is not None and (d == direction or held <= torque * (1 + creep)):
+            error = breakaway[d].standard_error
+            added = Kind.CREEP_ADDED(share=creep) if creep else ""
+            alone = Kind.OF_ONE_BREAKAWAY(direction=d, creep=added, share=_SINGLE)
+            source = Kind.OF_BREAKAWAY(direction=d, creep=added) if error else alone
+            value, half = torque * (1 + creep / 2), torque * creep / 2
+            shifts = {constant: by * (1 + creep / 2) for constant, by in breakaway[d].shifts.items()}
+            return KnownValue(value, float(np.hypot(error or _SINGLE * value, half)), source, shifts)
+    return KnownValue(held, float("inf"), Kind.OF_LARGEST_HELD())
 
 
 def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagnostic]:
@@ -195,7 +238,10 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagn
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: JointKind) -> Estimate:
-    """(15): a prior from an assumed damping ratio, no estimate."""
+    """(15): from an assumed damping ratio, no estimate; without a standard error, for nobody knows that of the ratio.
+
+    What errors of constants do to sigma_0 and the inertia they do to it too.
+    """
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
         why = Kind.NO_STIFFNESS() if known else Kind.NO_INERTIA()
@@ -204,12 +250,9 @@ def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: JointKind) -> 
         float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
     )
     prior = Estimate(
-        value=value,
-        unit=unit("sigma_1", kind),
-        standard_error=float(np.hypot(by_sigma_0 * (sigma_0.standard_error or 0.0), by_J * inertia.standard_error)),
-        warnings=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),),
+        value=value, unit=unit("sigma_1", kind), warnings=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),)
     )
     constants = dict.fromkeys((*sigma_0.shifts, *inertia.shifts))
-    return prior.shifted(
-        {c: by_sigma_0 * sigma_0.shifts.get(c, 0.0) + by_J * inertia.shifts.get(c, 0.0) for c in constants}
+    return shifted(
+        prior, {c: by_sigma_0 * sigma_0.shifts.get(c, 0.0) + by_J * inertia.shifts.get(c, 0.0) for c in constants}
     )

@@ -11,7 +11,7 @@ the joint rests is not known: only differences of y are. One encoder count is q.
                  torque noise follow the time
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -31,8 +31,12 @@ from bristle.model.vectorize import evaluate
 
 REACH = 0.8
 """Of g0: above, a little noise in T is much in log(1 - T / g0)."""
-_LIMIT = 0.97
+LIMIT = 0.97
 """Of g0: noise may reach above REACH, but not to where U has no value."""
+_YIELDS = 3.0
+"""An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
+_STRAIGHT = 1e6
+"""Times the largest torque held: a g0 this large bends nothing, which is the other end of what a lower bound allows."""
 _PHASES = 64
 """Where inside a count the joint may rest, for the spread that counts alone cause."""
 
@@ -45,9 +49,15 @@ class KnownValue(NamedTuple):
 
     value: float
     standard_error: float
+    """Infinite where the value is a lower bound."""
     source: Diagnostic
     shifts: Mapping[str, float] = MappingProxyType({})
     """As of an `Estimate`."""
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the value is a lower bound and no estimate."""
+        return bool(np.isinf(self.standard_error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,63 +73,72 @@ class Piece:
     """Of the edges: one over the variance of U at constant noise in T."""
 
 
+Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
+"""sigma_0 from pieces, its standard error and its degrees of freedom: `by_edges` or `by_samples`."""
+
+
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
     """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
 
-    A lower bound where counts hide the motion.
+    A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises: its interval
+    reaches from that of a g0 that bends nothing to that of the bound.
 
     Args:
         loadings: of one direction, at least one.
         level: g0 of this direction.
         kind: of the joint.
     """
+    if level.is_bound:
+        near, far = (
+            stiffness(loadings, KnownValue(g0, 0.0, level.source), kind)
+            for g0 in (level.value, _STRAIGHT * level.value)
+        )
+        return {name: _between(near[name], far[name]) for name in near}
     quantum = max(loading.quantum for loading in loadings)
     pieces = [of_loading(loading, level.value) for loading in loadings]
-    still = max(float(np.ptp(piece.y)) for piece in pieces) == 0
+    still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), _lower_bound(pieces, quantum, kind))
     return _estimates(loadings, level, quantum, kind)
 
 
-def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
-    """Relative change of the torque of some loadings per standard error of each constant: the mean, by their torque."""
-    weight = [float(np.square(loading.torque).sum()) for loading in loadings]
-    names = dict.fromkeys(name for loading in loadings for name in loading.shares)
-    shares = {name: [loading.shares.get(name, 0.0) for loading in loadings] for name in names}
-    return {name: float(np.average(share, weights=weight)) for name, share in shares.items()}
+def _either(near: Sequence[Diagnostic], far: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+    """What both warn of, each kind once; a range that both exclude is the wider one."""
+    other = {x.kind: x for x in far}
+    for one in near:
+        two = other.pop(one.kind, one)
+        if one.kind is Kind.REST_EXCLUDES:
+            ends = [x.numbers[name] for x in (one, two) for name in ("low", "high")]
+            yield one.but(low=min(ends), high=max(ends))
+        else:
+            yield one
+    yield from other.values()
 
 
-def with_shifts(
-    estimates: Mapping[str, Estimate], loadings: Sequence[Loading], level: KnownValue
-) -> dict[str, Estimate]:
-    """The estimates of `stiffness` with what errors of constants do to them.
-
-    Where torque and g0 grow by one factor, so does sigma_0: a torque that grows by e does to it what g0 less by e does,
-    and e of its value beside.
-    """
-    shares = torque_shares(loadings)
-    constants, by_level = (*dict.fromkeys((*shares, *level.shifts)),), dict.fromkeys(estimates, 0.0)
-    if not constants:
-        return dict(estimates)
-    width, quantum = _width(level), max(loading.quantum for loading in loadings)
-    pieces = [[of_loading(x, level.value + k * width) for x in loadings] for k in (-1, 0, 1)]
-    for name, estimator in (("edges", by_edges), ("samples", by_samples)):
-        less, value, more = (estimator(piece)[0] for piece in pieces)
-        by_level[name] = _slope(less, value, more, width)
-    first = _first_torque(loadings, level.value)
-    if quantum > 0 and first.size:
-        slopes = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
-        by_level["corrected"] = float(np.mean(slopes)) / quantum
-    moved = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
-    return {
-        name: e.shifted({c: (e.value or 0.0) * shares.get(c, 0.0) + by_level[name] * moved[c] for c in constants})
-        for name, e in estimates.items()
-    }
+def _between(near: Estimate, far: Estimate) -> Estimate:
+    """What g0 anywhere between leaves of two estimates: their mean, with the distance between them in its error."""
+    warnings = tuple(_either(near.warnings, far.warnings))
+    ends = [x.interval for x in (near, far) if x.interval]
+    interval = (min(low for low, _ in ends), max(high for _, high in ends)) if len(ends) == 2 else None
+    if near.value is None or far.value is None:
+        if interval:
+            interval = (interval[0], float("inf"))
+        return Estimate(value=None, unit=near.unit, interval=interval, warnings=warnings)
+    errors = [x.standard_error for x in (near, far) if x.standard_error is not None]
+    error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12))) if len(errors) == 2 else None
+    value = (near.value + far.value) / 2
+    return Estimate(value=value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
 
 
 def count_edges(loadings: Sequence[Loading], level: KnownValue) -> int:
     """Count edges that the loadings crossed below REACH of g0."""
     return sum(of_loading(loading, level.value).edge_y.size for loading in loadings)
+
+
+def freedom_of(loadings: Sequence[Loading], level: KnownValue, estimator: str) -> float:
+    """Degrees of freedom of the estimate by `edges` or `samples`."""
+    pieces = [of_loading(loading, level.value) for loading in loadings]
+    return (by_edges if estimator == "edges" else by_samples)(pieces)[2]
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
@@ -148,102 +167,102 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     stop = low.size if low.all() else int(np.argmin(low))
     reached = float(loading.displacement[:stop].max(initial=0.0))
     edge = loading.edge_displacement <= reached
-    T = np.minimum(loading.edge_torque[edge], _LIMIT * g0)
+    T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
     y, U = loading.edge_displacement[edge], _unbent(T, g0)
     # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
-    line = np.polynomial.polynomial.polyfit(y, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
+    along = y / y[-1] if y.size else y
+    line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
         time=loading.time[:stop],
         y=loading.displacement[:stop],
-        U=_unbent(np.minimum(loading.torque[:stop], _LIMIT * g0), g0),
+        U=_unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
         edge_y=y,
         edge_U=U,
-        weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(y, line), 0.0) / g0),
+        weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
     )
 
 
 def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: JointKind) -> dict[str, Estimate]:
     """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
-    width = _width(level)
-    pieces, less, more = (
-        [of_loading(loading, g0) for loading in loadings]
-        for g0 in (level.value, level.value - width, level.value + width)
-    )
+    pieces = [of_loading(loading, level.value) for loading in loadings]
     value, error, freedom = by_samples(pieces)
-    by_level = _slope(by_samples(less)[0], value, by_samples(more)[0], width) * level.standard_error
+    of_level = by_level(by_samples, loadings, level) * level.standard_error
     if quantum == 0:
         absent = Estimate(
             value=None,
             unit=unit("sigma_0", kind),
             warnings=(Kind.NO_COUNTS(),),
         )
-        samples = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
+        samples = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
         return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
     bias, spread = by_phase(pieces, value, quantum)
-    error = float(np.sqrt(error**2 + by_level**2 + spread**2))
-    warnings = (Kind.COUNTS_BIAS(share=bias / value),) if abs(bias) > error else ()
-    samples = _estimate(value, error, freedom, kind, warnings)
+    error = float(np.sqrt(error**2 + of_level**2 + spread**2))
+    samples = _estimate(value, error, freedom, kind)
+    if np.isinf(spread):
+        samples = Estimate(value=None, unit=samples.unit, warnings=(Kind.COUNTS_HIDE(),))
+    elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
+        wrong = Kind.COUNTS_BIAS(share=bias / value)
+        samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
     value, error, freedom = by_edges(pieces)
-    by_level = _slope(by_edges(less)[0], value, by_edges(more)[0], width) * level.standard_error
-    return {
-        "printed": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=False),
-        "corrected": _first_count(loadings, level.value, quantum, kind, _noise(pieces), corrected=True),
-        "edges": _estimate(value, float(np.hypot(error, by_level)), freedom, kind),
-        "samples": samples,
-    }
+    of_level = by_level(by_edges, loadings, level) * level.standard_error
+    edges = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
+    printed, corrected, least = _first_count(loadings, level.value, quantum, kind, _noise(pieces))
+    if 0 < value < least / _YIELDS:
+        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Kind.YIELDS(),))
+    return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
 
 
-def _width(level: KnownValue) -> float:
-    """How far g0 is moved to see what it does."""
-    return max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
-
-
-def _slope(less: float, value: float, more: float, width: float) -> float:
-    """How an estimate changes with g0, from it and those `width` below and above, of which one may not exist."""
+def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValue) -> float:
+    """How an estimate changes with g0, from it and those a little below and above, of which one may not exist."""
+    width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
+    less, value, more = (estimator([of_loading(x, level.value + k * width) for x in loadings])[0] for k in (-1, 0, 1))
     steps = [x for x in (value - less, more - value) if np.isfinite(x)]
     return float(np.mean(steps)) / width if steps else np.inf
 
 
-def _estimate(
-    value: float, error: float, freedom: float, kind: JointKind, warnings: tuple[Diagnostic, ...] = ()
-) -> Estimate:
-    wrong = () if 0 < value < np.inf and np.isfinite(error) else (Kind.NOT_POSITIVE(),)
-    if not (np.isfinite(value) and np.isfinite(error)):
-        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(*warnings, *wrong))
+def _estimate(value: float, error: float, freedom: float, kind: JointKind) -> Estimate:
+    """With its interval by Student's t; none where it is no stiffness."""
+    if not (0 < value < np.inf and np.isfinite(error)):
+        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOT_POSITIVE(),))
     reach = student(freedom) * error
     return Estimate(
         value=value,
         unit=unit("sigma_0", kind),
         standard_error=error,
         interval=(max(value - reach, 0.0), value + reach),
-        warnings=(*warnings, *wrong),
     )
 
 
 def _first_count(
-    loadings: Sequence[Loading], g0: float, quantum: float, kind: JointKind, noise: float, *, corrected: bool
-) -> Estimate:
-    """(14), or its inverse, averaged over the loadings.
+    loadings: Sequence[Loading], g0: float, quantum: float, kind: JointKind, noise: float
+) -> tuple[Estimate, Estimate, float]:
+    """(14) and its inverse, averaged over the loadings, and the least sigma_0 that the first counts allow.
 
-    The interval is that of a rest position anywhere in the count, and of noise in U.
+    The interval is that of a rest position anywhere in the count, and of noise in U; an estimate that lies outside has none.
     """
-    T = _first_torque(loadings, g0)
+    T = first_torques(loadings, g0)
     if T.size == 0:
-        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
+        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
+        return absent, absent, 0.0
     U = _unbent(T, g0)
-    half = LEVEL / 2 if T.size == 1 else min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
+    # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
+    half = min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
+    nearest, farthest = (1 - LEVEL, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
     off = 1.96 * noise / float(np.sqrt(T.size))
-    low = max(float(np.mean(U)) - off, 0.0) / (quantum * (0.5 + half))
-    high = (float(np.mean(U)) + off) / (quantum * (0.5 - half))
-    return Estimate(
-        value=float(np.mean(U if corrected else T)) / quantum,
-        unit=unit("sigma_0", kind),
-        interval=(low, high),
-        warnings=(Kind.WHOLE_COUNT(),),
-    )
+    low = max(float(np.mean(U)) - off, 0.0) / (quantum * farthest)
+    high = (float(np.mean(U)) + off) / (quantum * nearest)
+    printed, corrected = (_within(float(np.mean(x)) / quantum, low, high, unit("sigma_0", kind)) for x in (T, U))
+    return printed, corrected, low
 
 
-def _first_torque(loadings: Sequence[Loading], g0: float) -> Array:
+def _within(value: float, low: float, high: float, of: str) -> Estimate:
+    """By the first count alone, with its interval where that holds it."""
+    if low <= value <= high:
+        return Estimate(value=value, unit=of, interval=(low, high), warnings=(Kind.WHOLE_COUNT(),))
+    return Estimate(value=value, unit=of, warnings=(Kind.REST_EXCLUDES(low=low, high=high, unit=of),))
+
+
+def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
     """Torque at the first count edge of each loading that has one below g0, N*m, (k,)."""
     return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
@@ -324,6 +343,8 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
         shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
         values.append(by_samples(pieces, shifted)[0])
+    if not np.isfinite(values).all():  # at some rest positions no sample would show any motion
+        return 0.0, np.inf
     return float(np.mean(values)) - sigma_0, float(np.std(values))
 
 

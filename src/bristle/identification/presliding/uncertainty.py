@@ -15,6 +15,7 @@ the truth lies.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
-from bristle.identification.fits import Estimate, Uncertainty
+from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import (
     KnownValue,
     Piece,
@@ -36,8 +37,11 @@ from bristle.identification.presliding.stiffness import (
     centred,
     of_loading,
 )
+from bristle.identification.repeats import RunFit, less, scatter_of
 
 SEED = 0
+_LEAST_FREEDOM = 4.0
+"""Degrees of freedom from which a run says by itself how sure it is."""
 _NODES = 17
 """Values of g0 at which the estimator is evaluated; linear between them, ..."""
 _LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)
@@ -113,6 +117,31 @@ def stiffness_uncertainty(
     )
 
 
+def stiffness_scatter(
+    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate
+) -> RunScatter | None:
+    """How sigma_0 of one direction scatters over the runs.
+
+    g0 is given, and the same in each run: its error moves all of them alike, and is no part of their scatter, nor
+    widened by it. None where fewer than two runs show sigma_0. Arguments as in `stiffness_uncertainty`.
+    """
+    by_file = {x.file: [of_loading(own, level.value) for own in loadings if own.file == x.file] for x in loadings}
+    solve = by_edges if estimator == "edges" else by_samples
+    quantum, runs = max(loading.quantum for loading in loadings), list[RunFit[str]]()
+    for file, pieces in by_file.items():
+        value, error, freedom = solve(pieces)
+        if 0 < value < np.inf and 0 < error < np.inf and freedom >= _LEAST_FREEDOM:
+            counts = by_phase(pieces, value, quantum)[1] if estimator == "samples" and quantum else 0.0
+            runs.append(RunFit(file, ("sigma_0",), np.array([value]), np.array([[error**2 + counts**2]]), freedom))
+    of_all, own, freedom = solve([piece for pieces in by_file.values() for piece in pieces])
+    given = replace(estimate, value=of_all, standard_error=own)  # without what g0 adds
+    found = scatter_of(runs, {"sigma_0": given}, freedom).get("sigma_0")
+    if found is None or not estimate.standard_error or not of_all:
+        return None
+    share = min(own / estimate.standard_error, 1.0)
+    return less(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
+
+
 def _natural(u: Array, *, inverse: bool) -> Array:
     """sigma_0 at u, none below zero: where u is the inverse that is infinitely stiff."""
     if not inverse:
@@ -181,7 +210,8 @@ def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inv
     counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
     moved = line.at(g0)[0] - middle
     steps = steps + np.sqrt(counts) * rest
-    studentised = (steps - moved) / np.sqrt(errors**2 + counts + other)
+    total = np.sqrt(errors**2 + counts + other)
+    studentised = np.divide(steps - moved, total, out=np.zeros(steps.size), where=total > 0)
     return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
 
 
@@ -195,6 +225,7 @@ def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:
 
 def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
     """Steps of 1 / sigma_0 where blocks of samples are drawn, time the instrument."""
+    pieces = [p for p in pieces if p.y.size]
     t, y, U = (
         np.concatenate([values - values.mean() for values in column])
         for column in ([p.time for p in pieces], [p.y for p in pieces], [p.U for p in pieces])

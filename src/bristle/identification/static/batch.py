@@ -199,10 +199,12 @@ class Batch:
         self._x = np.clip(near[2] + t, 0.0, last)
         at = self._at(self._x[:, None])
         peak = at.along[:, 0]
-        linear, alpha_1 = self._without - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
+        with np.errstate(over="ignore"):  # a column of vanishing length: that set is solved alone
+            linear, alpha_1 = self._without - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
         self.theta = np.vstack([linear, alpha_1, self._v_s(self._x)])
         self.cost = np.maximum(self._costs(at)[:, 0], 0.0)
         self._alone = (self.theta[:-1] <= self.problem.least[:-1, None]).any(axis=0) | ~inside_grid
+        self._alone |= ~np.isfinite(self.theta).all(axis=0)
         for k in np.flatnonzero(self._alone).tolist():
             one = solve(self.problem.with_torque(self.torques[:, k]), self.v_s_range, self.grid)
             self.theta[:, k], self.cost[k] = one.theta, one.cost

@@ -12,17 +12,22 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
-from bristle.estimation.autocorrelation import residual_warnings
-from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty, least_of
+from bristle.estimation.autocorrelation import residual_warnings, unexplained
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.repeats import RunFit, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.solution import StaticSolution, huber, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
-from bristle.identification.static.uncertainty import three_ways
+from bristle.identification.static.uncertainty import run_fits, three_ways
+from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
+
+_LOGARITHMIC = ("v_s",)
+"""What is compared, and widened, as its logarithm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +56,7 @@ def fit_static(
     where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
     timings: dict[str, float] | None = None,
+    runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Fit one static problem and everything that the report shows beside the fit.
 
@@ -61,6 +67,7 @@ def fit_static(
         where: what is known of each equation.
         held: hold-out runs by name, posed as the problem is.
         timings: where the seconds of the grid and of the full fit are written, by name.
+        runs: those that can be fitted apart, by name, posed as the problem is, without its priors.
 
     Returns:
         Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit
@@ -85,7 +92,23 @@ def fit_static(
         timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
     if not checked.agrees:
         comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
-    return {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}, {label: checked}
+    fits = {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}
+    return _finished(core, fits, run_fits(core, runs, v_s_range)), {label: checked}
+
+
+def _finished(
+    core: StaticSolution, fits: Mapping[Direction, StaticFit], apart: Sequence[RunFit[ParameterName]]
+) -> dict[str, StaticFit]:
+    """The fits with their intervals as wide as the runs scatter, and then with their systematic errors."""
+    scatter = scatter_of(
+        apart, core.parameters, core.freedom, {name for name in core.names if name.name in _LOGARITHMIC}
+    )
+    one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
+    for d, fit in fits.items():
+        own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
+        shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
+        finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
+    return finished
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
@@ -94,7 +117,7 @@ def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -
     What a study of many data sets repeats.
     """
     core = solve_static(problem, options, kind)
-    return {name.name: e for name, e in core.parameters.items()}
+    return {name.name: e for name, e in core.estimates.items()}
 
 
 def _parts(problem: Regression) -> tuple[Direction, ...]:
@@ -194,12 +217,14 @@ def _comparisons(
             warnings.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
             alone = solve_static(rest, options, kind)
-            without = alone.parameters
+            without = alone.estimates
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]
     warnings += residual_warnings(residuals, velocity, where.time, where.position)
-    three = {n: x.of(core.parameters[n], least_of(n.name)) for n, x in three_ways(core, v_s_range).items()}
+    in_order = residuals[np.argsort(velocity)] if where.segments else residuals
+    warnings = [*unexplained(in_order, float(np.linalg.norm(problem.measured[measured]))), *warnings]
+    three = three_ways(core, v_s_range)
     return _Comparisons(
         plain=plain, robust=robust, without=without, three=three, strays=strays, warnings=tuple(warnings)
     )

@@ -13,7 +13,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
-from bristle.identification.moving_runs import DIRECTIONS, gravity
+from bristle.identification.moving_runs import DIRECTIONS, load_columns
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.strays import LEVEL, all_but, find_strays, refit
 
@@ -143,20 +143,20 @@ def groups(
 
 
 def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str]) -> Regression:
-    """The regression of some points in these directions, with an offset or gravity where asked for.
+    """The regression of some points in these directions, with the regressors asked for.
 
     Raises InputError where gravity is asked for and a point has no position.
     """
-    extra: dict[str, Array] = {}
-    if "offset" in asked:
-        extra["offset"] = np.ones(len(points))
-    if "gravity" in asked:
-        if any(s.position is None for s in points):
-            raise InputError(
-                "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
-            )
-        extra |= gravity(np.array([s.position for s in points], dtype=float))
-    velocity, torque = np.array([s.velocity for s in points]), np.array([s.torque for s in points])
+    if "gravity" in asked and any(s.position is None for s in points):
+        raise InputError(
+            "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
+        )
+
+    def signal(name: str) -> Array:
+        """Of each point, (n,)."""
+        return np.array([getattr(s, name) for s in points], dtype=float)
+
+    velocity, torque, extra = signal("velocity"), signal("torque"), load_columns(asked, signal, len(points))
     names = dict.fromkeys(name for s in points for name in s.torque_shifts)
     shifts = {name: np.array([s.torque_shifts.get(name, 0.0) for s in points]) for name in names}
     return from_points(velocity, torque, sides, extra, shifts)

@@ -54,10 +54,20 @@ def fit_points(
             _point_info(group, searches.get(sides)),
             tests,
             timings,
+            _whole_curves(group, sides, asked),
         )
         static |= fits
         checks |= checked
     return static, checks
+
+
+def _whole_curves(
+    points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str]
+) -> list[tuple[str, Regression]]:
+    """Runs that each give more points than the law has parameters, by file."""
+    by_file = {s.file: [x for x in points if x.file == s.file] for s in points}
+    posed = [(file, points_problem(own, sides, asked)) for file, own in by_file.items()]
+    return [(file, one) for file, one in posed if one.torque.size > len(one.names)]
 
 
 def _point_info(points: Sequence[Segment], search: PointSearch | None) -> PointInfo:
@@ -97,8 +107,15 @@ def fit_moving(
         sigma = float(np.std(training.torque - free))
         training = with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
     tests = [(r.file, _above(problem([r])[0], experiment.fit.moving_above)[0]) for r in held]
-    fits, checks = fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings)
+    apart = [(r.file, _faster(problem([r])[0], experiment.fit.moving_above)) for r in records if len(records) > 1]
+    runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
+    fits, checks = fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
     return fits, checks, _left_out(experiment, every, fast, fits)
+
+
+def _faster(problem: Regression, speed: float | None) -> Regression:
+    """The equations faster than a speed, however few."""
+    return problem if speed is None else problem.rows(np.abs(problem.equation_velocity) > speed)
 
 
 def _above(problem: Regression, speed: float | None) -> tuple[Regression, NDArray[np.bool_]]:

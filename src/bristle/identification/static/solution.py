@@ -16,20 +16,23 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import best_column_p_value, first_order
-from bristle.identification.fits import Estimate, Profile, least_of
+from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
+from bristle.identification.systematic import all_shifted
 from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 
-SUPPORTED = 0.05
+SUPPORTED = 0.01
 """The Stribeck term is kept where noise alone would look as much like one less often than this."""
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
 TUNING = 1.345
 """Residuals beyond this many scales count linearly: 95 % efficiency on Gaussian noise (Huber, 1981)."""
+_THERE = {Kind.BEND, Kind.ONE_SPEED, Kind.V_S_DOWN_TO_ZERO, Kind.V_S_UP_TO_ANY, Kind.NONE_BELOW_V_S}
+"""Reasons to drop a term that is more than noise."""
 _REFITS = 30
 _SETTLED = 1e-4
 _NEAR = 40
@@ -43,6 +46,9 @@ class StaticSolution:
     problem: Regression
     solution: Solution
     parameters: Mapping[ParameterName, Estimate]
+    """With the statistical error alone."""
+    shifts: Mapping[str, Mapping[ParameterName, float]]
+    """By constant, the change of each parameter per standard error of it."""
     names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
@@ -55,6 +61,11 @@ class StaticSolution:
     student: Mapping[ParameterName, tuple[float, float]]
     """Intervals by the covariance, by name."""
 
+    @property
+    def estimates(self) -> dict[ParameterName, Estimate]:
+        """The parameters with their systematic error, and intervals of both."""
+        return all_shifted(self.parameters, self.shifts)
+
 
 def solve_static(
     problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
@@ -64,31 +75,16 @@ def solve_static(
     With each interval go its warnings. `v_s_range`, rad/s, is as asked for, or from the problem's speeds, if not given.
     """
     v_s_range = v_s_range or options.v_s_range or default_range(problem.velocity)
-    solution, again = None, tuple[Diagnostic, ...]()
-    if problem.torque.size <= len(problem.names):
-        reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
-        dropped = dict.fromkeys(problem.peaks, reason)
-    else:
-        solution = solve(problem, v_s_range, options.grid)
-        dropped = _unsupported(problem, solution, options, v_s_range)
-    problem = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
-    if options.loss == "huber":
-        problem = problem.weighted(huber(problem, v_s_range, options.grid)[1])
-    if solution is None or dropped or options.loss == "huber":
-        solution = solve(problem, v_s_range, options.grid)
+    dropped, solution = _without_peak(problem, options, v_s_range)
+    problem, solution, likelihood, again = _settled(problem, solution, dropped, options, v_s_range)
     variance_inflation = _inflation(problem, solution)
-    likelihood = profiled(problem, solution, variance_inflation)
-    if likelihood.better is not None:
-        solution = descended(problem, solution, likelihood.better.tolist(), v_s_range)
-        likelihood, again = profiled(problem, solution, variance_inflation), (Kind.REFITTED_FROM_GRID(),)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
     covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, variance_inflation)
     full, _ = uncertainty.covariance(jacobian, solution.cost, variance_inflation)
     profiles = _profiles(problem, solution, options, v_s_range, likelihood.threshold)
     parameters = _estimates(problem, solution, covariance, free, likelihood.intervals, kind)
-    shifts = _shifts(problem, jacobian, free)
-    parameters = {name: e.shifted(shifts[name], least_of(name.name)) for name, e in parameters.items()}
+    parameters |= _as_far_as_measured(parameters, dropped)
     v_s = {
         d: likelihood.intervals[name]
         for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
@@ -99,6 +95,7 @@ def solve_static(
         problem=problem,
         solution=solution,
         parameters=parameters,
+        shifts=_shifts(problem, jacobian, free),
         names=tuple(compress(problem.names, free)),
         covariance=covariance,
         freedom=freedom,
@@ -109,6 +106,36 @@ def solve_static(
         profiled=likelihood,
         student=_student(problem, solution, full, freedom),
     )
+
+
+def _settled(
+    problem: Regression,
+    solution: Solution | None,
+    dropped: dict[Direction, Diagnostic],
+    options: FitOptions,
+    v_s_range: tuple[float, float],
+) -> tuple[Regression, Solution, StaticProfiles, tuple[Diagnostic, ...]]:
+    """The problem as it is fitted in the end, with its solution, profiles, and whether these led to a lower minimum.
+
+    `dropped` grows by the directions whose v_s the data do not bound; `solution` is with all peaks, where it is known.
+    """
+    while True:
+        kept, again = (
+            replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped)),
+            tuple[Diagnostic, ...](),
+        )
+        if options.loss == "huber":
+            kept = kept.weighted(huber(kept, v_s_range, options.grid)[1])
+        if solution is None or dropped or options.loss == "huber":
+            solution = solve(kept, v_s_range, options.grid)
+        likelihood = profiled(kept, solution, _inflation(kept, solution))
+        if likelihood.better is not None:
+            solution = descended(kept, solution, likelihood.better.tolist(), v_s_range)
+            likelihood, again = profiled(kept, solution, _inflation(kept, solution)), (Kind.REFITTED_FROM_GRID(),)
+        unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood, options, v_s_range)
+        if not unbounded:
+            return kept, solution, likelihood, again
+        dropped |= unbounded
 
 
 def huber(problem: Regression, v_s_range: tuple[float, float], grid: int) -> tuple[Solution, Array]:
@@ -143,6 +170,49 @@ def _student(
     return dict(zip(problem.names, ends, strict=True))
 
 
+def _without_peak(
+    problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
+) -> tuple[dict[Direction, Diagnostic], Solution | None]:
+    """Directions that get no Stribeck term, each with the reason, and the solution with all of them, if it was needed."""
+    if options.model == "coulomb-viscous":
+        return dict.fromkeys(problem.peaks, Kind.NO_STRIBECK_ASKED()), None
+    if problem.torque.size <= len(problem.names):
+        reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
+        return dict.fromkeys(problem.peaks, reason), None
+    solution = solve(problem, v_s_range, options.grid)
+    return ({} if options.model == "stribeck" else _unsupported(problem, solution, options, v_s_range)), solution
+
+
+def _unbounded(
+    problem: Regression,
+    solution: Solution,
+    likelihood: StaticProfiles,
+    options: FitOptions,
+    v_s_range: tuple[float, float],
+) -> dict[Direction, Diagnostic]:
+    """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
+    unbounded = {}
+    for direction, name, v_s in zip(
+        problem.peaks, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1], strict=False
+    ):
+        low, high = likelihood.intervals[name]
+        speeds, why = _speeds(problem, direction), None
+        if low == 0:
+            why = Kind.V_S_DOWN_TO_ZERO(slowest=speeds.min())
+        elif np.isinf(high):
+            why = Kind.V_S_UP_TO_ANY(fastest=speeds.max())
+        elif speeds.min() >= v_s:
+            why = Kind.NONE_BELOW_V_S(slowest=speeds.min(), v_s=v_s)
+        if why is not None:
+            unbounded[direction] = _refused(direction, why, options, v_s_range)
+    return unbounded
+
+
+def _refused(direction: Direction, why: Diagnostic, options: FitOptions, v_s_range: tuple[float, float]) -> Diagnostic:
+    asked = "" if options.v_s_range is None else Kind.RANGE_ASKED(low=v_s_range[0], high=v_s_range[1])
+    return Kind.NO_STRIBECK(direction=direction, why=why, asked=asked)
+
+
 def _unsupported(
     problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
 ) -> dict[Direction, Diagnostic]:
@@ -167,8 +237,7 @@ def _unsupported(
         elif v_s[k] < UNTOUCHED * slowest:
             why = Kind.ONE_SPEED(v_s=v_s[k], slowest=slowest)
         if why is not None:
-            asked = "" if options.v_s_range is None else Kind.RANGE_ASKED(low=v_s_range[0], high=v_s_range[1])
-            dropped[direction] = Kind.NO_STRIBECK(direction=direction, why=why, asked=asked)
+            dropped[direction] = _refused(direction, why, options, v_s_range)
     return dropped
 
 
@@ -254,12 +323,22 @@ def _estimates(
     return out
 
 
-def _shifts(problem: Regression, jacobian: Array, free: Array) -> dict[ParameterName, dict[str, float]]:
-    """What a standard error of each constant does to each parameter; nothing to those at a bound."""
-    moved = {constant: np.zeros(len(problem.names)) for constant in problem.shifts}
-    for constant, change in problem.shifts.items():
-        moved[constant][free] = first_order(jacobian[:, free], change)
-    return {name: {c: float(by[k]) for c, by in moved.items()} for k, name in enumerate(problem.names)}
+def _shifts(problem: Regression, jacobian: Array, free: Array) -> dict[str, dict[ParameterName, float]]:
+    """What a standard error of each constant does to each parameter that is at no bound."""
+    names = list(compress(problem.names, free))
+    moved = {constant: first_order(jacobian[:, free], change) for constant, change in problem.shifts.items()}
+    return {constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()}
+
+
+def _as_far_as_measured(
+    parameters: Mapping[ParameterName, Estimate], dropped: Mapping[Direction, Diagnostic]
+) -> dict[ParameterName, Estimate]:
+    """alpha_0 and alpha_2 where a Stribeck term is there but not bounded, which they then take up, with that warning."""
+    doubted = {d for d, reason in dropped.items() if getattr(reason.numbers.get("why"), "kind", None) in _THERE}
+    names = [name for name in parameters if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted]
+    return {
+        name: replace(parameters[name], warnings=(*parameters[name].warnings, Kind.TAKES_UP_PEAK())) for name in names
+    }
 
 
 def _outcome(

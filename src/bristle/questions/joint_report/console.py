@@ -63,7 +63,7 @@ def segment_lines(measured: Measured) -> Iterator[str]:
     for recorded, found in zip(measured.runs, measured.segments, strict=True):
         record = recorded.record
         yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
-        yield from (f"    {note}" for note in record.notes)
+        yield from (f"    {note}" for note in (*record.notes, *record.warnings))
         for s in found:
             yield from _segment(s, v, T)
     kept = sum(s.accepted for found in measured.segments for s in found)

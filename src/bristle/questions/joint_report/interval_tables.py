@@ -1,16 +1,16 @@
-"""Every interval three ways - covariance, profile, bootstrap - as one table."""
+"""Every interval three ways - covariance, profile, bootstrap - as one table; and how the runs scatter beside them."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from bristle.identification.fits import Estimate, Uncertainty
+from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
-from bristle.page.columns import shown
-from bristle.page.wording import FITS, span
+from bristle.page.columns import Table, shown
+from bristle.page.wording import FITS, number, span
 
 WAYS = ("covariance", "profile", "bootstrap")
 
@@ -51,6 +51,48 @@ def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
     return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
 
 
+def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit, parameter and run that was fitted apart: its estimate, and the scatter of all of them.
+
+    `before` and `after` are sqrt(chi2_red) before and after widening, `widened` what the standard error is multiplied by.
+    """
+    found = [
+        (joint.name, kind, d, name, file, value, x.before, x.after, x.widened)
+        for joint in joints
+        for kind, d, name, x in _scatter(joint)
+        for file, value in x.by_run.items()
+    ]
+    numbers = ["value", "before", "after", "widened"]
+    columns = ["joint", "fit", "direction", "parameter", "file", *numbers]
+    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(numbers, float))
+
+
+def _scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
+    """Fit, direction and parameter, and how far it scatters over the runs."""
+    for d, static in joint.static.items():
+        yield from (("static", d, name, x) for name, x in static.repeats.items())
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
+        yield from (("presliding", d, name, x) for name, x in slow.repeats.items())
+    for kind, moving in moving_fits(joint).items():
+        yield from ((kind, n.direction, n.name, x) for n, x in moving.repeats.items())
+
+
+def _repeats_shown(joint: Joint) -> Table:
+    """A row per parameter: scatter before and after widening, and the runs' estimates in one cell."""
+    cells = [
+        (
+            FITS.get(kind, kind),
+            str(ParameterName(name, Direction(d))),
+            number(x.before, 3),
+            number(x.after, 3),
+            f"{x.widened:.3g}",
+            ", ".join(number(value) for value in x.by_run.values()),
+        )
+        for kind, d, name, x in _scatter(joint)
+    ]
+    return Table(columns=("fit", "parameter", "before", "after", "error times", "each run"), rows=tuple(cells))
+
+
 def interval_section(joint: Joint) -> dict[str, Any]:
     """What the template names: a table per fit with each interval in one cell, by the fit's name, and which fits have none."""
     columns = ["parameter", "value", *WAYS, "unit", "warnings"]
@@ -63,5 +105,6 @@ def interval_section(joint: Joint) -> dict[str, Any]:
     tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
     return {
         "tables": tables,
+        "repeats": _repeats_shown(joint),
         "missing": [FITS[kind] for kind, fit in moving_fits(joint).items() if not fit.uncertainty],
     }

@@ -25,8 +25,6 @@ _ASYMPTOTE = 1e-3
 """Of g0: how close to it the curves are drawn; they reach it nowhere."""
 _MOST_EDGES = 90
 """Count edges marked in a panel, shared evenly by its loadings; the caption says that there may be more."""
-_FRAME = 5.0
-"""How far from rest the frame reaches, in g0 / sigma_0: beyond, the curves are flat."""
 
 
 def displacement(T: Array, g0: float, sigma_0: float) -> Array:
@@ -103,18 +101,19 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
 
 
 def _fitted(ax: Axes, fit: PreslidingFit) -> None:
-    """y(T) of the methods within the frame of the loadings, and the level at which they slide."""
-    left, right = ax.get_xlim()
-    bend = fit.level / fit.sigma_0.value if fit.sigma_0.value and fit.sigma_0.value > 0 else np.inf
+    """y(T) of the methods up to the displacement that was measured, and the level at which they slide."""
+    measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
     T = fit.level * (1 - np.geomspace(1.0, _ASYMPTOTE, 200))
     for name, (line, colour) in _CURVES.items():
         sigma_0 = getattr(fit, name).value
         if sigma_0 is not None and sigma_0 > 0:
             chosen = " (use this)" if name == fit.recommended else ""
             y = displacement(T, fit.level, sigma_0)
-            ax.plot(y, T, line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
-    ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label="g₀")
-    ax.set_xlim(max(min(left, 0.0), -_FRAME * bend), min(right, _FRAME * bend))
+            inside = y <= measured
+            ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
+    at_least = np.isinf(fit.level_standard_error)
+    label = "g₀, at least" if at_least else "g₀"
+    ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label=label)
 
 
 @styled
@@ -148,9 +147,10 @@ def _loop(ax: Axes, loop: Loop) -> None:
         ("inverse regression", "--", "#0072B2", loop.inverse_slope),
     )
     for name, line, colour, slope in slopes:
-        if np.isfinite(slope) and slope:
-            reach = min(float(np.ptp(y)), float(np.ptp(T)) / abs(slope)) / 2
-            ends = np.array([-reach, reach])
+        if slope is not None and np.isfinite(slope):
+            reach = float(np.ptp(T)) / slope / 2
+            ends = np.array([max(-reach, float(y.min())), min(reach, float(y.max()))])
             ax.plot(ends, level + slope * ends, line, color=colour, linewidth=1.6, label=name)
     corners = [int(T.argmin()), int(T.argmax())]
-    ax.plot(y[corners], loop.torque[corners], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")
+    if loop.secant is not None:
+        ax.plot(y[corners], loop.torque[corners], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")

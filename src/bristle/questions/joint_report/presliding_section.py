@@ -2,15 +2,17 @@
 
 from typing import Any
 
+import pandas as pd
+
 from bristle.diagnostics import Kind
 from bristle.identification.fits import PreslidingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import shown
-from bristle.page.wording import WORK, direction, in_print, measured, pretty, span
+from bristle.page.wording import WORK, direction, in_print, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice, critical, median_breakaway, pair
+from bristle.questions.joint_report.sentences import bias, choice, critical, level, median_breakaway, pair
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -25,7 +27,10 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
             "critical": critical(fit.warnings),
             "estimates": [
                 (name, pair(e), f"{pretty(e.unit)}{note}", span(e.interval))
-                for name, e, note in (("sigma_0", fit.sigma_0, ""), ("sigma_1", fit.sigma_1, " (a prior)"))
+                for name, e, note in (
+                    ("sigma_0", fit.sigma_0, ""),
+                    ("sigma_1", fit.sigma_1, " (assumed damping ratio)"),
+                )
             ],
         }
         for d, fit in (slow.fits if slow else {}).items()
@@ -40,19 +45,53 @@ def presliding_section(joint: Joint) -> dict[str, Any] | None:
         return None
     frame = tables.presliding([joint])
     frame.insert(3, "recommended", frame.pop("recommended"))
-    stiffness, torque = (pretty(unit(name, joint.kind)) for name in ("sigma_0", "torque"))
-    slopes = {"slope": "torque on displacement", "inverse_slope": "inverse regression", "secant": "secant"}
-    units = {name: f"{words} ({stiffness})" for name, words in slopes.items()} | {"loss": f"loss per cycle ({WORK})"}
+    torque = pretty(unit("torque", joint.kind))
     broken = tables.breakaway([joint]).rename(columns={"breakaway": f"torque ({torque})"})
     return {
         "fits": [_slow(joint, fit) for fit in slow.fits.values()],
         "table": shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"])),
         "medians": [(d, in_print(median_breakaway(e))) for d, e in slow.breakaway.items()],
         "breakaway": shown(broken),
-        "hysteresis": shown(tables.hysteresis([joint]).rename(columns=units)),
+        "stiffness_unit": pretty(unit("sigma_0", joint.kind)),
+        "amplitudes": shown(_amplitudes(joint)),
+        "softens": any(warning.kind is Kind.SOFTENS for fit in slow.fits.values() for warning in fit.warnings),
+        "hysteresis": shown(_loops(joint)),
         "loops_left_out": len(slow.loops) - len(loops_drawn(slow.loops)),
         "most_loops": MOST_LOOPS,
     }
+
+
+def _amplitudes(joint: Joint) -> pd.DataFrame:
+    """Stiffness against amplitude, narrow enough for the page: the unit of stiffness stands above it."""
+    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
+    headings = {"torque": f"torque ({torque})", "displacement": f"displacement ({position})", "value": "stiffness"}
+    return tables.stiffness([joint]).drop(columns="sigma_0").rename(columns=headings | {"lugre": "LuGre's own"})
+
+
+def _loops(joint: Joint) -> pd.DataFrame:
+    """Closed cycles, likewise: rows in one column, amplitudes as half of a range."""
+    frame = tables.hysteresis([joint])
+    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
+    rows = [f"{start}\u2013{stop}" for start, stop in zip(frame["start"], frame["stop"], strict=True)]
+    frame = frame.assign(rows=rows)[
+        [
+            "file",
+            "rows",
+            "counts",
+            "torque_amplitude",
+            "displacement_amplitude",
+            "slope",
+            "inverse_slope",
+            "secant",
+            "loss",
+        ]
+    ]
+    headings = {
+        "torque_amplitude": f"\u00b1 torque ({torque})",
+        "displacement_amplitude": f"\u00b1 displacement ({position})",
+    }
+    headings |= {"slope": "regression", "inverse_slope": "inverse", "loss": f"loss per cycle ({WORK})"}
+    return frame.rename(columns=headings)
 
 
 def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
@@ -62,7 +101,7 @@ def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
         "direction": fit.direction,
         "choice": in_print(choice(fit)),
         "bias": in_print(bias(fit, joint.kind)),
-        "level": f"{measured(fit.level, fit.level_standard_error)} {pretty(unit('torque', joint.kind))}",
+        "level": pretty(level(fit, joint.kind)),
         "source": in_print(fit.level_source),
         "crossed": Kind.EDGES_CROSSED(loadings=len(fit.loadings), counts=fit.counts),
         "sigma_1": None if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}",

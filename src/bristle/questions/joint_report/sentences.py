@@ -82,6 +82,13 @@ def choice(fit: PreslidingFit) -> Diagnostic:
     return Kind.FROM_TRANSITIONS() if fit.recommended == "edges" else Kind.FROM_SAMPLES()
 
 
+def level(fit: PreslidingFit, kind: JointKind) -> str:
+    """g0 with its error, or as the lower bound that it is, and its unit."""
+    at_least = math.isinf(fit.level_standard_error)
+    value = measured(fit.level, None if at_least else fit.level_standard_error)
+    return f"{'at least ' * at_least}{value} {unit('torque', kind)}"
+
+
 def median_breakaway(estimate: Estimate) -> Diagnostic:
     """The torque at which half of a direction's loadings slid, with its interval where it has one."""
     ends = "" if estimate.interval is None else Kind.ENDS(ends=span(estimate.interval))

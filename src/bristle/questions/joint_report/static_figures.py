@@ -12,8 +12,9 @@ from scipy.special import stdtrit
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
-from bristle.identification.fits import NORMAL, Profile, StaticFit
+from bristle.identification.fits import Profile, StaticFit
 from bristle.identification.results import Joint
+from bristle.identification.systematic import NORMAL
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
 from bristle.model.parameters import Kind, Lugre, Stribeck, unit
 from bristle.model.vectorize import evaluate

@@ -12,7 +12,7 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.page.wording import WORK
-from bristle.questions.joint_report.interval_tables import uncertainty
+from bristle.questions.joint_report.interval_tables import repeats, uncertainty
 from bristle.questions.joint_report.results_file import declared, estimates, identified
 from bristle.questions.joint_report.sentences import methods
 
@@ -137,15 +137,40 @@ def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
 
 
 def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
-    """One row per closed cycle: where, work lost, secant, slope, inverse slope, counts."""
-    columns = ["joint", "file", "start", "stop", "loss", "secant", "slope", "inverse_slope", "counts"]
+    """One row per closed cycle: where, half the ranges of torque and displacement, work lost, secant, slope, inverse slope, counts."""
+    columns = [
+        "file",
+        "start",
+        "stop",
+        "torque_amplitude",
+        "displacement_amplitude",
+        "loss",
+        "secant",
+        "slope",
+        "inverse_slope",
+        "counts",
+    ]
     rows = [
-        (joint.name, x.file, x.start, x.stop, x.loss, x.secant, x.slope, x.inverse_slope, x.counts)
+        (joint.name, *(getattr(x, name) for name in columns))
         for joint in joints
         if joint.presliding
         for x in joint.presliding.loops
     ]
-    return pd.DataFrame(rows, columns=columns)
+    slopes = ["secant", "slope", "inverse_slope"]
+    return pd.DataFrame(rows, columns=["joint", *columns]).astype(dict.fromkeys(slopes, float))
+
+
+def stiffness(joints: Sequence[Joint]) -> pd.DataFrame:
+    """Stiffness against amplitude: initial and secants of each direction, beside what LuGre's own exponential gives from the initial one on."""
+    columns = ["kind", "torque", "displacement", "value", "standard_error", "lugre", "sigma_0"]
+    rows = [
+        (joint.name, d, *(getattr(x, name) for name in columns))
+        for joint in joints
+        if joint.presliding
+        for d, fit in joint.presliding.fits.items()
+        for x in fit.amplitudes
+    ]
+    return pd.DataFrame(rows, columns=["joint", "direction", *columns]).astype(dict.fromkeys(columns[1:], float))
 
 
 def breakaway(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -302,7 +327,11 @@ def true_value(joints: Sequence[Joint], joint: Any, direction: Any, parameter: A
 def units(joints: Sequence[Joint]) -> pd.DataFrame:
     """The unit of every column that has one, per joint."""
     names = {"velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position"}
-    names |= {"breakaway": "torque", **dict.fromkeys(("secant", "slope", "inverse_slope"), "sigma_0")}
+    names |= {
+        "breakaway": "torque",
+        **dict.fromkeys(("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0"),
+    }
+    names |= {"torque_amplitude": "torque", "displacement": "position", "displacement_amplitude": "position"}
     rows = [(joint.name, column, unit(quantity, joint.kind)) for joint in joints for column, quantity in names.items()]
     rows += [(joint.name, "loss", WORK) for joint in joints]
     return pd.DataFrame(rows, columns=["joint", "column", "unit"])
@@ -311,6 +340,6 @@ def units(joints: Sequence[Joint]) -> pd.DataFrame:
 def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
-    moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty)
-    makers = (*fits, models, presliding, breakaway, hysteresis, *moving, units)
+    moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty, repeats)
+    makers = (*fits, models, presliding, breakaway, stiffness, hysteresis, *moving, units)
     return {maker.__name__: maker(joints) for maker in makers}

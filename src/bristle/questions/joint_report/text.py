@@ -9,7 +9,15 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loop
 from bristle.diagnostics import Diagnostic, Severity
-from bristle.identification.fits import Crosscheck, Estimate, Presliding, PreslidingFit, StaticFit, TrackingFit
+from bristle.identification.fits import (
+    Crosscheck,
+    Estimate,
+    Presliding,
+    PreslidingFit,
+    RunScatter,
+    StaticFit,
+    TrackingFit,
+)
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
@@ -20,6 +28,7 @@ from bristle.questions.joint_report.sentences import (
     biased,
     choice,
     cost_change,
+    level,
     methods,
     reached,
     systematic,
@@ -67,6 +76,7 @@ def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
     yield from _parameters("parameters", fit.parameters)
+    yield from _repeats(fit.repeats)
     yield from _correlations(fit.names, fit.covariance)
     yield from _parameters("without the points that stick and slip", fit.without_stick_slip)
     yield from _other_points(fit)
@@ -105,6 +115,15 @@ def _estimate(e: Estimate) -> str:
     return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}{beside}, 95 %: {interval}"
 
 
+def _repeats(repeats: Mapping[Any, RunScatter]) -> Iterator[str]:
+    """How far the runs scatter, before and after widening, and each run's estimate."""
+    if repeats:
+        yield "    [[scatter of the runs fitted apart, sqrt(chi2_red), before -> after widening]]"
+    for name, x in repeats.items():
+        runs = ", ".join(f"{value:.4g}" for value in x.by_run.values())
+        yield f"      {f'{name}:':<13}{x.before:.2f} -> {x.after:.2f}, {len(x.by_run)} runs: {runs}"
+
+
 def _correlations(names: Sequence[str | ParameterName], covariance: Array) -> Iterator[str]:
     error = np.sqrt(np.diag(covariance))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -138,10 +157,9 @@ def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
 
 
 def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[str]:
-    level = f"{_pair(fit.level, fit.level_standard_error)} {unit('torque', joint.kind)}"
     yield f"  [[presliding {fit.direction}]] {choice(fit)}"
     yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
-    yield f"    {'level g0':<15}= {level}, from {fit.level_source}"
+    yield f"    {'level g0':<15}= {level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
@@ -149,8 +167,20 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Itera
     yield from _parameters(
         "sigma_0", {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
     )
+    yield from _repeats(fit.repeats)
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1})
+    yield from _amplitudes(joint, fit)
     yield from _sentences(fit.warnings)
+
+
+def _amplitudes(joint: Joint, fit: PreslidingFit) -> Iterator[str]:
+    """Stiffness at some amplitudes, and what LuGre gives there."""
+    torque, position, stiffness = (unit(name, joint.kind) for name in ("torque", "position", "sigma_0"))
+    if fit.amplitudes:
+        yield "    [[stiffness vs amplitude]]"
+    for x in fit.amplitudes:
+        where = f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position}"
+        yield f"      {f'{x.kind}:':<13}{_pair(x.value, x.standard_error):<22} {stiffness} {where}; LuGre {_number(x.lugre)}"
 
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
@@ -163,6 +193,7 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
     yield f"    {'starts':<15}= {reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
     yield from _parameters("parameters", fit.parameters)
+    yield from _repeats(fit.repeats)
     yield from _count_bias(fit)
     yield from _correlations(fit.names, fit.covariance)
     yield from _sentences(fit.warnings)
@@ -198,7 +229,9 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
         yield "  [[hysteresis]] Regression of torque on displacement, inverse regression and secant differ because the loop is wide."
     for x in loops:
         slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
-        where = f"{printable(x.file)} rows {x.start}-{x.stop}"
+        torque, position = (unit(name, joint.kind) for name in ("torque", "position"))
+        reach = f"+/-{_number(x.torque_amplitude)} {torque}, +/-{_number(x.displacement_amplitude)} {position}"
+        where = f"{printable(x.file)} rows {x.start}-{x.stop}, {reach}"
         yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
 
 

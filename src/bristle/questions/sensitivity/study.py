@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +14,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.fisher import Information, motion_information, names_of, static_information
+from bristle.identification.moving_runs import REGRESSORS, load_columns
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
@@ -39,7 +41,7 @@ _NOISE = 0.05
 _STEPS = 5
 _UNSEEN = 0.5
 """A parameter with a larger standard error than this share of its value is not identifiable from a measurement."""
-_MAY_BE_ZERO = ("offset", "gravity", "inertia")
+_MAY_BE_ZERO = ("offset", "gravity", "quadratic", "inertia")
 """Identifiable with any finite standard error."""
 
 
@@ -189,10 +191,7 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
     """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
     noise, noise_source = _noise(joint, model.p, motion.period)
     course, fit = motion.course, joint.moving
-    columns = {
-        "inertia": course.acceleration, "offset": np.ones_like(course.velocity),
-        "gravity_sin": np.sin(course.position), "gravity_cos": np.cos(course.position),
-    }  # fmt: skip  # a table
+    columns = load_columns(tuple(REGRESSORS), partial(getattr, course), course.velocity.size)
     values = fit.known if fit is not None else {ParameterName.parse("inertia"): 0.0}
     terms = {ParameterName.parse(name): column for name, column in columns.items()}
     extra = {name: column for name, column in terms.items() if name in (fit.names if fit is not None else values)}

@@ -18,7 +18,8 @@ from scipy.special import fdtrc, stdtr, stdtrit
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.identification.fits import Estimate, statistical
+from bristle.identification.fits import Estimate
+from bristle.identification.systematic import statistical
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.explain import hints, incomparable, sentence, verdict, warnings
 from bristle.questions.session_comparison.results import (

@@ -1,0 +1,352 @@
+"""Whether the signals of a record agree with one another, before anything is fitted to them.
+
+Each check is a function of a record that gives a diagnostic, or None. None of them knows a friction law.
+"""
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data import units
+from bristle.data.differentiation import ORDER, between_gaps, smoothed, usable
+from bristle.data.encoder import smallest_step
+from bristle.data.experiment.schema import FitOptions, RunKind
+from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind, Severity
+
+_SPANS = (1, 4, 16, 64, 256)
+"""Samples over which travel is compared: noise hides a short one, a reversal a long one."""
+_FEWEST = 20
+"""Spans that tell a factor."""
+_FACTOR = 0.05
+"""Velocity and position of one motion differ by less: sampling rates and gears are known better than that."""
+_DEVIATIONS = 4.0
+"""Standard errors by which a factor is surely not one: 6e-5 of clean records."""
+_TOGETHER = 2.0
+"""A factor is told where noise leaves it uncertain by less than this."""
+_UNRELATED = 0.7
+"""Correlation over a span that a velocity and its position have, where neither is mere noise."""
+_UNITS = {
+    "velocity": {
+        "revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"),
+        "prismatic": ("m/s", "mm/s", "cm/s"),
+    },
+    "position": {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", "mm", "cm")},
+}
+_TIMES = ("s", "ms", "us")
+_WHOLE = 0.5
+"""SI: no encoder has a count so large, rad or m."""
+_LEVELS = 20
+"""A signal has more levels than this, or nothing can be said of how often it takes one."""
+_PILED, _NEXT = 4.0, 3
+"""A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
+_CLIPPED = (0.005, 8)
+"""... which is at least this share of its samples, and so many of them."""
+_AROUND = 5
+"""Samples on either side that tell the usual travel of one."""
+_BLOCK = 100
+"""Samples that tell the noise of that."""
+_JUMP = 10.0
+"""Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
+_MISSING = 0.75
+"""Samples' travel; less is none."""
+_REGULAR = 1e-3
+"""Of a sampling interval: time stamps that deviate less were counted, not measured."""
+_LOW = 0.05
+"""Of the inertia: what the noise of an acceleration takes off it."""
+_HARMONICS = 3.0
+"""Times the rate of count edges, below which most of the error of counts lies."""
+_ENDS = 8
+"""Samples in one of the decimated, at each end, in which filters settle."""
+_FINE = 0.01
+"""... and what it should."""
+_NAMED = 4
+"""Places in one sentence."""
+
+
+class Counts(NamedTuple):
+    """The steps of a signal."""
+
+    size: float
+    """rad, or rad/s; 0 where none are seen."""
+    rate: float
+    """How many are passed in a second, on average, Hz."""
+
+
+class TravelRatio(NamedTuple):
+    """Travel of the position over that of the logged velocity."""
+
+    value: float
+    """Geometric mean of the two regressions; negative where they go opposite ways."""
+    low: float
+    """Least abs(value) that the noise of either signal allows."""
+    high: float
+    correlation: float
+
+
+def check_signals(
+    record: Record, kind: RunKind, signals: Signals, context: Context, options: FitOptions
+) -> tuple[Diagnostic, ...]:
+    """What is wrong with the signals of a run, as far as they show it by themselves.
+
+    Args:
+        record: as it is fitted.
+        kind: points have no course over time, and nothing is said of them but of their torque.
+        signals: as declared, for the line to change.
+        context: kind of the joint, and size of a count.
+        options: the filters.
+    """
+    found = [_clipped(record) if kind in {"tracking", "points"} else None]
+    if kind != "points":
+        found += [_velocity_factor(record, signals, context), _lost_samples(record, signals)]
+    if kind == "tracking":
+        found.append(_coarse(record, context, options))
+    return tuple(d for d in found if d is not None)
+
+
+def merged(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """The same, those of one kind and one remedy as one that names all their files, with the numbers of the first."""
+
+    def alike(d: Diagnostic) -> tuple[str, str]:
+        return d.kind.name, str(d.numbers.get("remedy", ""))
+
+    groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
+    together = [d[0].but(files=_shortened([file for x in d for file in x.numbers["files"]])) for d in groups]
+    return tuple(sorted(together, key=lambda d: d.severity is not Severity.CRITICAL))
+
+
+def _shortened(names: list[str]) -> tuple[str, ...]:
+    more = len(names) - _NAMED
+    return tuple(names) if more <= 1 else (*names[:_NAMED], f"and {more} more")
+
+
+def travel_ratio(record: Record) -> TravelRatio | None:
+    """How many times as far the position moves as the integral of the logged velocity.
+
+    Regression of one on the other, over spans of the record, is low by the noise of the regressor and high by that of
+    the other (Fuller, Measurement Error Models, 1987, section 1.1): the truth lies between. None where a signal is
+    missing, the velocity was estimated from the position, or too little moves.
+    """
+    if record.position is None or record.velocity is None or record.velocity_estimated:
+        return None
+    best: TravelRatio | None = None
+    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
+    for span in _SPANS:
+        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
+        moved = np.concatenate([np.diff(record.position[k]) for k in ends])
+        said = np.concatenate([np.diff(area[k]) for k in ends])
+        if moved.size < _FEWEST or not (moved.any() and said.any()):
+            continue
+        across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
+        correlation = across / np.sqrt(moved_2 * said_2)
+        size = max(abs(correlation), 1e-9)
+        value = np.sqrt(moved_2 / said_2)
+        error = np.sqrt(max(1 - size**2, 0.0) / (moved.size - 2)) / size
+        away = size * np.exp(-min(_DEVIATIONS * error, 50.0))
+        found = TravelRatio(float(np.copysign(value, correlation)), value * away, value / away, correlation)
+        if best is None or found.low * best.high > best.low * found.high:
+            best = found
+    return best
+
+
+def _velocity_factor(record: Record, signals: Signals, context: Context) -> Diagnostic | None:
+    ratio = travel_ratio(record)
+    if ratio is None:
+        return None
+    if abs(ratio.correlation) < _UNRELATED:
+        return _unrelated(record, ratio)
+    sure = ratio.high < _TOGETHER * ratio.low
+    if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
+        return None
+    lines = _remedies(signals, context, ratio.value)
+    return Kind.VELOCITY_FACTOR(files=(record.file,), ratio=ratio.value, remedy=" or ".join(lines))
+
+
+def _unrelated(record: Record, ratio: TravelRatio) -> Diagnostic | None:
+    """A velocity that is smooth, and has nothing to do with a position that moves smoothly too: noise is neither."""
+    if record.position is None or record.velocity is None:
+        return None
+    both = (np.diff(record.position[:: _SPANS[2]]), record.velocity[:: _SPANS[2]] - record.velocity.mean())
+    if any(x.size < 2 * _FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+        return None
+    return Kind.VELOCITY_UNRELATED(files=(record.file,), correlation=ratio.correlation)
+
+
+def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
+    """Lines that would make position and velocity agree: units that are this far apart, or else a factor; and a sign."""
+    size = abs(ratio)
+    lines = [] if _near(size, 1.0) else [*_other_units(signals, context, size)] or _factors(signals, size)
+    turned = ["the opposite sign of `scale` under signals.velocity or signals.position"]
+    return [*lines, *(turned if ratio < 0 else [])]
+
+
+def _other_units(signals: Signals, context: Context, size: float) -> Iterator[str]:
+    for name, wanted in (("velocity", size), ("position", 1 / size)):
+        signal: Signal | Position | None = getattr(signals, name)
+        if signal is None or signal.unit.strip().startswith("count"):
+            continue
+        now = signal.factor(name, context)
+        for unit in _UNITS[name][context.kind]:
+            with suppress(ValueError):  # where the scale converts the unit
+                if _near(units.factor(unit, si(name, context), scale=signal.scale) / now, wanted):
+                    yield f"`unit: {unit}` under signals.{name}"
+    if signals.time is not None and signals.time.unit is not None:
+        now = units.factor(signals.time.unit, "s")
+        yield from (f"`unit: {x}` under signals.time" for x in _TIMES if _near(units.factor(x, "s") / now, size))
+
+
+def _factors(signals: Signals, size: float) -> list[str]:
+    rate = None if signals.time is None else signals.time.rate
+    more = [] if rate is None else [f"`rate: {rate / size:.3g} Hz` under signals.time"]
+    return [f"a `scale` of signals.velocity {size:.3g} times as large", *more]
+
+
+def _near(x: float, wanted: float) -> bool:
+    return abs(float(np.log(abs(x) / wanted))) < _FACTOR
+
+
+def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Diagnostic | None:
+    """Positions as logged, (n,), that are whole numbers of a unit in which no encoder counts."""
+    if signal.unit.strip().startswith("count") or abs(signal.factor("position", context)) < _WHOLE:
+        return None
+    seen = logged[np.isfinite(logged)]
+    if not (seen == np.round(seen)).all() or np.unique(seen).size < 3:
+        return None
+    return Kind.WHOLE_POSITIONS(files=(file,), unit=signal.unit)
+
+
+def _clipped(record: Record) -> Diagnostic | None:
+    """A torque that stays exactly at its largest or smallest value; one from a voltage never does."""
+    if record.torque is None or record.voltage is not None:
+        return None
+    levels, counts = np.unique(record.torque, return_counts=True)
+    if levels.size <= _LEVELS:
+        return None
+    padded = np.pad(counts, _NEXT)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
+    windows[:, _NEXT] = 0
+    part, few = _CLIPPED
+    least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
+    piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
+    alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
+    at = [k for k in (0, -1) if piled[k] or (alike and piled[-1 - k])]
+    if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
+        return None
+    share = sum(int(counts[k]) for k in at) / record.torque.size
+    return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
+
+
+def _lost_samples(record: Record, signals: Signals) -> Diagnostic | None:
+    """Steps of the position that are those of several samples, where time was counted and not measured."""
+    if record.position is None or record.time.size < 2 * _BLOCK:
+        return None
+    count = smallest_step(record.position)
+    places = []
+    for s in between_gaps(record):
+        intervals = np.diff(record.time[s])
+        if s.stop - s.start < 2 * _BLOCK or np.ptp(intervals) > _REGULAR * record.step:
+            continue
+        places += [(s.start + k, n) for k, n in _jumps(np.diff(record.position[s]), count)]
+    if not places:
+        return None
+    rate = None if signals.time is None else signals.time.rate
+    rows = [round(float(record.time[k + 1]) * rate) + 1 if rate else int(k) + 2 for k, _ in places]
+    where = f"{'row' if len(rows) == 1 else 'rows'} {', '.join(_shortened(list(map(str, rows))))}"
+    return Kind.LOST_SAMPLES(files=(f"{record.file} {where} (about {sum(n for _, n in places):.1f} samples)",))
+
+
+def _jumps(steps: Array, count: float) -> list[tuple[int, float]]:
+    """Which steps (n,) are longer than those about them by the travel of samples, and of how many."""
+    windows = np.lib.stride_tricks.sliding_window_view(steps, _AROUND)
+    inner = np.arange(_AROUND, steps.size - _AROUND)
+    before, after = np.median(windows[inner - _AROUND], axis=1), np.median(windows[inner + 1], axis=1)
+    usual = np.where(np.abs(before) > np.abs(after), before, after)
+    off = steps[inner] - (before + after) / 2
+    excess = steps[inner] - usual
+    noise = _noise(off)
+    lost = excess * np.sign(usual)
+    found = (before * after > 0) & (lost > _MISSING * np.abs(usual)) & (lost > _JUMP * noise + 2 * count)
+    found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
+    best = [k for k in np.flatnonzero(found) if lost[k] >= lost[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
+    return [(int(inner[k]), float(lost[k] / abs(usual[k]))) for k in best]
+
+
+def _noise(off: Array) -> Array:
+    """Standard deviation of deviations (n,), of the noisiest block about each: from the median of their size."""
+    blocks = np.array_split(np.abs(off), max(off.size // _BLOCK, 1))
+    of_block = np.array([np.median(b) for b in blocks]) / 0.6745
+    padded = np.pad(of_block, 1, mode="edge")
+    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    return np.repeat(widest, [b.size for b in blocks])
+
+
+def _coarse(record: Record, context: Context, options: FitOptions) -> Diagnostic | None:
+    """Counts that make so much acceleration that the inertia is lost in it, as the fit sees both: through its filters."""
+    if record.acceleration is None:
+        return None
+    source, order = (record.position, 2) if record.velocity_estimated else (record.velocity, 1)
+    counts = _counts(source, context.resolution if record.velocity_estimated else None, record)
+    decimated = 0.4 / (record.step * options.decimation)
+    ends = min(_ENDS * options.decimation, record.time.size // 4)
+    seen = smoothed(record, record.acceleration, decimated) if options.decimation > 1 else record.acceleration
+    inner = np.concatenate([seen[s.start + ends : s.stop - ends] for s in between_gaps(record)])
+    acceleration = float(np.std(inner)) if inner.size else 0.0
+    if not counts.size or not acceleration > 0:
+        return None
+
+    def share(cutoff: float) -> float:
+        """Of the acceleration's variance, what is noise with this cut-off: what a regression loses."""
+        return (count_noise(counts, order, record.step, (cutoff, decimated)) / acceleration) ** 2
+
+    cutoff = usable(record, options.position_cutoff)
+    if share(cutoff) < _LOW:
+        return None
+    return Kind.COARSE_ACCELERATION(
+        files=(record.file,),
+        count=counts.size,
+        noise=count_noise(counts, order, record.step, (cutoff, decimated)),
+        acceleration=acceleration,
+        share=min(share(cutoff), 1.0),
+        cutoff=next((c for c in cutoff * 0.8 ** np.arange(1, 40) if share(c) < _FINE), cutoff / 10),
+    )
+
+
+def velocity_noise(record: Record, resolution: float | None, cutoff: float) -> float:
+    """Standard deviation that counts give the velocity of a moving run, rad/s: logged, or from position through `cutoff`, Hz."""
+    if record.velocity_estimated:
+        return count_noise(_counts(record.position, resolution, record), 1, record.step, (cutoff,))
+    return float(_counts(record.velocity, None, record).size / np.sqrt(12))
+
+
+def _counts(values: Array | None, declared: float | None, record: Record) -> Counts:
+    if values is None:
+        return Counts(0.0, np.inf)
+    size = declared or smallest_step(values)
+    travelled = float(np.abs(np.diff(values)).sum()) / float(np.ptp(record.time))
+    return Counts(size, travelled / size if size else np.inf)
+
+
+def count_noise(counts: Counts, order: int, step: float, cutoffs: Iterable[float]) -> float:
+    """Standard deviation that counts give a derivative of this order after zero-phase low passes.
+
+    The error of a count has the variance count**2 / 12 and is white (Widrow and Kollar, Quantization Noise, 2008,
+    chapter 1), or lies below some harmonics of the rate at which edges are crossed, where that is slower than the
+    sampling. Its derivative has (2 pi f)**order times its spectrum, each filter of ORDER 1 / (1 + (f / cutoff)**(2 ORDER)).
+
+    Args:
+        counts: of the position or the velocity.
+        order: of the derivative.
+        step: sampling interval, s.
+        cutoffs: Hz, each of a filter that runs forward and backward.
+    """
+    widest = min(0.5 / step, _HARMONICS * counts.rate)
+    f = np.linspace(0.0, widest, 4001)
+    gain = (2 * np.pi * f) ** order
+    for cutoff in cutoffs:
+        gain = gain / (1 + (f / cutoff) ** (2 * ORDER))
+    return float(counts.size * np.sqrt(np.trapezoid(gain**2, f) / widest / 12)) if widest > 0 else 0.0

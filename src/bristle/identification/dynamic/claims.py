@@ -1,0 +1,128 @@
+"""What moving data can claim.
+
+The Stribeck term where it is significant; sigma_0 and sigma_1 where presliding is resolved, without which they are
+numbers, and not the bristle's.
+"""
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import fdtrc, stdtrit
+
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.linear import inverse_gram
+from bristle.estimation.multistart import MultistartSolution
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
+from bristle.identification.fits import Estimate
+from bristle.model.parameters import Direction, ParameterName
+
+_SAMPLES = 5
+"""In which a motion has to pass the bristle's deflection."""
+_LEVEL = 0.01
+"""Of the tests: of each Stribeck term, and whether the halves of the record agree, over all parameters of bristles together."""
+_BRISTLE = ("sigma_0", "sigma_1")
+
+
+def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:
+    """Why an alpha_1 is not identifiable, by name: an F test of its term at 1 %, to first order; one with a prior stands.
+
+    Without the term v_s means nothing, so that the cost at alpha_1 = 0 is that along alpha_1 with v_s held.
+    """
+    with_prior = {name for prior in problem.priors for name in prior.names}
+    order = {name: k for k, name in enumerate(solution.names)}
+    doubts: dict[ParameterName, Diagnostic] = {}
+    for direction in problem.directions:
+        alpha_1, v_s = problem.key("alpha_1", direction), problem.key("v_s", direction)
+        if alpha_1 not in order or v_s not in order or alpha_1 in with_prior:
+            continue
+        a, b = order[alpha_1], order[v_s]
+        C = solution.covariance
+        held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
+        p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
+        if not p < _LEVEL:
+            doubts[alpha_1] = Kind.UNSEEN_PEAK(percent=100 * p if np.isfinite(p) else 100.0)
+    return doubts
+
+
+def bristle_doubts(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], estimates: Mapping[ParameterName, Estimate]
+) -> dict[ParameterName, Diagnostic]:
+    """Why a sigma_0 or sigma_1 is not identifiable, by name; one that has a prior of its own stands.
+
+    The deflection g0 / sigma_0 has to be larger than an encoder count and to be passed in five samples after a
+    reversal, as a median over those after which it is passed at all; the two halves of the record have to agree on both
+    parameters at 1 %, to first order; and the fit has to have converged.
+    """
+    with_prior = {name for prior in problem.priors for name in prior.names}
+    differ = _halves_differ(problem, solution)
+    doubts: dict[ParameterName, Diagnostic] = {}
+    for direction in problem.directions:
+        names = [problem.key(name, direction) for name in _BRISTLE]
+        reason = _unresolved(problem, solution, direction)
+        for name in names:
+            why = reason or differ.get(name)
+            if why is not None and name in estimates and name not in with_prior:
+                doubts[name] = why
+    return doubts
+
+
+def _unresolved(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction
+) -> Diagnostic | None:
+    known: Values = {**problem.fixed, **solution.values}
+    if not solution.minimum.converged:
+        return Kind.UNSEEN_UNCONVERGED()
+    alpha_0, alpha_1, sigma_0 = (known[problem.key(name, direction)] for name in ("alpha_0", "alpha_1", "sigma_0"))
+    reach = (alpha_0 + alpha_1) / sigma_0
+    if reach < problem.count:
+        return Kind.UNSEEN_BELOW_COUNT(reach=reach, count=problem.count)
+    passed = [samples for side, samples in _passes(problem, reach) if direction in {Direction.BOTH, side}]
+    samples = float(np.median(passed)) if passed else 0.0
+    if not passed:
+        return Kind.UNSEEN_NO_REVERSAL(reach=reach)
+    return Kind.UNSEEN_FAST(samples=samples, least=_SAMPLES) if samples < _SAMPLES else None
+
+
+def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, int]]:
+    """After each reversal the new direction, and in how many samples the joint has moved by `reach` from there, if it does."""
+    for velocity, step in _runs(problem):
+        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * step)])
+        turns = np.flatnonzero(np.diff(np.sign(velocity))) + 1
+        for first, last in pairwise([*turns, velocity.size]):
+            far = np.abs(way[first:last] - way[first]) >= reach
+            if far.any():
+                yield Direction("+" if velocity[first:last].mean() > 0 else "-"), int(np.argmax(far))
+
+
+def _runs(problem: DynamicProblem) -> Iterator[tuple[Array, Array]]:
+    """Velocity, rad/s, (N,), and steps, s, (N - 1,), of each stretch without a gap."""
+    starts = [k for k, m in enumerate(problem.motions) if not m.continues_previous]
+    for first, last in pairwise([*starts, len(problem.motions)]):
+        time, velocity = (
+            np.concatenate([getattr(m, name) for m in problem.motions[first:last]]) for name in ("time", "velocity")
+        )
+        yield velocity, np.diff(time)
+
+
+def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:
+    """The bristle's parameters on which the halves of the equations differ, each half fitted by one step from the whole."""
+    n = sum(m.size for m in problem.motions)
+    J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
+    parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
+    looked_at = {
+        name: k for name, k in parameters.items() if name.name in _BRISTLE and solution.scaled_errors[k] < np.inf
+    }
+    freedom = n / solution.widening**2 - 2 * len(parameters)
+    if freedom < 1 or not looked_at:
+        return {}
+    variance = float(left @ left) / n * solution.widening**2
+    steps, spreads = [], []
+    for rows in (slice(n // 2), slice(n // 2, n)):
+        inverse = inverse_gram(J[rows])
+        steps.append(-inverse @ (J[rows].T @ left[rows]))
+        spreads.append(variance * np.diag(inverse))
+    limit = float(stdtrit(freedom, 1 - _LEVEL / (2 * len(looked_at))))
+    apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
+    return {name: Kind.UNSEEN_HALVES(apart=abs(apart[k])) for name, k in looked_at.items() if abs(apart[k]) > limit}

@@ -1,0 +1,136 @@
+"""What the points of constant velocity cannot tell apart: drift from speed, an offset from friction that differs."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import fdtrc, stdtr
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.fits import StaticFit
+from bristle.identification.measured import Measured
+from bristle.identification.moving_runs import DIRECTIONS
+from bristle.identification.static.points import point_regressors, points_problem
+from bristle.identification.static.strays import refit
+from bristle.model.parameters import unit
+
+_RARE = 5e-4
+"""Of clean experiments, in which a test finds something all the same."""
+_ENOUGH = 5
+"""Points of a direction that show an order, or a drift."""
+_IN_ORDER = 0.9
+"""Rank correlation of speed and order from which they cannot be told apart."""
+
+
+class _Solved(NamedTuple):
+    cost: float
+    values: dict[str, float]
+
+
+def point_warnings(
+    measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]
+) -> Iterator[Diagnostic]:
+    """Warnings about the points of an experiment taken together.
+
+    Args:
+        measured: the runs that the segments were cut from.
+        points: those that are fitted.
+        static: their fits.
+    """
+    records = {run.record.file: run.record for run in measured.runs if run.kind == "ramp" and not run.hold_out}
+    scatter = [fit.rms for fit in static.values() if fit.rms is not None]
+    if scatter:
+        yield from _drift([s for s in points if s.file in records], records, max(scatter))
+    yield from _offset(measured, points)
+
+
+def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Diagnostic]:
+    """Speed that rises or falls with the order of the runs, while the torque drifts within them: a t test of their slopes."""
+    orders = {d: _order([abs(s.velocity) for s in points if s.velocity * sign > 0]) for d, sign in DIRECTIONS.items()}
+    in_order = {d: x for d, x in orders.items() if abs(x) > _IN_ORDER}
+    if not in_order:
+        return
+    slopes, durations = np.array([_slope(records[s.file], s) for s in points]).T
+    weight = durations**3 / np.sum(durations**3)  # the variance of a slope falls with the third power of its length
+    mean = float(weight @ slopes)
+    error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
+    across = abs(mean) * _elapsed(points, durations)
+    if not error or 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) > _RARE or across < 2 * scatter:
+        return
+    first = next(iter(in_order))
+    yield Kind.DRIFT_IN_ORDER(
+        direction=first if len(in_order) == 1 else "both",
+        way="rises" if in_order[first] > 0 else "falls",
+        slope=mean,
+        across=across,
+        share=across / float(np.median(np.abs([s.torque for s in points]))),
+    )
+
+
+def _order(speeds: Sequence[float]) -> float:
+    """Rank correlation of speeds with their order; 0 where there are too few."""
+    if len(speeds) < _ENOUGH:
+        return 0.0
+    return float(np.corrcoef(np.argsort(np.argsort(speeds)), np.arange(len(speeds)))[0, 1])
+
+
+def _slope(record: Record, segment: Segment) -> tuple[float, float]:
+    """Slope of the torque along the motion in a segment, N*m/s, its beginning apart, which may be settling; and its duration, s."""
+    torque = np.zeros(0) if record.torque is None else record.torque
+    part = slice(segment.start + (segment.stop - segment.start) // 3, segment.stop)
+    time = record.time[part] - record.time[part].mean()
+    return float(time @ torque[part] / (time @ time)) * np.sign(segment.velocity), float(np.ptp(time))
+
+
+def _elapsed(points: Sequence[Segment], durations: Array) -> float:
+    """From the first to the last point, s; of several runs, as far as they hold points."""
+    times = [s.time for s in points if s.time is not None]
+    one = len({s.file for s in points}) == 1 and len(times) == len(points)
+    return max(times) - min(times) if one else float(durations.sum())
+
+
+def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:
+    """A difference of the directions, strays apart, that is one constant.
+
+    F tests of one law with an offset: against the same without, and of a law for each direction against it.
+    """
+    experiment = measured.experiment
+    stray = {search.points[k].place for search in measured.searches for k in search.strays}
+    sides = {d: tuple(s for s in points if s.velocity * x > 0 and s.place not in stray) for d, x in DIRECTIONS.items()}
+    if (
+        point_regressors(experiment)
+        or experiment.fit.directions != "separate"
+        or min(map(len, sides.values())) < _ENOUGH
+    ):
+        return
+
+    def solved(chosen: Sequence[Segment], directions: tuple[str, ...], asked: tuple[str, ...] = ()) -> _Solved:
+        """Cost (rounding added) and parameters of the law of some points."""
+        problem = points_problem(chosen, directions, asked)
+        law = refit(problem, experiment.fit.v_s_range)
+        values = {name.name: float(x) for name, x in zip(problem.names, law.theta, strict=True)}
+        return _Solved(law.cost + 1e-20 * float(problem.torque @ problem.torque), values)
+
+    both = [s for side in sides.values() for s in side]
+    plain, shifted = solved(both, ("both",)), solved(both, ("both",), ("offset",))
+    apart = {d: solved(side, (d,)) for d, side in sides.items()}
+    of_each = sum(x.cost for x in apart.values())
+    if _p(plain.cost - shifted.cost, 1, shifted.cost, len(both) - 5) > _RARE:
+        return
+    if _p(shifted.cost - of_each, 3, of_each, len(both) - 8) < _RARE:
+        return
+    yield Kind.OFFSET_OR_FRICTION(
+        offset=shifted.values["offset"],
+        common=shifted.values["alpha_0"],
+        plus=apart["+"].values["alpha_0"],
+        minus=apart["-"].values["alpha_0"],
+        unit=unit("torque", experiment.joint.kind),
+    )
+
+
+def _p(fall: float, parameters: int, cost: float, freedom: int) -> float:
+    """Probability that so many parameters lower a cost by so much by chance."""
+    return float(fdtrc(parameters, freedom, max(fall, 0.0) / parameters / (cost / freedom))) if freedom > 0 else 1.0

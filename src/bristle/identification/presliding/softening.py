@@ -1,0 +1,176 @@
+"""Stiffness against amplitude, and whether it falls by more than LuGre's own exponential makes it fall.
+
+LuGre bends by y = U / sigma_0, U = -g0 log(1 - T / g0): in U it is straight. Here y is a continuous line in U with knots,
+zero at zero, the same for all loadings of a direction, each of which rests somewhere in a count:
+
+    y of loading k = rest_k + f(U),  f(0) = 0,  f(U_j) = y_j at the knots.
+
+The secant stiffness at amplitude T_j is T_j / y_j; LuGre's, from the initial one on, T_j / U_j * U_1 / y_1. Softening is named
+where U / y falls from the first knot to the last by more than chance, counts, torque noise and the error of g0 together.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from bristle.arrays import Array
+from bristle.data.slow_loading import Loading
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.autocorrelation import inflation
+from bristle.identification.fits import AmplitudeStiffness
+from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
+from bristle.model import functions
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import unit
+from bristle.model.vectorize import evaluate
+
+_BLOCKS = 32
+"""Means over so many stretches of each loading stand for its samples where there are no counts."""
+_KNOTS = (3, 6)
+"""At least, for with two a curve is not told from its chords; and at the most."""
+_PER_KNOT = 6
+"""Points above one for each loading, for each knot."""
+_VAGUE = 0.3
+"""Relative standard error of a displacement above which there are fewer knots: a stiffness known no better is none."""
+_SINGULAR = 1e8
+"""Condition above which the points do not determine the line."""
+_CHANCE = 1e-3
+"""A pure LuGre joint is named at most this often."""
+_SMALLEST = 0.05
+"""A fall beyond LuGre's smaller than this is none: viscous torque and filters, which are left out, cause as much."""
+
+
+class _Points(NamedTuple):
+    """What all loadings of a direction show below REACH of g0."""
+
+    y: Array
+    T: Array
+    weight: Array
+    loading: Array
+    """Which one each point is of, (n,)."""
+
+
+class _Bending(NamedTuple):
+    """f at the knots, with its covariance, and degrees of freedom."""
+
+    U: Array
+    y: Array
+    covariance: Array
+    freedom: float
+
+    @property
+    def fall(self) -> float:
+        """Logarithm of U / y at the last knot over that at the first: zero for LuGre."""
+        return float(np.log(self.U[-1] / self.y[-1] * self.y[0] / self.U[0]))
+
+    @property
+    def error(self) -> float:
+        """Of the fall, and of the logarithm of the ratio of the secants."""
+        share = np.zeros(self.y.size)
+        share[[0, -1]] = 1 / self.y[0], -1 / self.y[-1]
+        return float(np.sqrt(share @ self.covariance @ share))
+
+
+def stiffness_by_amplitude(
+    loadings: Sequence[Loading], level: KnownValue, kind: JointKind
+) -> tuple[tuple[AmplitudeStiffness, ...], Diagnostic | None]:
+    """The stiffness of one direction at some amplitudes, the initial one first, and whether it softens beyond LuGre.
+
+    Nothing where the loadings show too few count edges, or too few samples.
+
+    Args:
+        loadings: of one direction.
+        level: its g0; where that is a lower bound LuGre bends most at the bound, and what falls more than that softens.
+        kind: of the joint.
+    """
+    points = _points(loadings, level.value)
+    found = _finest(points, level.value)
+    if found is None:
+        return (), None
+    knots, line = found
+    secant, lugre = knots / line.y, knots / line.U * line.U[0] / line.y[0]
+    rows = tuple(
+        AmplitudeStiffness(kind=name, torque=T, displacement=y, value=x, standard_error=e, lugre=own, sigma_0=bristle)
+        for name, T, y, x, e, own, bristle in zip(
+            ("initial", *["secant"] * (knots.size - 1)), knots.tolist(), line.y.tolist(), secant.tolist(),
+            (secant / line.y * np.sqrt(np.diag(line.covariance))).tolist(), lugre.tolist(), (line.U / line.y).tolist(),
+            strict=True,
+        )
+    )  # fmt: skip  # one row, one line
+    error = float(np.hypot(line.error, _by_level(points, knots, level)))
+    if line.fall > stdtrit(line.freedom, _CHANCE) * error or np.exp(line.fall) > 1 - _SMALLEST:
+        return rows, None
+    ratio = secant[-1] / secant[0]
+    return rows, Kind.SOFTENS(
+        low=knots[0], high=knots[-1], unit=unit("torque", kind),
+        ratio=ratio, error=ratio * line.error, lugre=lugre[-1] / lugre[0], direction=loadings[0].direction,
+    )  # fmt: skip  # a list of values
+
+
+def _by_level(points: _Points, knots: Array, level: KnownValue) -> float:
+    """What the error of g0 adds to that of the fall."""
+    if level.is_bound or not level.standard_error:
+        return 0.0
+    width = min(level.standard_error, 0.1 * level.value)
+    falls = [line.fall for s in (-1, 1) if (line := _line(points, knots, level.value + s * width)) is not None]
+    return abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
+
+
+def _points(loadings: Sequence[Loading], g0: float) -> _Points:
+    """Count edges, or means over stretches of samples where there are no counts."""
+    rows = []
+    for k, loading in enumerate(loadings):
+        piece = of_loading(loading, g0)
+        if loading.quantum > 0:
+            y, U, weight = piece.edge_y, piece.edge_U, piece.weight
+        else:
+            stretches = np.linspace(0, piece.y.size, min(_BLOCKS, piece.y.size) + 1).astype(int)[:-1]
+            y, U = (
+                np.add.reduceat(x, stretches) / np.diff([*stretches, x.size]) if x.size else x
+                for x in (piece.y, piece.U)
+            )
+            weight = np.exp(-2 * np.maximum(U, 0.0) / g0)
+        rows.append([y, -g0 * np.expm1(-U / g0), weight, np.full(y.size, k)])
+    return _Points(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+
+
+def _finest(points: _Points, g0: float) -> tuple[Array, _Bending] | None:
+    """Even knots, and f at them: as many as the points determine, each with some of them before it."""
+    most = float(points.T.max(initial=0.0))
+    for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
+        knots = most * np.arange(1, count + 1) / count
+        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= _PER_KNOT // 2).all():
+            line = _line(points, knots, g0)
+            if line is not None and (np.sqrt(np.diag(line.covariance)) < _VAGUE * line.y).all():
+                return knots, line
+    return None
+
+
+def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
+    """The line f by weighted least squares; None where the points do not determine it."""
+    U, at = (
+        evaluate(functions.loading_displacement_function(), np.minimum(T, LIMIT * g0), g0, 1.0)[0]
+        for T in (points.T, knots)
+    )
+    columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
+    centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
+    y, A = centred[:, 0], centred[:, 1:]
+    scale = np.linalg.norm(A, axis=0)
+    if (scale == 0).any() or np.linalg.cond(A / scale) > _SINGULAR or y.size <= used + at.size:
+        return None
+    inverse = np.linalg.pinv(A)
+    found = inverse @ y
+    rest = y - A @ found
+    correlated = inflation(rest)
+    freedom = max(y.size / correlated - used - at.size, 1.0)
+    variance = float(rest @ rest) / (y.size - used - at.size) * correlated
+    return _Bending(at, found, variance * inverse @ inverse.T, freedom)
+
+
+def _within_loadings(columns: Array, points: _Points) -> tuple[Array, int]:
+    """Each column, (n, k), about the weighted mean of each loading, times the root of the weight; and how many loadings."""
+    member = points.loading[:, None] == np.unique(points.loading)
+    mean = (member * points.weight[:, None]).T @ columns / (points.weight @ member)[:, None]
+    return np.sqrt(points.weight)[:, None] * (columns - member @ mean), member.shape[1]

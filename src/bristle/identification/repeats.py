@@ -1,0 +1,245 @@
+"""Several runs of one kind: each is fitted apart as well, and their scatter is held against the intervals.
+
+Of one parameter, with estimates x_i and standard errors s_i from the k runs that show it,
+
+    chi2_red = sum over i of ((x_i - m) / s_i)**2 / (k - 1),    m the mean weighted by 1 / s_i**2,
+
+is one where runs differ by no more than the s_i say. Of all parameters that every run shows, with covariances C_i,
+
+    Q = sum over i of (x_i - m)' C_i**-1 (x_i - m),    m their weighted mean.
+
+Where chi2_red is significant at 1 %, or Q is and chi2_red is above one, the standard error of the fit of all runs is
+at least that of m times the root of chi2_red (Birge, Phys. Rev. 40, 1932), and at least the one by the scatter itself:
+the fit of all runs is near m, to which run i adds A_i x_i with A_i = (sum of C_j**-1)**-1 C_i**-1, so that its
+covariance is k / (k - 1) sum of A_i (x_i - m) (x_i - m)' A_i'; what differs in one parameter then moves others too.
+Student's t has k - 1 degrees of freedom. What runs leave of one another in the residuals of their common fit may have
+widened its error already. Q sees a scatter of all parameters that is too small to be seen in one of them with few runs.
+Errors that are known by few degrees of freedom themselves make both tests F tests.
+"""
+
+from collections.abc import Callable, Container, Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from scipy.special import fdtrc
+
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.covariance import student
+from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
+from bristle.model.parameters import ParameterName, least_of
+
+Key = TypeVar("Key", bound=Hashable)
+Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
+SIGNIFICANT = 0.01
+_ROUNDING = 1e-6
+"""Relative differences below this are those of two computations."""
+
+
+class RunFit(NamedTuple, Generic[Key]):
+    """What one run alone says of the parameters that it shows."""
+
+    file: str
+    names: tuple[Key, ...]
+    values: Array
+    """Estimates, in their units, (p,)."""
+    covariance: Array
+    """Of these, (p, p)."""
+    freedom: float
+    """Degrees of freedom behind the covariance."""
+
+
+def scatter_of(
+    runs: Sequence[RunFit[Key]],
+    of_all: Mapping[Key, Estimate],
+    freedom: float,
+    logarithmic: Container[Key] = (),
+) -> dict[Key, RunScatter]:
+    """Each parameter's scatter over the runs that show it, where at least two do.
+
+    Args:
+        runs: each fitted apart.
+        of_all: the estimates from all runs at once.
+        freedom: degrees of freedom of their intervals.
+        logarithmic: parameters whose logarithms are compared, not they themselves.
+    """
+    found, compared = {}, [_compared(run, logarithmic) for run in runs]
+    apart, errors = _together(compared)
+    for name in dict.fromkeys(name for run in runs for name in run.names):
+        own = [_compared(run, (), (name,)) for run in compared if name in run.names]
+        if len(own) < 2:
+            continue
+        p, chi2 = _differ(own)[:2]
+        before, after, factor, stretched = float(np.sqrt(chi2)), float(np.sqrt(chi2)), 1.0, 1.0
+        e = of_all[name]
+        if (p < SIGNIFICANT or apart) and chi2 > 1 and e.value is not None and e.standard_error:
+            mean_error = before * sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
+            own_error = e.standard_error / (e.value if name in logarithmic else 1.0)
+            after, factor = 1.0, max(mean_error, errors.get(name, 0.0)) / own_error
+            stretched = factor * student(min(len(own) - 1, freedom)) / student(freedom)
+        values = {run.file: float(run.values[run.names.index(name)]) for run in runs if name in run.names}
+        found[name] = RunScatter(
+            before=before, after=after, widened=max(factor, 1.0), stretched=max(stretched, 1.0), by_run=values
+        )
+    return found
+
+
+def _compared(run: RunFit[Key], logarithmic: Container[Key], names: Sequence[Key] | None = None) -> RunFit[Key]:
+    """The run with these parameters alone, and logarithms where they are compared; errors no smaller than rounding."""
+    names = run.names if names is None else tuple(names)
+    keep = [run.names.index(name) for name in names]
+    x, C = run.values[keep], run.covariance[np.ix_(keep, keep)]
+    as_logarithm = np.array([name in logarithmic for name in names], dtype=bool)
+    slope = np.where(as_logarithm, x, 1.0)
+    x = np.where(as_logarithm, np.log(np.where(as_logarithm, x, 1.0)), x)
+    C = C / np.outer(slope, slope) + np.diag((_ROUNDING * np.where(as_logarithm, 1.0, x)) ** 2)
+    return run._replace(names=names, values=x, covariance=C)
+
+
+def _together(runs: Sequence[RunFit[Key]]) -> tuple[bool, dict[Key, float]]:
+    """Whether the runs differ significantly in the parameters that all of them show; and errors of these by that."""
+    common = [name for name in runs[0].names if all(name in run.names for run in runs)] if len(runs) > 1 else []
+    if not common:
+        return False, {}
+    p, _, errors = _differ([_compared(run, (), common) for run in runs])
+    return p < SIGNIFICANT, dict(zip(common, errors.tolist(), strict=True))
+
+
+def _differ(runs: Sequence[RunFit[Key]]) -> tuple[float, float, Array]:
+    """Of runs that show the same parameters: probability of their scatter by chance, chi2_red, and errors by it, (p,)."""
+    size, count = np.sqrt(runs[0].covariance.diagonal()), len(runs)
+    x = np.array([run.values / size for run in runs])
+    weights = np.array([np.linalg.pinv(run.covariance / np.outer(size, size), hermitian=True) for run in runs])
+    inner = np.linalg.pinv(weights.sum(axis=0), hermitian=True)
+    off = x - inner @ np.einsum("kpq,kq->p", weights, x)
+    freedom = size.size * (count - 1)
+    chi2 = float(np.einsum("kp,kpq,kq->", off, weights, off)) / freedom
+    moves = np.einsum("pq,kqr,kr->kp", inner, weights, off)
+    errors: Array = size * np.sqrt(count / (count - 1) * np.einsum("kp,kp->p", moves, moves))
+    return float(fdtrc(freedom, sum(run.freedom for run in runs), chi2)), chi2, errors
+
+
+def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Container[str] = ()) -> Fitted:
+    """The fit of all runs with its errors and intervals widened as they scatter, and a caution that says so.
+
+    Args:
+        fit: of all runs.
+        scatter: by the names of its parameters.
+        logarithmic: bare names of the parameters whose intervals are spread as logarithms.
+    """
+    parameters, three = dict(fit.parameters), dict(fit.uncertainty)
+    for name, x in scatter.items():
+        e: Estimate = fit.parameters[name]
+        if x.stretched > 1 and e.value is not None:
+            bare = getattr(name, "name", name)
+            spread = spreader(e.value, x.stretched, bare, logarithmic=bare in logarithmic)
+            parameters[name] = wider_estimate(e, x, spread)
+            if name in three:
+                three[name] = wider_three(three[name], spread)
+    factor = np.array([scatter[name].widened if name in scatter else 1.0 for name in fit.names])
+    return replace(
+        fit,
+        parameters=parameters,
+        uncertainty=three,
+        covariance=fit.covariance * np.outer(factor, factor),
+        repeats=dict(scatter),
+    )
+
+
+Spread = Callable[[Array], Array]
+
+
+def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = False) -> Spread:
+    """What spreads the ends of intervals about an estimate by a factor, (k,) -> (k,).
+
+    An open end stays open, and none leaves what the parameter may be.
+    """
+    least = least_of(bare)
+
+    def spread(ends: Array) -> Array:
+        """The ends, spread."""
+        if logarithmic and value > 0:
+            return np.asarray(value * (np.maximum(ends, 0.0) / value) ** factor)
+        return np.maximum(value + (ends - value) * factor, least)
+
+    return spread
+
+
+def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
+    """The estimate with its error and interval as the runs scatter, and the caution."""
+    runs = len(x.by_run)
+    why = Kind.RUNS_SCATTER(
+        runs=runs, scatter=x.before, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run)
+    )
+    return replace(
+        e,
+        standard_error=None if e.standard_error is None else e.standard_error * x.widened,
+        interval=_spread_pair(e.interval, spread),
+        warnings=(*_spread_warnings(e.warnings, spread), why),
+    )
+
+
+def _farthest(by_run: Mapping[str, float]) -> str:
+    """The run farthest from the median."""
+    middle = float(np.median(list(by_run.values())))
+    return max(by_run, key=lambda file: abs(by_run[file] - middle))
+
+
+def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:
+    """The intervals by all ways, each spread alike."""
+    return replace(
+        three,
+        covariance=_spread_pair(three.covariance, spread),
+        profile=_spread_pair(three.profile, spread),
+        bootstrap=_spread_pair(three.bootstrap, spread),
+        curve=np.stack([spread(three.curve[0]), three.curve[1]]),
+        draws=spread(three.draws),
+        warnings=_spread_warnings(three.warnings, spread),
+    )
+
+
+def _spread_pair(ends: tuple[float, float] | None, spread: Spread) -> tuple[float, float] | None:
+    if ends is None:
+        return None
+    low, high = spread(np.array(ends)).tolist()
+    return low, high
+
+
+def _spread_warnings(warnings: Sequence[Diagnostic], spread: Spread) -> tuple[Diagnostic, ...]:
+    """Warnings that name the ends of intervals name them as they are spread."""
+    return tuple(
+        w.but(ends=tuple((way, *spread(np.array(ends)).tolist()) for way, *ends in w.numbers["ends"]))
+        if w.kind is Kind.INTERVALS_DIFFER
+        else w
+        for w in warnings
+    )
+
+
+def less(x: RunScatter, widened_by: float) -> RunScatter:
+    """The scatter where it widens the standard error by no more than this, for other things determine it as well."""
+    share = (min(widened_by, x.widened) - 1) / (x.widened - 1) if x.widened > 1 else 1.0
+    return replace(x, widened=1 + share * (x.widened - 1), stretched=1 + share * (x.stretched - 1))
+
+
+def with_priors_beside(
+    scatter: Mapping[ParameterName, RunScatter], alone: TrackingFit, joint: TrackingFit
+) -> dict[ParameterName, RunScatter]:
+    """How much the scatter of the runs widens a fit in which priors stand beside them.
+
+    With C_a the covariance of the runs alone and F the factors that widen it, the runs move the joint estimate by W =
+    C_j C_a**-1 of what they move their own, and C_j becomes C_j + W (F C_a F - C_a) W'.
+    """
+    seen = [
+        {name for name, x in zip(fit.names, fit.covariance.diagonal(), strict=True) if x > 0} for fit in (alone, joint)
+    ]
+    names = [name for name in joint.names if name in seen[0] & seen[1]]
+    rows, own = ([fit.names.index(name) for name in names] for fit in (joint, alone))
+    C_j, C_a = joint.covariance[np.ix_(rows, rows)], alone.covariance[np.ix_(own, own)]
+    size = np.sqrt(C_a.diagonal())
+    inverse = np.linalg.pinv(C_a / np.outer(size, size), hermitian=True) / np.outer(size, size)
+    factor = np.array([scatter[name].widened if name in scatter else 1.0 for name in names])
+    W = C_j @ inverse
+    more = W @ (C_a * (np.outer(factor, factor) - 1)) @ W.T
+    wider = np.sqrt(np.maximum(1 + more.diagonal() / C_j.diagonal(), 1.0)).tolist()
+    return {name: less(scatter[name], one) for name, one in zip(names, wider, strict=True) if name in scatter}

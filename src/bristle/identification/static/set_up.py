@@ -1,0 +1,206 @@
+"""Whether another set-up of the fit would explain the data clearly better: regressors and directions, each tried on parts that are held out in turn.
+
+Friction without a bristle, with columns at a few v_s in place of the Stribeck term: linear, so every choice costs one
+small solve.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.load import Experiment
+from bristle.data.record import Record
+from bristle.diagnostics import Kind
+from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.moving_runs import DIRECTIONS, LOADS, REGRESSORS, directions, inertia, regressors
+from bristle.identification.static.points import point_regressors, points_problem
+from bristle.identification.static.problem import Regression, from_records
+
+_PARTS = 5
+"""Held out in turn; ..."""
+_BLOCKS = 25
+"""... of moving runs each is every fifth of so many stretches, so that none is a motion that the others do not hold."""
+_BENT = (0.03, 0.1, 0.3)
+"""Shares of the fastest speed: v_s of the columns that stand in for the Stribeck term."""
+_GAIN = 0.9
+"""Of the error before: one more term has to bring it below that, and be better in all parts but one."""
+_CLEARLY = 0.75
+"""The same of all terms together."""
+_SPARE = 2
+"""Equations per column, at the least."""
+_RANK = 1e-10
+"""Of the largest eigenvalue: what is below is not told apart."""
+
+
+F = TypeVar("F", StaticFit, TrackingFit)
+
+
+@dataclass(frozen=True, slots=True)
+class SetUp:
+    """What a fit takes beside Coulomb, viscous and Stribeck friction."""
+
+    directions: tuple[str, ...]
+    """`both`, or each that was measured."""
+    regressors: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BetterSetUp:
+    """A set-up that explains the data clearly better than the one asked for."""
+
+    asked: SetUp
+    set_up: SetUp
+    asked_error: float
+    """100 * norm(error) / norm(measured torque) on the parts held out, percent, as asked for."""
+    error: float
+    """The same with this set-up."""
+
+    def warned(self, fit: F) -> F:
+        """The fit, with the lines to change and what they would bring where that is clearly less than it leaves."""
+        if fit.relative_error is None or self.error > _CLEARLY * fit.relative_error:
+            return fit
+        pays = Kind.SET_UP_PAYS(lines=self.lines, asked=self.asked_error, error=self.error)
+        if any(warning.kind is Kind.UNEXPLAINED for warning in fit.warnings):
+            advised = (w.but(advice=(pays,)) if w.kind is Kind.UNEXPLAINED else w for w in fit.warnings)
+            return replace(fit, warnings=tuple(advised))
+        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *fit.warnings))
+
+    @property
+    def lines(self) -> str:
+        """What to write under `fit`, on one line."""
+        apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
+        return f"{apart}regressors: [{', '.join(name for name in REGRESSORS if name in self.set_up.regressors)}]"
+
+
+def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
+    """A clearly better set-up of moving runs than the one asked for; None where there is none.
+
+    Parts held out are stretches. Raises InputError as the fit of moving runs does.
+    """
+    fixed, _ = inertia(experiment)
+    has = {
+        name for name in ("position", "velocity", "acceleration") if all(getattr(r, name) is not None for r in records)
+    }
+    possible = [
+        name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
+    ]
+
+    def pose(sides: tuple[str, ...]) -> Regression:
+        """All that is possible, at once."""
+        return from_records(records, sides, possible, experiment.fit.decimation, fixed)[0]
+
+    def part(n: int) -> NDArray[np.int_]:
+        """The part of each equation, (n,)."""
+        return np.arange(n) * _BLOCKS // n % _PARTS
+
+    return _better(SetUp(directions(experiment, records), regressors(experiment)), possible, pose, part)
+
+
+def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
+    """The same of points at constant velocity; a part is every fifth of them in the order of speed."""
+    ordered = sorted(points, key=lambda s: s.velocity)
+    sides = tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
+    located = ["gravity"] if all(s.position is not None for s in points) else []
+    possible = ["offset", *located, "quadratic"]
+
+    def pose(sides: tuple[str, ...]) -> Regression:
+        """All that is possible, at once."""
+        return points_problem(ordered, sides, possible)
+
+    def part(n: int) -> NDArray[np.int_]:
+        """The part of each point, (n,)."""
+        return np.arange(n) % _PARTS
+
+    asked = SetUp(sides if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment))
+    return _better(asked, possible, pose, part)
+
+
+def _better(
+    asked: SetUp,
+    possible: Sequence[str],
+    pose: Callable[[tuple[str, ...]], Regression],
+    part: Callable[[int], NDArray[np.int_]],
+) -> BetterSetUp | None:
+    """Term by term, the one that brings most, while it brings enough."""
+    products = cache(lambda sides: _products(pose(sides), part))
+
+    def errors_of(set_up: SetUp) -> Array | None:
+        """Of each part, (k,)."""
+        return products(set_up.directions).errors(set_up.regressors)
+
+    first = now = errors_of(asked)
+    if now is None or first is None:
+        return None
+    best = asked
+    while True:
+        tried = [(errors, more) for more in _one_more(best, possible) if (errors := errors_of(more)) is not None]
+        if not tried:
+            break
+        errors, more = min(tried, key=lambda x: float(np.linalg.norm(x[0])))
+        pays = np.linalg.norm(errors) < _GAIN * np.linalg.norm(now) and np.count_nonzero(errors < now) >= _PARTS - 1
+        if not pays:
+            break
+        now, best = errors, more
+    before, after = float(np.linalg.norm(first)), float(np.linalg.norm(now))
+    return BetterSetUp(asked, best, before, after) if after < _CLEARLY * before else None
+
+
+def _one_more(set_up: SetUp, possible: Sequence[str]) -> Iterator[SetUp]:
+    both = set_up.directions == ("both",)
+    for name in possible:
+        if name not in set_up.regressors and (name != "offset" or both):
+            yield SetUp(set_up.directions, (*set_up.regressors, name))
+    if both:
+        yield SetUp(tuple(DIRECTIONS), tuple(name for name in set_up.regressors if name != "offset"))
+
+
+class _Products(NamedTuple):
+    """What predicting parts of the equations from the rest takes: sums over each of k parts, columns of unit length."""
+
+    names: list[str]
+    """The parameter of each column, empty where it is friction's, (p,)."""
+    gram: Array
+    """(k, p, p)."""
+    moment: Array
+    """Columns times torque, (k, p)."""
+    power: Array
+    """Torque squared, (k,)."""
+    norm: float
+    """Of the measured torque."""
+    n: int
+
+    def errors(self, regressors: Sequence[str]) -> Array | None:
+        """Relative error of each part, percent of the whole torque, (k,); None where there are too few equations."""
+        wanted = {name for regressor in regressors for name in REGRESSORS[regressor].names}
+        keep = [k for k, name in enumerate(self.names) if name in wanted or not name]
+        if self.n < _SPARE * len(keep) or not self.norm:
+            return None
+        G, b = self.gram[:, keep][:, :, keep], self.moment[:, keep]
+        rest = np.linalg.pinv(G.sum(axis=0) - G, rcond=_RANK, hermitian=True)
+        theta = np.einsum("kpq,kq->kp", rest, b.sum(axis=0) - b)
+        left = self.power - 2 * np.einsum("kp,kp->k", theta, b) + np.einsum("kp,kpq,kq->k", theta, G, theta)
+        errors: Array = 100 * np.sqrt(np.maximum(left, 0.0)) / self.norm
+        return errors
+
+
+def _products(problem: Regression, part: Callable[[int], NDArray[np.int_]]) -> _Products:
+    v_s = np.array(_BENT) * float(np.abs(problem.velocity).max())
+    bent = [problem.shapes(v_s, k) for k in range(len(problem.peaks))]
+    X, y = np.concatenate([problem.linear, *bent], axis=1), problem.torque
+    X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    names = [name.name if name.name in LOADS else "" for name in problem.linear_names]
+    parts = [part(y.size) == k for k in range(_PARTS)]
+    return _Products(
+        names=names + [""] * (X.shape[1] - len(names)),
+        gram=np.array([X[m].T @ X[m] for m in parts]),
+        moment=np.array([X[m].T @ y[m] for m in parts]),
+        power=np.array([y[m] @ y[m] for m in parts]),
+        norm=float(np.linalg.norm(problem.measured)),
+        n=y.size,
+    )

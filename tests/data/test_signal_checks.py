@@ -1,0 +1,311 @@
+"""A fault put into a simulated record is named with the right factor and the line to change; a clean record is left alone."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Thresholds, find_segments
+from bristle.data.differentiation import estimate_motion, smoothed
+from bristle.data.experiment.load import load_experiment, read_runs
+from bristle.data.experiment.schema import FitOptions, RunKind
+from bristle.data.experiment.signals import Context, Signals
+from bristle.data.record import Record
+from bristle.data.signal_checks import Counts, check_signals, count_noise, merged, travel_ratio
+from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.model.functions import steady_torque_function
+from bristle.model.vectorize import evaluate
+
+RATE = 500.0
+
+
+def signals(**more: Any) -> Signals:
+    """Position, velocity and torque in SI, at a declared rate."""
+    given = {
+        "time": {"rate": RATE},
+        "position": {"column": 0, "unit": "rad"},
+        "velocity": {"column": 1, "unit": "rad/s"},
+        "torque": {"column": 2, "unit": "N*m"},
+    }
+    return Signals.model_validate(given | more)
+
+
+def moving(seed: int, kind: str = "sines", *, logged: bool = True, duration: float = 8.0) -> tuple[Record, Array]:
+    """A clean run of a joint with friction (9) and inertia, of any size: an encoder, noise on velocity and torque; and its true velocity."""
+    rng = np.random.default_rng(seed)
+    t, scale = np.arange(int(duration * RATE)) / RATE, 10 ** rng.uniform(-1, 1.3)
+    if kind == "sines":
+        f, phase, size = rng.uniform(0.1, 2, 3), rng.uniform(0, 6, 3), rng.uniform(0.3, 1, 3)
+        v = scale * sum(a * np.sin(2 * np.pi * w * t + p) for a, w, p in zip(size, f, phase, strict=True)) / 2
+    elif kind == "trapezia":
+        v = scale * np.clip(3 * np.sin(2 * np.pi * t / rng.uniform(1, 3)), -1, 1)
+    else:
+        steps = scale * np.geomspace(0.02, 1, 8) * np.tile([1, -1], 4)
+        v = np.convolve(np.repeat(steps, t.size // 8), np.ones(51) / 51, "same")
+    count, noise = scale * 10 ** rng.uniform(-5, -4), rng.standard_normal((2, t.size))
+    q = np.round((np.cumsum(v) / RATE + rng.uniform(0, count)) / count) * count
+    (friction,) = evaluate(steady_torque_function(), v, 1.0, rng.uniform(0, 1), 0.5 / scale, 0.1 * scale)
+    torque = friction + rng.uniform(0.01, 0.2) / scale * np.gradient(v, 1 / RATE) + 10 ** rng.uniform(-3, -1) * noise[0]
+    own = v + scale * 10 ** rng.uniform(-4, -2) * noise[1] if logged else None
+    return Record(file="run.csv", time=t, position=q, velocity=own, torque=torque), v
+
+
+def checked(record: Record, kind: RunKind = "tracking", cutoff: float = 100.0, **more: Any) -> tuple[Diagnostic, ...]:
+    """What is said of a record that is read as declared."""
+    given_signals = signals(**more) if record.velocity is not None else signals(velocity=None, **more)
+    return check_signals(
+        estimate_motion(record, cutoff), kind, given_signals, Context(), FitOptions(position_cutoff=cutoff)
+    )
+
+
+@pytest.mark.parametrize("kind", ["sines", "trapezia", "ramps"])
+def test_clean_records_are_left_alone(kind: str) -> None:
+    """Of a hundred clean records of each motion, with and without a logged velocity, at most one has any warning."""
+    found = [
+        d
+        for seed in range(100)
+        for d in checked(moving(seed, kind, logged=seed % 3 > 0)[0], "ramp" if seed % 2 else "tracking")
+    ]
+    assert len(found) <= 1, Counter(d.kind for d in found)
+
+
+@pytest.mark.parametrize("kind", ["tracking", "ramp", "presliding"])
+@pytest.mark.parametrize(
+    ("factor", "line"),
+    [
+        (180 / np.pi, "`unit: deg/s` under signals.velocity"),
+        (np.pi / 180, "`unit: deg` under signals.position"),
+        (30 / np.pi, "`unit: rpm` under signals.velocity"),
+        (1.2, "`scale` of signals.velocity 0.83"),
+        (0.5, "`rate: 250 Hz`"),
+        (-1.0, "opposite sign"),
+        (-180 / np.pi, "opposite sign"),
+    ],
+)
+def test_a_velocity_that_is_not_that_of_the_position(kind: RunKind, factor: float, line: str) -> None:
+    """A logged velocity that is off by a factor is critical in every kind of run, fast or slow: the factor to 2 %, and the line that mends it."""
+    for seed in range(5):
+        record, _ = moving(seed, "sines" if kind == "tracking" else "ramps")
+        assert record.velocity is not None
+        (found,) = checked(replace(record, velocity=factor * record.velocity), kind)
+        assert found.kind is Kind.VELOCITY_FACTOR
+        assert found.severity is Severity.CRITICAL
+        assert found.numbers["ratio"] == pytest.approx(1 / factor, rel=0.02)
+        assert line in str(found)
+        assert "`unit: rad/s`" not in str(found)  # which is what was declared
+
+
+def test_the_line_follows_what_was_declared() -> None:
+    """A unit is proposed where it, in place of the declared one and times its scale, makes the two agree."""
+    record, _ = moving(3)
+    assert record.velocity is not None
+    (found,) = checked(
+        replace(record, velocity=record.velocity * np.pi / 180), velocity={"column": 1, "unit": "deg/s", "scale": 2}
+    )
+    assert "`unit: rad/s` under signals.velocity" in str(found)
+    slow = replace(record, time=record.time * 1e-3)
+    (found,) = checked(slow, cutoff=1e5, time={"column": "t", "unit": "ms"})
+    assert found.numbers["ratio"] == pytest.approx(1e3, rel=0.02)
+    assert "`unit: s` under signals.time" in str(found)
+
+
+def test_a_velocity_of_something_else() -> None:
+    """A smooth velocity that has nothing to do with the position is critical; noise about a joint at rest is not."""
+    for seed in range(5):
+        record, _ = moving(seed)
+        other, _ = moving(seed + 100)
+        (found,) = checked(replace(record, velocity=other.velocity), "ramp")
+        assert found.kind in {Kind.VELOCITY_UNRELATED, Kind.VELOCITY_FACTOR}
+        noise = np.random.default_rng(seed).standard_normal((2, record.time.size))
+        assert checked(replace(record, position=1e-4 * noise[0], velocity=1e-2 * noise[1]), "ramp") == ()
+
+
+def test_signals_at_right_angles_have_no_ratio() -> None:
+    """A velocity that is the position itself goes neither with it nor against it: no factor is said, and nothing divides by zero."""
+    time = np.arange(4000.0) / RATE
+    position = np.sin(2 * np.pi * time)
+    record = Record(file="run.csv", time=time, position=position, velocity=position, torque=np.cos(time))
+    found = travel_ratio(record)
+    assert found is not None
+    assert found.low < 1e-3
+    assert found.high > 1e3
+    assert [d.kind for d in checked(record, "ramp")] == [Kind.VELOCITY_UNRELATED]
+
+
+def test_the_ratio_is_bracketed_in_spite_of_noise() -> None:
+    """With noise as large as the velocity itself, the truth lies between the two regressions."""
+    for seed in range(20):
+        record, v = moving(seed)
+        noise = np.std(v) * np.random.default_rng(seed).standard_normal(v.size)
+        found = travel_ratio(replace(record, velocity=2 * v + noise))
+        assert found is not None
+        assert found.low < 0.5 < found.high
+        assert found.high < 1.5 * found.low
+
+
+@pytest.mark.parametrize(("lost", "named"), [(4, 0.95), (20, 0.8)])
+def test_lost_samples_are_named_by_their_row(lost: int, named: float) -> None:
+    """Samples lost in motion under a declared rate are a caution with the row, and how many, in nearly every record; at rest they cannot be seen."""
+    hits = 0
+    for seed in range(60):
+        record, v = moving(seed, ["sines", "trapezia", "ramps"][seed % 3], logged=seed % 2 > 0)
+        fast = np.flatnonzero(np.abs(v) > 0.4 * np.abs(v).max())
+        at = int(np.random.default_rng(seed).choice(fast[(fast > 100) & (fast < v.size - 150)]))
+        keep = np.delete(np.arange(v.size), np.arange(at, at + lost))
+        parts = {
+            name: values[keep]
+            for name in ("position", "velocity", "torque")
+            if (values := getattr(record, name)) is not None
+        }
+        found = checked(replace(record, time=record.time[: keep.size], **parts), "ramp")
+        hits += any(d.kind is Kind.LOST_SAMPLES and f"row {at + 1} " in str(d) for d in found)
+        assert all(d.kind is Kind.LOST_SAMPLES and d.severity is Severity.CAUTION for d in found)
+    assert hits >= named * 60
+
+
+def test_what_comes_back_is_no_lost_sample() -> None:
+    """A reading that was held and then caught up, a spike, and measured time stamps with a gap say nothing of lost samples."""
+    record, v = moving(1, "trapezia")
+    assert record.position is not None
+    fast = int(np.flatnonzero(np.abs(v) > 0.9 * np.abs(v).max())[300])
+    spike = np.array([0.0, 0.3 * abs(v[fast]), 0.0, 0.0])
+    for change in (
+        np.full(4, record.position[fast - 1]),
+        record.position[fast : fast + 4] + spike,
+    ):
+        q = record.position.copy()
+        q[fast : fast + 4] = change
+        assert not [d for d in checked(replace(record, position=q), "ramp") if d.kind is Kind.LOST_SAMPLES]
+    keep = np.delete(np.arange(v.size), np.arange(fast, fast + 4))
+    stamped = Record(file="run.csv", time=record.time[keep], position=record.position[keep], torque=v[keep])
+    assert checked(stamped, "ramp", time={"column": "t", "unit": "s"}) == ()
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4])
+@pytest.mark.parametrize("levels", [None, 400])
+def test_a_clipped_torque_of_a_moving_run(share: float, levels: int | None) -> None:
+    """A torque cut off where it is largest, with or without the steps of a converter, is a caution that names the share of the samples."""
+    for seed in range(20):
+        record, _ = moving(seed)
+        assert record.torque is not None
+        step = np.ptp(record.torque) / (levels or np.inf)
+        torque = np.round(record.torque / step) * step if levels else record.torque
+        limit = np.sort(np.abs(torque))[int((1 - share) * torque.size)]
+        (found,) = checked(replace(record, torque=np.clip(torque, -limit, limit)))
+        assert found.kind is Kind.CLIPPED
+        assert found.numbers["share"] == pytest.approx(share, abs=0.03)
+        assert checked(replace(record, torque=torque)) == ()
+
+
+def test_a_command_that_is_held_is_not_clipped() -> None:
+    """A staircase of commanded torque, and a torque that follows from a voltage, are what they are."""
+    record, _ = moving(2)
+    n = record.time.size
+    stairs = np.concatenate([np.repeat(np.linspace(-1, 1, 9), n // 10), np.linspace(1, 0, n - 9 * (n // 10))])
+    assert checked(replace(record, torque=stairs)) == ()
+    assert record.torque is not None
+    cut = np.clip(record.torque, -0.5, 0.5)
+    assert checked(replace(record, torque=cut, voltage=cut)) == ()
+
+
+@pytest.mark.parametrize("limit", [1.2, 1.4])
+def test_a_plateau_that_is_clipped_in_whole_is_rejected(limit: float) -> None:
+    """Every sample of a plateau at the largest torque: the reason says so; with a voltage or a held command it is kept."""
+    t = np.arange(12000) / 1000
+    rng = np.random.default_rng(0)
+    v = np.repeat([0.2, 0.6, 1.0], 4000) + 1e-3 * rng.standard_normal(t.size)
+    torque = 0.8 + 0.8 * v + 0.01 * rng.standard_normal(t.size)
+    record = Record(file="ramp.csv", time=t, velocity=v, torque=np.minimum(torque, limit))
+    cut = [
+        r.numbers["share"]
+        for s in find_segments(record, Thresholds())
+        for r in s.reasons
+        if r.kind is Kind.SATURATED and s.velocity > 0.9
+    ]
+    assert max(cut) == 1
+    held = 0.8 + 0.8 * np.concatenate([np.repeat([0.2, 0.6], 4000), np.linspace(0.6, 1, 50), np.full(3950, 1.0)])
+    for open_loop in (
+        replace(record, torque=held),
+        replace(record, torque=torque, voltage=np.minimum(10 * held, 16)),
+    ):
+        assert any(s.accepted and s.velocity > 0.9 for s in find_segments(open_loop, Thresholds()))
+
+
+@pytest.mark.parametrize(("count", "least"), [(1e-2, 0.1), (5e-2, 0.5)])
+def test_counts_that_hide_the_inertia(count: float, least: float) -> None:
+    """What counts take off a regression on the acceleration is what is said; at the cut-off that is proposed less is lost."""
+    for seed in range(5):
+        record, v = moving(seed, logged=False)
+        assert record.position is not None
+        step = count * float(np.std(v))
+        coarse = replace(record, position=np.round(record.position / step) * step)
+        (found,) = [d for d in checked(coarse) if d.kind is Kind.COARSE_ACCELERATION]
+        seen = estimate_motion(coarse, 100.0)
+        assert seen.acceleration is not None
+        band = 0.4 * RATE / 10
+        of_fit, true = smoothed(seen, seen.acceleration, band), smoothed(seen, np.gradient(v, 1 / RATE), band)
+        inner = slice(200, -200)
+        lost = 1 - float(of_fit[inner] @ true[inner]) / float(of_fit[inner] @ of_fit[inner])
+        assert lost > least / 2
+        assert found.numbers["share"] == pytest.approx(lost, rel=0.5)
+        assert not [
+            d for d in checked(coarse, cutoff=found.numbers["cutoff"]) if d.kind is Kind.COARSE_ACCELERATION
+        ] or (lost > 0.5)
+
+
+def test_the_noise_of_counts_is_that_of_white_noise_through_the_filters() -> None:
+    """Position quantised at random goes through filter and spline with the standard deviation that is computed, to 10 %."""
+    rng, step = np.random.default_rng(0), 1e-3
+    time = step * np.arange(20000.0)
+    record = Record(file="noise.csv", time=time, position=rng.uniform(-0.5, 0.5, time.size))
+    for cutoff in (20.0, 100.0):
+        found = estimate_motion(record, cutoff)
+        assert found.velocity is not None
+        assert found.acceleration is not None
+        for order, values in ((1, found.velocity), (2, found.acceleration)):
+            assert np.std(values[500:-500]) == pytest.approx(
+                count_noise(Counts(1.0, np.inf), order, step, (cutoff,)), rel=0.1
+            )
+
+
+# as a user meets them
+
+
+def written(folder: Path, position: str, columns: Array) -> tuple[Diagnostic, ...]:
+    """The warnings of a log with time, position and torque, where the position is declared as given."""
+    np.savetxt(folder / "log.csv", columns, delimiter=",", header="t,q,tau", comments="")
+    (folder / "e.yaml").write_text(
+        "joint: {name: wrist}\nencoder_resolution: 4096 counts/rev\nsignals:\n  time: {column: t, unit: s}\n"
+        f"  position: {{column: q, {position}}}\n  torque: {{column: tau, unit: N*m}}\n"
+        "runs: [{files: log.csv, experiment: tracking}]\n",
+        encoding="utf-8",
+    )
+    return read_runs(load_experiment(folder / "e.yaml"))[0].record.warnings
+
+
+@pytest.mark.parametrize("counts", [3, 600])
+def test_counts_given_as_rad_are_critical(tmp_path: Path, counts: float) -> None:
+    """Whole numbers of rad, in small and in large steps, are encoder counts, however they are said to wrap; as counts they are what they are."""
+    t = np.arange(2000) / 1000
+    log = np.column_stack([t, np.round(counts * np.cumsum(np.sin(3 * t)) / 100), np.sin(3 * t) + 0.1 * np.cos(3 * t)])
+    for position in ("unit: rad", "unit: rad, wraps: true", "unit: rev"):
+        found = written(tmp_path, position, log)
+        (whole,) = [d for d in found if d.kind is Kind.WHOLE_POSITIONS]
+        assert whole.severity is Severity.CRITICAL
+        assert "`unit: counts`" in str(whole)
+    for position in ("unit: counts", "unit: mrad", "unit: rad, scale: 0.001"):
+        assert not [d for d in written(tmp_path, position, log) if d.kind is Kind.WHOLE_POSITIONS]
+
+
+def test_files_with_one_fault_are_one_warning() -> None:
+    """Files alike are named together, a few of many; what is critical comes first; another remedy is another warning."""
+    alike = [Kind.VELOCITY_FACTOR(files=(f"{k}.csv",), ratio=57.0 + k / 10, remedy="x") for k in range(9)]
+    other = [Kind.VELOCITY_FACTOR(files=("z.csv",), ratio=-1.0, remedy="y"), Kind.LOST_SAMPLES(files=("a.csv row 5",))]
+    found = merged([other[1], *alike, other[0]])
+    assert [d.kind for d in found] == [Kind.VELOCITY_FACTOR, Kind.VELOCITY_FACTOR, Kind.LOST_SAMPLES]
+    assert found[0].numbers["files"] == ("0.csv", "1.csv", "2.csv", "3.csv", "and 5 more")
+    assert found[0].numbers["ratio"] == 57.0

@@ -1,0 +1,94 @@
+"""Which parameters of moving data are claimed: the bristle's where presliding is resolved, the peak's where it is significant."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bristle.arrays import Array
+from bristle.data.record import Record
+from bristle.diagnostics import Kind
+from bristle.identification.dynamic.fit import fit_tracking
+from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
+from bristle.identification.fits import TrackingFit
+from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
+from bristle.model.rollout import rollout
+
+TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
+J = 1.27e-3
+NAMES = {name: ParameterName(name, Direction.BOTH) for name in Lugre._fields}
+
+
+def run(step: float, p: Lugre[float] = TRUTH, changed: Lugre[float] | None = None, forward: bool = False) -> Record:
+    """Sixteen seconds of five tones, sampled this often from a simulation at 2 kHz; from the middle on with another joint, if given."""
+    t = np.arange(0, 16, 5e-4)
+    lines = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
+    v: Array = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
+    v = np.abs(v) + 0.05 if forward else v
+    half = t.size // 2
+    torque = rollout(v, 5e-4, p).torque
+    if changed is not None:
+        torque = np.concatenate([torque[:half], rollout(v, 5e-4, changed).torque[half:]])
+    a = np.gradient(v, t)
+    torque = torque + J * a + 1e-4 * np.random.default_rng(3).standard_normal(t.size)
+    every = slice(None, None, round(step / 5e-4))
+    return Record(file="run.csv", time=t[every], velocity=v[every], acceleration=a[every], torque=torque[every])
+
+
+def fitted(record: Record, count: float = 0.0) -> TrackingFit:
+    """The fit of all parameters from near the truth."""
+    problem: DynamicProblem = replace(dynamic_problem([record], ("both",), ("inertia",), 1, None), count=count)
+    start = {NAMES[name]: value for name, value in TRUTH._asdict().items()} | {INERTIA: J}
+    return fit_tracking(problem, start, "revolute", starts=1).fit
+
+
+def reasons(fit: TrackingFit, name: str) -> set[Kind]:
+    """Why a parameter has no value; empty where it has one."""
+    estimate = fit.parameters[NAMES[name]]
+    return set() if estimate.value is not None else {warning.kind for warning in estimate.warnings}
+
+
+def test_a_bristle_that_the_motion_resolves_is_claimed() -> None:
+    """At 2 kHz, through slow reversals, sigma_0 and sigma_1 have values whose intervals hold the truth."""
+    fit = fitted(run(5e-4))
+    for name in ("sigma_0", "sigma_1"):
+        estimate = fit.parameters[NAMES[name]]
+        assert estimate.value is not None
+        assert estimate.interval is not None
+        assert estimate.interval[0] <= getattr(TRUTH, name) <= estimate.interval[1]
+
+
+@pytest.mark.parametrize(
+    ("fit", "why"),
+    [
+        (lambda: fitted(run(1e-2, TRUTH._replace(sigma_0=400.0, sigma_1=0.1))), Kind.UNSEEN_FAST),
+        (lambda: fitted(run(5e-4), count=0.01), Kind.UNSEEN_BELOW_COUNT),
+        (lambda: fitted(run(5e-4, forward=True)), Kind.UNSEEN_NO_REVERSAL),
+        (lambda: fitted(run(5e-4, changed=TRUTH._replace(sigma_0=12.0))), Kind.UNSEEN_HALVES),
+    ],
+    ids=["sampled too seldom", "below a count", "one way", "halves differ"],
+)
+def test_a_bristle_that_the_motion_does_not_resolve_has_no_value(fit: object, why: Kind) -> None:
+    """Passed too fast, below an encoder count, without a reversal, or changing over the record, sigma_0 is not identifiable, for that reason.
+
+    Nor is sigma_1.
+    """
+    assert callable(fit)
+    made = fit()
+    assert why in reasons(made, "sigma_0")
+    assert reasons(made, "sigma_1")
+    assert made.parameters[NAMES["alpha_0"]].value is not None
+
+
+def test_coulomb_viscous_by_hand_has_no_peak() -> None:
+    """A peak that is held at none is no parameter; one that is asked for by hand stays, however unsure."""
+    record = run(1e-3, TRUTH._replace(alpha_1=0.0))
+    problem = dynamic_problem([record], ("both",), ("inertia",), 1, None)
+    start = {NAMES[name]: value for name, value in TRUTH._asdict().items()} | {INERTIA: J}
+    auto, asked = (
+        fit_tracking(replace(problem, stribeck=model), start, "revolute", starts=1).fit
+        for model in ("auto", "stribeck")
+    )
+    assert auto.parameters[NAMES["alpha_1"]].value is None
+    assert asked.parameters[NAMES["alpha_1"]].value is not None
+    assert asked.parameters[NAMES["v_s"]].value is not None

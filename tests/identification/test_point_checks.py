@@ -1,0 +1,215 @@
+"""What points cannot tell apart is said: drift in the order of speed, an offset or friction that differs, and a torque of noise alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment, find_segments
+from bristle.data.differentiation import estimate_motion
+from bristle.data.experiment.load import Run, load_experiment
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.measured import Measured
+from bristle.identification.moving_runs import refuse_opposing, smeared_by_counts, unrelated
+from bristle.identification.point_checks import point_warnings
+from bristle.model.parameters import Lugre, ParameterName
+from bristle.simulation.bench import steady_points
+
+from ..conftest import TRUTH, experiment, speeds
+
+SPEEDS = np.geomspace(0.1, 1.0, 10) * TRUTH.v_s * 10
+NOISE = 3e-4
+
+
+def measured(folder: Path, runs: tuple[Run, ...], segments: tuple[tuple[Segment, ...], ...]) -> Measured:
+    """What an experiment with these runs measured."""
+    (folder / "wrist.yaml").write_text(experiment(), encoding="utf-8")
+    return Measured(experiment=load_experiment(folder / "wrist.yaml"), runs=runs, segments=segments)
+
+
+def fits(rms: float) -> dict[str, StaticFit]:
+    """Fits of both directions with a scatter of this size."""
+    alpha_0 = Estimate(value=TRUTH.alpha_0, unit="N*m")
+    return {
+        d: StaticFit(
+            direction=d, parameters={"alpha_0": alpha_0}, rms=rms, relative_error=1.0, n=10, outcome=Kind.STATIC_CONVERGED()
+        )
+        for d in "+-"
+    }  # fmt: skip  # a list of values
+
+
+def ramps(seed: int, order: Array, drift: float) -> Record:
+    """Three seconds at each speed, in this order and then backward again, with a torque that changes by a share of itself from first to last."""
+    rng, rate = np.random.default_rng(seed), 200
+    v = np.repeat(np.concatenate([order, -order]), 3 * rate)
+    time = np.arange(v.size) / rate
+    (torque,) = steady_points(TRUTH, v, NOISE, rng, 1)
+    torque *= 1 + drift * time / time[-1]
+    return Record(file="ramps.csv", time=time, velocity=v + 1e-3 * rng.standard_normal(v.size), torque=torque)
+
+
+def drifts(folder: Path, record: Record) -> list[Diagnostic]:
+    """The warnings about drift in a run's segments."""
+    segments = find_segments(record, measured(folder, (), ()).experiment.segments)
+    kept = [s for s in segments if s.accepted]
+    found = point_warnings(
+        measured(folder, (Run(kind="ramp", record=record),), (segments,)), kept, fits(NOISE / np.sqrt(600))
+    )
+    return [d for d in found if d.kind is Kind.DRIFT_IN_ORDER]
+
+
+@pytest.mark.parametrize("drift", [-0.1, 0.3])
+def test_a_drift_in_the_order_of_speed_is_said(tmp_path: Path, drift: float) -> None:
+    """Runs that go from slow to fast, or back, while the torque drifts: with the drift's sign and size; none in random order."""
+    for seed in range(5):
+        for order, way in ((SPEEDS, "rises"), (SPEEDS[::-1], "falls")):
+            (found,) = drifts(tmp_path, ramps(seed, order, drift))
+            assert found.numbers["way"] == way
+            assert np.sign(found.numbers["slope"]) == np.sign(drift)
+            assert found.numbers["share"] == pytest.approx(abs(drift), rel=0.5)
+        shuffled = np.random.default_rng(seed).permutation(SPEEDS)
+        assert drifts(tmp_path, ramps(seed, shuffled, drift)) == []
+
+
+def test_no_drift_is_said_without_one(tmp_path: Path) -> None:
+    """Of a hundred clean runs in the order of speed at most one has that warning."""
+    assert sum(bool(drifts(tmp_path, ramps(seed, SPEEDS, 0.0))) for seed in range(100)) <= 1
+
+
+def directions(folder: Path, seed: int, offset: float, negative: Lugre[float] = TRUTH) -> list[Diagnostic]:
+    """What is said of points in both directions with an offset, or with another friction backward."""
+    rng, v, noise = np.random.default_rng(seed), speeds(both=False), 1e-4
+    torque = np.concatenate([steady_points(p, s * v, noise, rng, 1)[0] for p, s in ((TRUTH, 1), (negative, -1))])
+    points = tuple(
+        Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
+        for k, (x, t) in enumerate(zip(np.concatenate([v, -v]).tolist(), (torque + offset).tolist(), strict=True))
+    )
+    return list(point_warnings(measured(folder, (), ()), points, fits(noise)))
+
+
+@pytest.mark.parametrize("offset", [-5e-4, 5e-3])
+def test_a_constant_between_the_directions_is_an_offset_or_friction(tmp_path: Path, offset: float) -> None:
+    """An offset, or as much difference in alpha_0 alone, is one sentence that gives both readings; the same for either cause."""
+    for seed in range(5):
+        other = TRUTH._replace(alpha_0=TRUTH.alpha_0 - 2 * offset)
+        for found in (directions(tmp_path, seed, offset), directions(tmp_path, seed, 0.0, other)):
+            (said,) = found
+            assert said.kind is Kind.OFFSET_OR_FRICTION
+            assert said.numbers["offset"] == pytest.approx(offset, abs=1e-4)
+            assert "`regressors: [offset]`" in str(said)
+            assert "cannot tell" in str(said)
+
+
+def test_an_offset_is_not_said_of_what_is_none(tmp_path: Path) -> None:
+    """Of 300 clean sets at most two have that warning, and none where the viscous friction differs."""
+    assert sum(bool(directions(tmp_path, seed, 0.0)) for seed in range(300)) <= 2
+    other = TRUTH._replace(alpha_2=1.3 * TRUTH.alpha_2, alpha_0=0.8 * TRUTH.alpha_0)
+    assert not any(directions(tmp_path, seed, 0.0, other) for seed in range(20))
+
+
+# a torque that is none
+
+
+@pytest.mark.parametrize("level", [0.01, 10.0])
+def test_a_torque_of_noise_alone_is_called_that(level: float) -> None:
+    """Noise, white or through a low pass, has nothing to do with a motion in at least 95 of 100 records; friction ten times below it has."""
+    t = np.arange(5000) / 500
+    v = np.sin(2 * np.pi * 0.5 * t) + 0.4 * np.sin(2 * np.pi * 1.3 * t)
+    others = np.column_stack([np.gradient(v, t), np.sin(v), np.cos(v)])
+    missed = 0
+    for seed in range(100):
+        noise = level * np.random.default_rng(seed).standard_normal(t.size + 7)
+        torque = noise[7:] if seed % 2 else np.convolve(noise, np.ones(8) / 8, "valid")
+        missed += not unrelated(v, torque + 0.1 * level, others)
+        assert not unrelated(v, noise[7:] + 0.1 * level * np.sign(v), others)
+    assert missed <= 5
+
+
+def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Path) -> None:
+    """The sentence about noise names its size and does not ask for scale: -1; that about a wrong sign does."""
+    (tmp_path / "wrist.yaml").write_text(experiment(), encoding="utf-8")
+    own = load_experiment(tmp_path / "wrist.yaml")
+    v, rng = speeds(both=False), np.random.default_rng(1)
+    for noise in (1e-3, 1.0):
+        with pytest.raises(InputError, match="noise of") as caught:
+            refuse_opposing(own, v, noise * rng.standard_normal(v.size) - 1e-3 * noise, "at the points")
+        assert "scale" not in str(caught.value)
+    (friction,) = steady_points(TRUTH, v, 1e-3, rng, 1)
+    refuse_opposing(own, v, friction, "at the points")
+    with pytest.raises(InputError, match="scale: -1"):
+        refuse_opposing(own, v, -friction, "at the points")
+
+
+@pytest.mark.parametrize("kind", ["tracking", "presliding"])
+@pytest.mark.parametrize("level", [1e-3, 1.0])
+def test_runs_whose_torque_is_noise_are_refused(tmp_path: Path, kind: str, level: float) -> None:
+    """Moving and slow runs alike: the sentence says noise, and not which sign to give."""
+    t = np.arange(4000) / 500
+    table = np.column_stack([t, 0.01 * np.sin(1.5 * t), level * np.random.default_rng(4).standard_normal(t.size)])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,q,tau", comments="")
+    (tmp_path / "e.yaml").write_text(
+        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        f"  torque: {{column: tau, unit: N*m}}\nruns: [{{files: log.csv, experiment: {kind}}}]\n",
+        encoding="utf-8",
+    )
+    with pytest.raises(InputError, match=r"nothing to do with the motion .* is noise of") as caught:
+        bristle.identify(tmp_path / "e.yaml")
+    assert "scale" not in str(caught.value)
+
+
+@pytest.mark.parametrize("coarser", [4.0, 16.0])
+def test_counts_that_hide_v_s_are_said(tmp_path: Path, coarser: float) -> None:
+    """Where counts make noise of a third of v_s in the velocity and more; an encoder so many times as fine has nothing said of it."""
+    (tmp_path / "wrist.yaml").write_text(experiment(), encoding="utf-8")
+    own = load_experiment(tmp_path / "wrist.yaml")
+    rng, t, v_s = np.random.default_rng(0), np.arange(10000.0) / 1000, ParameterName.parse("v_s+")
+    position = 5 * np.sin(t) + 0.3 * np.sin(20 * t)
+    for count, said in ((coarser * 1e-3, True), (1e-3 / coarser, False)):
+        log = Record(
+            file="run.csv", time=t, position=np.round(position / count) * count, torque=rng.standard_normal(t.size)
+        )
+        seen = estimate_motion(log, own.fit.position_cutoff)
+        assert seen.velocity is not None
+        noise = np.std(seen.velocity[500:-500] - (5 * np.cos(t) + 6 * np.cos(20 * t))[500:-500])
+        at_limit = Estimate(value=0.12, unit="rad/s")
+        found = list(smeared_by_counts(own, [seen], {v_s: at_limit}))
+        assert [d.kind for d in found] == [Kind.COARSE_VELOCITY] * said
+        assert all(d.numbers["noise"] == pytest.approx(noise, rel=0.3) for d in found)
+
+
+def logged(folder: Path, factor: float) -> Path:
+    """An experiment of one moving run whose velocity is logged times a factor."""
+    t = np.arange(4000) / 500
+    q = 0.4 * np.sin(2 * np.pi * 0.4 * t) + 0.1 * np.sin(2 * np.pi * 1.1 * t)
+    v = np.gradient(q, t)
+    (friction,) = steady_points(TRUTH, v, 1e-4, np.random.default_rng(0), 1)
+    table = np.column_stack([t, q, factor * v, friction + 1e-3 * np.gradient(v, t)])
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="t,q,v,tau", comments="")
+    (folder / "e.yaml").write_text(
+        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        "  velocity: {column: v, unit: rad/s}\n  torque: {column: tau, unit: N*m}\nruns: [{files: log.csv, experiment: tracking}]\n"
+        "fit: {directions: symmetric}\n",
+        encoding="utf-8",
+    )
+    return folder / "e.yaml"
+
+
+def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
+    """A velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical."""
+    (joint,) = bristle.identify(logged(tmp_path, 180 / np.pi)).joints
+    first = joint.warnings[0]
+    assert first.kind is Kind.VELOCITY_FACTOR
+    assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
+    assert "`unit: deg/s` under signals.velocity" in str(first)
+
+
+@pytest.mark.parametrize("factor", [-1.0, -60.0])
+def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: Path, factor: float) -> None:
+    """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""
+    with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
+        bristle.identify(logged(tmp_path, factor))

@@ -1,0 +1,258 @@
+"""Repeats: what their scatter is, when it widens an interval, and that no fit of one run knows of it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
+from bristle.data.record import Record
+from bristle.data.slow_loading import Loading
+from bristle.diagnostics import Kind
+from bristle.estimation.covariance import student
+from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
+from bristle.identification.dynamic.problem import dynamic_problem
+from bristle.identification.dynamic.uncertainty import run_fits as moving_run_fits
+from bristle.identification.fits import Estimate, RunScatter, TrackingFit, Uncertainty
+from bristle.identification.presliding.fit import fit_presliding
+from bristle.identification.presliding.stiffness import KnownValue
+from bristle.identification.repeats import (
+    RunFit,
+    scatter_of,
+    spreader,
+    widened,
+    wider_estimate,
+    wider_three,
+    with_priors_beside,
+)
+from bristle.identification.static.fit import PointInfo, fit_static
+from bristle.identification.static.problem import from_points
+from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
+from bristle.model.rollout import rollout
+
+from .conftest import GRIPPER, curve
+
+ALPHA_0, SIGMA_0 = ParameterName("alpha_0", Direction.BOTH), ParameterName("sigma_0", Direction.BOTH)
+
+
+def of_all(names: Sequence[str] = ("alpha_0",), error: float = 1.0) -> dict[str, Estimate]:
+    """What all runs say, with these standard errors."""
+    return {name: Estimate(value=10.0, unit="N*m", standard_error=error) for name in names}
+
+
+def runs(values: Sequence[float], error: float = 1.0, freedom: float = 1e6) -> list[RunFit[str]]:
+    """Runs that show one parameter, with the same standard error."""
+    return [
+        RunFit(f"run {k}", ("alpha_0",), np.array([x]), np.array([[error**2]]), freedom) for k, x in enumerate(values)
+    ]
+
+
+def scattered(widened_by: float = 3.0, count: int = 5) -> RunScatter:
+    """Runs that widen an error by so much."""
+    runs = {f"run {k}": 1.0 for k in range(count)}
+    return RunScatter(before=widened_by, after=1.0, widened=widened_by, stretched=1.5 * widened_by, by_run=runs)
+
+
+def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
+    """Of values 0, 3 and 6 with errors of 2 it is sqrt((9 + 9) / 4 / 2) = 1.5; widened errors leave 1.
+
+    An error of the fit of all runs that is as large as their scatter already is not widened again.
+    """
+    x = scatter_of(runs([10.0, 13.0, 16.0], 2.0), of_all(error=2 / 3**0.5), 1e6)["alpha_0"]
+    assert x.before == pytest.approx(1.5)
+    assert (x.widened, x.after, x.significant) == (1.0, x.before, False)
+    far = scatter_of(runs([10.0, 13.0, 16.0], 0.5), of_all(error=0.5 / 3**0.5), 1e6)["alpha_0"]
+    assert [far.before, far.widened, far.after] == pytest.approx([6.0, 6.0, 1.0])
+    assert far.by_run == {"run 0": 10.0, "run 1": 13.0, "run 2": 16.0}
+    assert far.stretched == pytest.approx(6 * student(2) / student(1e6))
+    known = scatter_of(runs([10.0, 13.0, 16.0], 0.5), of_all(error=4.0), 1e6)["alpha_0"]
+    assert (known.widened, known.stretched, known.significant) == (1.0, 1.0, True)
+
+
+def test_an_interval_is_widened_in_one_case_of_a_hundred_by_chance() -> None:
+    """Of 4000 sets of five runs that differ by their errors alone 1 % are widened, whether errors are known well or by few degrees of freedom."""
+    rng = np.random.default_rng(0)
+    sets = rng.standard_normal((4000, 5)) + 10
+    share = np.mean([scatter_of(runs(x.tolist()), of_all(), 1e6)["alpha_0"].significant for x in sets])
+    assert 0.005 < share < 0.016
+    spread = np.sqrt(rng.chisquare(20, 4000) / 20)  # of one variance for all runs, known by 4 degrees each
+    few = [
+        scatter_of(runs(x.tolist(), e, 4.0), of_all(), 1e6)["alpha_0"].significant
+        for x, e in zip(sets, spread, strict=True)
+    ]
+    assert 0.005 < np.mean(few) < 0.016
+
+
+def test_the_interval_of_the_mean_covers_it_where_runs_scatter_by_three_errors() -> None:
+    """With six parameters that all scatter, 95 % intervals of the means cover 90 to 98 % of them; unwidened ones cover less than half."""
+    rng, inside, before = np.random.default_rng(1), [], []
+    names = tuple(f"p{k}" for k in range(6))
+    for _ in range(300):
+        x = 100 + rng.standard_normal((5, 6)) * 10**0.5
+        apart = [RunFit(f"run {k}", names, row, np.eye(6), 1e6) for k, row in enumerate(x)]
+        found = scatter_of(apart, of_all(names, 5**-0.5), 1e6)
+        for k, name in enumerate(names):
+            mean, e = float(x[:, k].mean()), 5**-0.5
+            ends = mean + np.array([-1.96, 1.96]) * e
+            low, high = spreader(mean, found[name].stretched, name)(ends)
+            inside.append(low < 100 < high)
+            before.append(abs(mean - 100) < 1.96 * e)
+    assert 0.9 < np.mean(inside) < 0.98
+    assert np.mean(before) < 0.55
+
+
+def test_a_scatter_too_small_for_one_parameter_is_seen_in_all() -> None:
+    """Where no parameter alone is significant at 1 % but all together are, each whose chi-squared is above one is widened; alone none is."""
+    x = np.array([-1.6, -0.8, 0.0, 0.8, 1.6]) * 1.05  # chi-squared 7, of 4 degrees: 14 %
+    names = tuple(f"p{k}" for k in range(8))
+    together = [RunFit(f"run {k}", names, np.full(8, 10 + one), np.eye(8), 1e6) for k, one in enumerate(x)]
+    found = scatter_of(together, of_all(names, 0.1), 1e6).values()
+    assert all(x.significant and x.before > 1 and x.widened > 1 for x in found)
+    alone = [run._replace(names=("p0",), values=run.values[:1], covariance=np.eye(1)) for run in together]
+    assert not scatter_of(alone, of_all(names), 1e6)["p0"].significant
+
+
+def test_runs_that_do_not_show_a_parameter_are_left_out_of_it() -> None:
+    """One run, or a parameter that one run alone shows, has no scatter; a logarithm is compared by relative errors."""
+    assert scatter_of(runs([1.0]), {}, 1e6) == {}
+    assert scatter_of([], {}, 1e6) == {}
+    two = [*runs([1.0, 2.0], 0.1), RunFit("blind", ("beta",), np.ones(1), np.eye(1), 10.0)]
+    assert list(scatter_of(two, of_all(), 1e6)) == ["alpha_0"]
+    assert list(scatter_of(two, of_all(), 1e6)["alpha_0"].by_run) == ["run 0", "run 1"]
+    one, ten = (RunFit(str(x), ("alpha_0",), np.array([x]), np.array([[(0.1 * x) ** 2]]), 1e6) for x in (1.0, 10.0))
+    x = scatter_of([one, ten], of_all(), 1e6, {"alpha_0"})["alpha_0"]
+    assert x.before == pytest.approx(np.log(10) / 0.1 / 2**0.5)
+
+
+def test_every_interval_is_widened_alike() -> None:
+    """By the scatter and Student's t of k - 1 degrees; open ends stay open, none passes zero, and the estimate stays inside, also in logarithms."""
+    e = Estimate(value=2.0, unit="N*m", standard_error=0.1, interval=(1.8, 2.2))
+    reach = scattered().stretched
+    spread = spreader(2.0, reach, "alpha_0")
+    wide = wider_estimate(e, scattered(), spread)
+    assert wide.standard_error == pytest.approx(0.3)
+    assert wide.interval == pytest.approx((2 - 0.2 * reach, 2 + 0.2 * reach))
+    assert [w.kind for w in wide.warnings] == [Kind.RUNS_SCATTER]
+    far = replace(scattered(), by_run={"near": 1.0, "middle": 1.1, "far": 2.0})
+    assert wider_estimate(e, far, spread).warnings[0].numbers["farthest"] == "far"
+    differ = Kind.INTERVALS_DIFFER(sides=("above",), ends=(("profile", 1.9, 2.5),), reason=Kind.PROFILE_SKEWED())
+    curve_and_draws = {"curve": np.array([[1.9, 2.5], [1.0, 1.0]]), "draws": np.array([2.5])}
+    three = Uncertainty(
+        covariance=(1.8, 2.2), profile=(0.5, np.inf), bootstrap=None, warnings=(differ,), **curve_and_draws
+    )
+    spread_three = wider_three(three, spread)
+    assert spread_three.covariance == wide.interval
+    assert spread_three.profile == (0.0, np.inf)
+    assert spread_three.curve[0] == pytest.approx([2 - 0.1 * reach, 2 + 0.5 * reach])
+    assert spread_three.warnings[0].numbers["ends"] == (("profile", *spread_three.curve[0].tolist()),)
+    low, high = spreader(2.0, reach, "sigma_0", logarithmic=True)(np.array([1.0, 4.0]))
+    assert (low * high, high) == pytest.approx((4.0, 2 * 2**reach))
+
+
+def moving(truths: Sequence[Lugre[float]]) -> DynamicSolution:
+    """The fit of a run for each of these truths, with noise."""
+    t, rng = np.arange(0, 4, 2e-3), np.random.default_rng(0)
+    lines = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
+    v: Array = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
+    acceleration = np.gradient(v, t)
+    records = [
+        Record(
+            file=f"run {k}", time=t, velocity=v, acceleration=acceleration,
+            torque=rollout(v, 2e-3, p).torque + 1.27e-3 * acceleration + 1e-4 * rng.standard_normal(t.size),
+        )
+        for k, p in enumerate(truths)
+    ]  # fmt: skip  # a list of values
+    start = {ParameterName(name, Direction.BOTH): value for name, value in truths[0]._asdict().items()}
+    problem = dynamic_problem(records, ("both",), ("inertia",), 1, None)
+    return fit_tracking(problem, start | {INERTIA: 1.27e-3}, "revolute", starts=1)
+
+
+def test_moving_runs_that_differ_in_one_parameter_say_so_in_it() -> None:
+    """Runs whose sigma_0 differs by 20 % have it back run by run; it is widened and warned of, and equal runs are not."""
+    stiff = [1.0, 1.2, 0.8, 1.1, 0.9]
+    solved = moving([GRIPPER._replace(sigma_0=x * GRIPPER.sigma_0) for x in stiff])
+    scatter = scatter_of(moving_run_fits(solved), solved.fit.parameters, 1e6, {SIGMA_0, ALPHA_0})
+    assert list(scatter[SIGMA_0].by_run.values()) == pytest.approx([x * GRIPPER.sigma_0 for x in stiff], rel=0.03)
+    fit = widened(solved.fit, scatter, ("alpha_0", "sigma_0"))
+    assert scatter[SIGMA_0].widened > 3
+    wide, before = fit.parameters[SIGMA_0], solved.fit.parameters[SIGMA_0]
+    assert wide.value == before.value
+    assert (wide.standard_error or 0) == pytest.approx((before.standard_error or 0) * scatter[SIGMA_0].widened)
+    row = fit.names.index(SIGMA_0)
+    assert fit.covariance[row, row] == pytest.approx(solved.fit.covariance[row, row] * scatter[SIGMA_0].widened ** 2)
+    assert Kind.RUNS_SCATTER in [w.kind for w in wide.warnings]
+    same = moving([GRIPPER] * 3)
+    found = scatter_of(moving_run_fits(same), same.fit.parameters, 1e6, {SIGMA_0, ALPHA_0})
+    assert len(found) >= 5
+    assert not any(x.significant for x in found.values())
+    assert moving_run_fits(moving([GRIPPER])) == []
+
+
+def test_priors_beside_the_runs_take_their_scatter_down() -> None:
+    """A prior that says nothing leaves all of it; one that says as much as the runs leaves the part that C + W (F C F - C) W' has."""
+    fit = moving([GRIPPER]).fit
+    scatter = {name: scattered() for name in fit.names}
+    assert [x.widened for x in with_priors_beside(scatter, fit, fit).values()] == pytest.approx([3.0] * len(fit.names))
+
+    def joint(share: float) -> TrackingFit:
+        """The fit with priors that say the rest."""
+        return replace(fit, covariance=fit.covariance * share)
+
+    half = with_priors_beside(scatter, fit, joint(0.5)).values()
+    assert [x.widened for x in half] == pytest.approx([(1 + 0.5 * 8) ** 0.5] * len(fit.names))
+    none = with_priors_beside(scatter, fit, joint(1e-9)).values()
+    assert [(x.widened, x.stretched) for x in none] == [pytest.approx((1.0, 1.0))] * len(fit.names)
+    blind = fit.covariance.copy()
+    blind[0], blind[:, 0] = np.nan, np.nan
+    rest = with_priors_beside(scatter, replace(fit, covariance=blind), fit)
+    assert list(rest) == list(fit.names[1:])
+
+
+def test_curves_of_points_that_differ_are_widened(speeds: Array) -> None:
+    """Of three runs that each give a whole curve, alpha_0 is widened and says so where Coulomb torques are 5 % apart, not where they are equal."""
+    for shares in ((1.0, 1.05, 0.95), (1.0, 1.0, 1.0)):
+        rng = np.random.default_rng(0)
+        torques = [
+            curve(speeds, GRIPPER._replace(alpha_0=x * GRIPPER.alpha_0)) + 5e-5 * rng.standard_normal(speeds.size)
+            for x in shares
+        ]
+        own = [(f"run {k}", from_points(speeds, T, ("both",))) for k, T in enumerate(torques)]
+        whole = from_points(np.tile(speeds, 3), np.concatenate(torques), ("both",))
+        fits, _ = fit_static(whole, FitOptions(), "revolute", PointInfo(), runs=own)
+        fit = fits["both"]
+        e, x = fit.parameters["alpha_0"], fit.repeats["alpha_0"]
+        differ = shares[1] > 1
+        assert (x.widened > 1) == differ
+        assert (x.before > 3) == differ
+        assert (Kind.RUNS_SCATTER in [w.kind for w in e.warnings]) == differ
+        assert x.after == pytest.approx(1.0) if differ else x.after == x.before
+        assert e.interval is not None
+        assert e.interval[0] < GRIPPER.alpha_0 < e.interval[1]
+        assert fit.uncertainty["alpha_0"].profile == pytest.approx(e.interval)
+
+
+def loading(stiffness: float, file: str, noise: float, seed: int) -> Loading:
+    """A slow loading of 400 samples without counts."""
+    g0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
+    torque = np.linspace(0, 0.75 * g0, 400)
+    y = -g0 / stiffness * np.log(1 - torque / g0)
+    y = y + noise * np.random.default_rng(seed).standard_normal(y.size)
+    return Loading(
+        file=file, start=0, direction="+", time=np.linspace(0, 10, 400), displacement=y, torque=torque, quantum=0.0,
+        edge_displacement=np.zeros(0), edge_torque=np.zeros(0), breakaway=None, held=float(torque.max()),
+    )  # fmt: skip  # a list of values
+
+
+def test_slow_loading_runs_that_differ_are_widened() -> None:
+    """Runs whose stiffness differs by 10 % widen sigma_0 and say so; runs of one stiffness do not: the error of g0, common to all, is no scatter."""
+    level = KnownValue(GRIPPER.alpha_0 + GRIPPER.alpha_1, 1e-4, Kind.OF_STATIC_FIT())
+    for shares in ((1.0, 1.1, 0.9, 1.05), (1.0, 1.0, 1.0, 1.0)):
+        own = [loading(x * GRIPPER.sigma_0, f"run {k}", 2e-5, k) for k, x in enumerate(shares)]
+        fit = fit_presliding(own, level, None, "revolute")
+        x, differ = fit.repeats["sigma_0"], shares[1] > 1
+        assert list(x.by_run.values()) == pytest.approx([s * GRIPPER.sigma_0 for s in shares], rel=0.02)
+        assert (x.widened > 1) == differ
+        assert (Kind.RUNS_SCATTER in [w.kind for w in fit.sigma_0.warnings]) == differ
+        assert fit.uncertainty["sigma_0"].covariance == pytest.approx(fit.sigma_0.interval)
