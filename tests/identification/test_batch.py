@@ -171,3 +171,13 @@ def test_without_points_below_v_s_only_the_profile_holds() -> None:
     found = batch(np.geomspace(GRIPPER.v_s, 0.8, 16), 0.02, 1000, 0)
     assert covered(*found.covariance_intervals())[2] < 0.92
     assert covered(*found.profile_intervals()) == pytest.approx([0.95] * 4, abs=0.02)
+
+
+def test_a_range_far_below_every_speed_overflows_nothing() -> None:
+    """Where columns at the lower end of the range vanish at every speed, each set still has the cost of `solve`, and no number is infinite."""
+    velocity = np.geomspace(0.015, 0.8, 12)
+    torques = curve(velocity, GRIPPER)[:, None] + 5e-5 * np.random.default_rng(2).standard_normal((12, 40))
+    found = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, (1e-4, 6e3))
+    assert np.isfinite(found.theta).all()
+    for k in range(0, 40, 8):
+        assert found.cost[k] == pytest.approx(solve(alone(found, k), found.v_s_range).cost, rel=1e-2)

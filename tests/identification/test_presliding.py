@@ -215,3 +215,13 @@ def test_a_level_below_all_that_was_held_gives_no_stiffness(quantum: float) -> N
     fit = fit_presliding(loadings, KnownValue(1e-6 * G0, 1e-8 * G0, SOURCE), None, "revolute")
     assert [e.value for e in (fit.printed, fit.corrected, fit.edges, fit.samples)] == 4 * [None]
     assert any(warning.kind is Kind.ABOVE_G0 for warning in fit.warnings)
+
+
+@pytest.mark.parametrize("size", [1e-70, 1e-160, 1e-300, 0.0])
+def test_a_displacement_that_is_rounding_has_no_stiffness(size: float) -> None:
+    """A joint that moves by nothing but rounding has no sigma_0, and no NumPy warning says so."""
+    record = run(0.0, 0.0)
+    assert record.position is not None
+    fit = found(replace(record, position=size * record.position), 0.0)
+    assert fit.sigma_0.value is None
+    assert not fit.amplitudes

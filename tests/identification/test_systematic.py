@@ -11,13 +11,16 @@ import pytest
 import yaml
 
 import bristle
+from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.identification.dynamic.output_error import Window, with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
 from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.presliding.fit import fit_presliding
+from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Joint
-from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.identification.systematic import NORMAL, combined, statistical
 from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName, least_of
@@ -27,6 +30,8 @@ from bristle.simulation.bench import steady_points
 
 from .conftest import GRIPPER, curve
 from .test_output_error import MOTOR, OTHER, STEP, drive, posed, values_of
+from .test_repeats import loading
+from .test_softening import G0, SOURCE, loadings, maxwell_slip
 
 K, SHARE = 0.35, 0.05
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 20)
@@ -123,7 +128,68 @@ def test_an_end_that_is_open_or_a_bound_stays() -> None:
     assert combined((0.0, np.inf), 1.0, 0.3) == (0.0, np.inf)
     assert combined((0.1, 2.0), 1.0, 1.0)[0] == 0.0
     assert combined((0.1, 2.0), 1.0, 1.0, least_of("offset"))[0] < 0.0
+    assert combined((0.1, 2.0), 1.0, 1.0, least_of("quadratic"))[0] < 0.0
     assert combined((-1.0, 2.0), 0.5, 1.0)[0] < -1.0
+
+
+def assert_combined(wide: Interval | None, narrow: Interval | None, e: Estimate) -> None:
+    """One interval is the other with the systematic error of an estimate in quadrature; neither exists without the other."""
+    assert (wide is None) == (narrow is None)
+    if wide is not None and narrow is not None:
+        assert e.value is not None
+        assert wide == pytest.approx(combined(narrow, e.value, e.systematic or 0.0), rel=1e-12)
+
+
+def test_runs_that_scatter_widen_the_statistical_part_alone() -> None:
+    """Of runs that differ chi-squared and errors are those without an error of K, which then widens what they widened, by all ways."""
+    rng, noise = np.random.default_rng(0), 1e-3 * GRIPPER.alpha_0
+    laws = [GRIPPER._replace(alpha_0=x * GRIPPER.alpha_0) for x in (1.0, 1.05, 0.95)]
+    torques = [curve(SPEEDS, law) + noise * rng.standard_normal(SPEEDS.size) for law in laws]
+
+    def fitted(share: float) -> StaticFit:
+        """All runs, each of them apart too, with such an error of K."""
+        whole, *own = (
+            from_points(np.resize(SPEEDS, T.size), T, ("both",), shifts={"K": share * T} if share else {})
+            for T in (np.concatenate(torques), *torques)
+        )
+        runs = [(f"run {k}", one) for k, one in enumerate(own)]
+        return fit_static(whole, FitOptions(), "revolute", PointInfo(), runs=runs)[0]["both"]
+
+    exact, uncertain = fitted(0.0), fitted(SHARE)
+    assert uncertain.repeats == exact.repeats
+    assert exact.repeats["alpha_0"].widened > 1
+    for name, e in exact.parameters.items():
+        s = uncertain.parameters[name]
+        assert (s.value, s.standard_error, s.warnings) == (e.value, e.standard_error, e.warnings)
+        assert_combined(s.interval, e.interval, s)
+        for way in ("covariance", "profile", "bootstrap"):
+            assert_combined(getattr(uncertain.uncertainty[name], way), getattr(exact.uncertainty[name], way), s)
+
+
+@pytest.mark.parametrize("bound", [False, True])
+@pytest.mark.parametrize("softens", [False, True])
+def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, softens: bool, bound: bool) -> None:
+    """sigma_0 of loadings that soften, or differ, or only bound g0, moves as K does, and K widens what these widened; of sigma_1 no more is known."""
+    stiff = GRIPPER.sigma_0 * np.array([1.0, 1.1, 0.9, 1.05])
+    differ = [loading(x, f"run {k}", 2e-5, k) for k, x in enumerate(stiff.tolist())]
+    own = loadings(maxwell_slip, 0.0, 4, 1) if softens else differ
+    level = KnownValue(max(x.held for x in own), np.inf, SOURCE) if bound else KnownValue(G0, 1e-4, SOURCE)
+    J = KnownValue(0.01, 0.0, Kind.OF_EXPERIMENT_FILE())
+    exact = fit_presliding(own, level, J, "revolute")
+    shifts = {} if bound else {"K": SHARE * G0}
+    off = [replace(x, shares={"K": SHARE}) for x in own]
+    uncertain = fit_presliding(off, level._replace(shifts=shifts), J, "revolute")
+    assert uncertain.repeats == exact.repeats
+    assert softens or bound or exact.repeats["sigma_0"].widened > 1
+    assert (Kind.SOFTENS in {w.kind for w in exact.warnings}) == softens
+    e, s = exact.sigma_0, uncertain.sigma_0
+    assert (s.value, s.standard_error, s.warnings) == (e.value, e.standard_error, e.warnings)
+    assert s.systematic == pytest.approx(SHARE * (e.value or 0.0), rel=1e-12)
+    assert_combined(s.interval, e.interval, s)
+    for way in ("covariance", "profile", "bootstrap"):
+        assert_combined(getattr(uncertain.uncertainty["sigma_0"], way), getattr(exact.uncertainty["sigma_0"], way), s)
+    assert uncertain.sigma_1.standard_error is None
+    assert uncertain.sigma_1.shifts == pytest.approx({"K": SHARE / 2 * (exact.sigma_1.value or 0.0)})
 
 
 @pytest.mark.parametrize(

@@ -138,8 +138,8 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
     is much rougher than the motion and explained by less than a tenth: a load that is not among the columns is smooth.
     """
     basis = np.column_stack([np.sign(velocity), velocity, *([] if others is None else [others])])
-    if velocity.size < _FEWEST * basis.shape[1]:
-        return False
+    if velocity.size < _FEWEST * basis.shape[1] or np.median(np.abs(torque - np.median(torque))) == 0:
+        return False  # most of a torque that is one value over and over is not noise
     if velocity.size and velocity.min() < 0 < velocity.max():
         basis, torque = basis - basis.mean(axis=0), torque - torque.mean()
     basis = basis[:, np.ptp(basis, axis=0) + np.abs(basis).max(axis=0) > 0]

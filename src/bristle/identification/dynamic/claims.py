@@ -5,7 +5,7 @@ numbers, and not the bristle's.
 """
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 from scipy.special import fdtrc, stdtrit
@@ -107,7 +107,10 @@ def _runs(problem: DynamicProblem) -> Iterator[tuple[Array, Array]]:
 
 
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:
-    """The bristle's parameters on which the halves of the equations differ, each half fitted by one step from the whole."""
+    """The bristle's parameters on which the first halves of all runs and the second ones differ, each fitted by one step.
+
+    Whether runs differ from one another is asked apart (`repeats`).
+    """
     n = sum(m.size for m in problem.motions)
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
@@ -119,7 +122,9 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
         return {}
     variance = float(left @ left) / n * solution.widening**2
     steps, spreads = [], []
-    for rows in (slice(n // 2), slice(n // 2, n)):
+    sizes = [sum(m.size for m in run) for _, run in groupby(problem.motions, key=lambda m: m.file)]
+    first = np.concatenate([np.arange(size) < size // 2 for size in sizes])
+    for rows in (first, ~first):
         inverse = inverse_gram(J[rows])
         steps.append(-inverse @ (J[rows].T @ left[rows]))
         spreads.append(variance * np.diag(inverse))

@@ -110,7 +110,8 @@ def fit_presliding(
     estimates = stiffness(loadings, level, kind)
     hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
     warnings = list(estimates["samples"].warnings) if hidden else []
-    amplitudes, softens = stiffness_by_amplitude(loadings, level, kind)
+    moves = estimates[best].value is not None
+    amplitudes, softens = stiffness_by_amplitude(loadings, level, kind) if moves else ((), None)
     if softens is not None:
         warnings.append(softens)
         estimates[best] = _spanning(estimates[best], amplitudes)
@@ -126,10 +127,8 @@ def fit_presliding(
     scatter = stiffness_scatter(loadings, level, best, sigma_0)
     if scatter and scatter.stretched > 1 and sigma_0.value is not None:
         widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
-        sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
-        estimates = {**estimates, best: sigma_0}
+        estimates[best], three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
     estimates = with_shifts(estimates, loadings, level)
-    sigma_0 = estimates[best]
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
@@ -137,7 +136,7 @@ def fit_presliding(
     return PreslidingFit(
         direction=loadings[0].direction,
         **estimates,
-        sigma_1=_sigma_1(sigma_0, inertia, kind),
+        sigma_1=_sigma_1(estimates[best], inertia, kind),
         recommended=best,
         degrees_of_freedom=freedom_of(loadings, level, best),
         level=level.value,
@@ -151,7 +150,7 @@ def fit_presliding(
         amplitudes=amplitudes,
         loadings=tuple(loadings),
         warnings=tuple(warnings),
-        uncertainty={"sigma_0": shifted_three(three, sigma_0)},
+        uncertainty={"sigma_0": shifted_three(three, estimates[best])},
         repeats={"sigma_0": scatter} if scatter else {},
     )
 

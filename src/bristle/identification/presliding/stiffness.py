@@ -39,6 +39,8 @@ _STRAIGHT = 1e6
 """Times the largest torque held: a g0 this large bends nothing, which is the other end of what a lower bound allows."""
 _PHASES = 64
 """Where inside a count the joint may rest, for the spread that counts alone cause."""
+_NONE = 1e-60
+"""A compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20."""
 
 
 class KnownValue(NamedTuple):
@@ -328,7 +330,7 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(pieces) - 1, 1)) / abs(
         along or 1.0
     )
-    if not compliance:
+    if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
     return 1 / compliance, float(error / compliance**2), freedom
 

@@ -120,10 +120,8 @@ def _settled(
     `dropped` grows by the directions whose v_s the data do not bound; `solution` is with all peaks, where it is known.
     """
     while True:
-        kept, again = (
-            replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped)),
-            tuple[Diagnostic, ...](),
-        )
+        kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
+        again = tuple[Diagnostic, ...]()
         if options.loss == "huber":
             kept = kept.weighted(huber(kept, v_s_range, options.grid)[1])
         if solution is None or dropped or options.loss == "huber":
