@@ -10,10 +10,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
+from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
 from bristle.page.page import save_figure, symbol_html
 from bristle.page.style import inline, render_as, styled
 from bristle.questions.joint_report import page, static_figures
+from bristle.questions.joint_report.console import outcomes
 
 from .conftest import HOSTILE, gripper
 
@@ -223,3 +225,13 @@ def test_save_figure(tmp_path: Path, record: Record) -> None:
     assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(ValueError, match=r"\.svg or \.png"):
         save_figure(Figure(), tmp_path / "a.pdf")
+
+
+def test_a_critical_sentence_stands_once_on_the_terminal(joint: Joint) -> None:
+    """What is critical about the one solve of both directions is printed below the first of them, and counted with each."""
+    warning = Kind.UNEXPLAINED(error=40.0, noise=3.0, advice=())
+    static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
+    lines = list(outcomes([replace(joint, static=static)]))
+    assert lines.count(f"  critical: {warning}") == 1
+    assert lines[1] == f"  critical: {warning}"
+    assert sum(line.endswith(" 1 warning.") for line in lines) == len(static)

@@ -17,24 +17,28 @@ _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
     """How each fit of each joint ended, how many warnings it has, and what is critical among them."""
     for joint in joints:
+        said: set[Diagnostic] = set()
         for direction, fit in joint.static.items():
-            yield from _outcome(f"{joint.name} {direction}", str(fit.outcome), fit.warnings)
+            yield from _outcome(f"{joint.name} {direction}", str(fit.outcome), fit.warnings, said)
         for direction, slow in (joint.presliding.fits if joint.presliding else {}).items():
-            yield from _outcome(f"{joint.name}, presliding {direction}", str(choice(slow)), slow.warnings)
+            yield from _outcome(f"{joint.name}, presliding {direction}", str(choice(slow)), slow.warnings, said)
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             ended = f"{moving.outcome} Relative error {moving.relative_error:.2g} %{held}."
-            yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, moving.warnings)
+            yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, moving.warnings, said)
         if joint.torque_scale:
             yield f"{joint.name}: {joint.torque_scale}"
         whole = (*joint.warnings, *(joint.presliding.warnings if joint.presliding else ()))
         if whole:
-            yield from _outcome(joint.name, "As a whole:", whole)
+            yield from _outcome(joint.name, "As a whole:", whole, said)
 
 
-def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic]) -> Iterator[str]:
+def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic], said: set[Diagnostic]) -> Iterator[str]:
+    """One fit; of its critical warnings those that stand nowhere above."""
     yield f"{what}: {ended} {counted(len(warnings), 'warning')}."
-    yield from (f"  critical: {warning}" for warning in warnings if warning.severity is Severity.CRITICAL)
+    critical = [warning for warning in warnings if warning.severity is Severity.CRITICAL and warning not in said]
+    said.update(critical)
+    yield from (f"  critical: {warning}" for warning in critical)
 
 
 def checks(joint: Joint) -> Iterator[str]:
