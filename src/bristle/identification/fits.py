@@ -259,7 +259,7 @@ class PreslidingFit:
     samples: Estimate
     """From all samples."""
     sigma_1: Estimate
-    """(15): of an assumed damping ratio, without an error."""
+    """(15): of an assumed damping ratio, without a standard error."""
     recommended: str
     """Which of the four to use."""
     degrees_of_freedom: Number = float("inf")
