@@ -655,6 +655,35 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
     assert len(measure(tmp_path / "draft.yaml").runs) == 1
 
 
+def test_new_completes_an_experiment_file(tmp_path: Path) -> None:
+    """An experiment file gets the lines that its runs ask for, once; with lines under `fit` of its own they are a comment, and another folder is refused."""
+    t = np.arange(2000) / 250
+    q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
+    v = np.gradient(q, t)
+    torque = 2 * np.sign(v) + v + 3 * np.sin(q) + 0.05 * np.random.default_rng(0).standard_normal(t.size)
+    rows = "".join(f"{a:.3f},{b:.8f},{c:.5f}\n" for a, b, c in zip(t, q, torque, strict=True))
+    (tmp_path / "log.csv").write_text("t,q,tau\n" + rows)
+    half = tmp_path / "half.yaml"
+    half.write_text(
+        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        "  torque: {column: tau, unit: N*m}\nruns:\n  - {files: log.csv, experiment: tracking}\n"
+    )
+    ran = run("new", half, "-o", tmp_path / "full.yaml")
+    assert ran.code == 0
+    assert ran.said[0].startswith("added under fit: regressors: [inertia, gravity]; relative error ")
+    assert load_experiment(tmp_path / "full.yaml").fit.regressors == ("inertia", "gravity")
+    again = run("new", tmp_path / "full.yaml")
+    assert again.said[0].startswith("nothing added")
+    half.write_text(half.read_text() + "fit: {decimation: 10}\n")
+    asked = run("new", half)
+    assert asked.said[0].startswith("to be written under fit: regressors: [inertia, gravity]; ")
+    assert "\n# under fit: regressors: [inertia, gravity]   # " in asked.out
+    (tmp_path / "other").mkdir()
+    refused = run("new", half, "-o", tmp_path / "other" / "full.yaml")
+    assert refused.code == 2
+    assert not list((tmp_path / "other").iterdir())
+
+
 def test_version() -> None:
     """`--version` prints the package's version and nothing else."""
     assert run("--version") == Ran(0, f"{__version__}\n", "")

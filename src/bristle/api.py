@@ -11,6 +11,7 @@ from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured, measure
 from bristle.identification.results import Joint
+from bristle.identification.static.set_up import better_for_motion, better_for_points
 from bristle.progress import Progress
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
@@ -251,6 +252,29 @@ def inspect(experiment: Source) -> Measured:
     Raises InputError in one sentence where a file cannot be used.
     """
     return measure(experiment)
+
+
+def complete(experiment: Path | str) -> tuple[str, str]:
+    """The text of an experiment file with the set-up that its runs ask for, and a sentence that says what was added, and why.
+
+    Regressors and directions are tried as `static.set_up` has it; what the file says of `fit` already is left to its
+    author, and the line to write there is a comment. Raises InputError where a file cannot be used.
+    """
+    measured, path = measure(experiment), Path(experiment)
+    asked, points, moving = measured.experiment, measured.points(hold_out=False), measured.moving(hold_out=False)
+    better = better_for_points(asked, points) if points else None
+    if better is None and moving and asked.fit.predict == "torque":
+        better = better_for_motion(asked, moving)
+    text = path.read_text(encoding="utf-8")
+    if better is None:
+        return text, "nothing added: no regressor, nor other directions, would explain these runs clearly better"
+    has_fit = "fit" in asked.model_fields_set
+    line = f"# under fit: {better.lines}" if has_fit else f"fit: {{{better.lines}}}"
+    why = f"relative error {better.asked_error:.2g} -> {better.error:.2g} % on parts held out in turn"
+    return (
+        f"{text.rstrip()}\n\n{line}   # {why}\n",
+        f"{'to be written' if has_fit else 'added'} under fit: {better.lines}; {why}",
+    )
 
 
 def _load(experiments: Sequence[Source]) -> list[Experiment]:

@@ -328,14 +328,33 @@ def plan(
 @app.command()
 def new(
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="A data file: CSV, Parquet, MAT or NPZ.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="DATA",
+            help="A data file (CSV, Parquet, MAT or NPZ), or an experiment file to complete.",
+            show_default=False,
+        ),
     ],
     output: Annotated[Path | None, _to("FILE", "Write the draft here instead of printing it.")] = None,
 ) -> None:
-    """Draft a commented experiment file from a data file."""
-    from bristle.data.experiment.draft import draft_experiment
+    """Draft a commented experiment file from a data file; complete one, as YAML, by the set-up that its runs ask for.
 
-    text, unknown = draft_experiment(data, None if output is None else output.parent)
+    Example: bristle new motion.csv -o wrist.yaml; once that is filled in, bristle new wrist.yaml -o wrist-2.yaml
+    """
+    if data.suffix.lower() in {".yaml", ".yml"}:
+        from bristle.api import complete
+
+        if output is not None and output.parent.resolve() != data.parent.resolve():
+            raise InputError(
+                f"{output}: is in another folder than {data}, whose runs are named relative to it; write it beside {data.name}"
+            )
+        text, said = complete(data)
+        sentences = [said]
+    else:
+        from bristle.data.experiment.draft import draft_experiment
+
+        text, unknown = draft_experiment(data, None if output is None else output.parent)
+        sentences = [f"not guessed: {sentence}" for sentence in unknown]
     if output is None:
         print_lines([text])
     elif output.exists():
@@ -344,8 +363,8 @@ def new(
         _check(output)
         print_lines([f"Draft: {output}"])
         _write(output, text)
-    for sentence in unknown:
-        complain(f"not guessed: {sentence}")
+    for sentence in sentences:
+        complain(sentence)
 
 
 def _write(path: Path, text: str) -> None:

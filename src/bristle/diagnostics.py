@@ -1837,8 +1837,11 @@ class Kind(Enum):
     )
 
 
-NOT_IDENTIFIABLE = frozenset({
-    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND, Kind.UNSEEN_UNCONVERGED,
-    Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES, Kind.UNSEEN_PEAK,
+UNRESOLVED = frozenset({
+    Kind.UNSEEN_UNCONVERGED, Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES,
 })  # fmt: skip  # a list of values
+"""Kinds that leave no interval either: what was fitted is not what the parameter means."""
+NOT_IDENTIFIABLE = UNRESOLVED | {
+    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND, Kind.UNSEEN_PEAK,
+}  # fmt: skip  # a list of values
 """Kinds by which a motion refuses a parameter."""

@@ -77,6 +77,7 @@ def test_a_bristle_that_the_motion_does_not_resolve_has_no_value(fit: object, wh
     made = fit()
     assert why in reasons(made, "sigma_0")
     assert reasons(made, "sigma_1")
+    assert made.parameters[NAMES["sigma_0"]].interval is None
     assert made.parameters[NAMES["alpha_0"]].value is not None
 
 

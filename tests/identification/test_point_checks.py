@@ -213,3 +213,18 @@ def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: 
     """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""
     with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
         bristle.identify(logged(tmp_path, factor))
+
+
+def test_a_torque_of_zero_but_for_a_stray_has_no_offset(tmp_path: Path) -> None:
+    """Points without any torque, one stray apart, are fitted without a failure, and nothing is said of an offset."""
+    speeds = np.geomspace(0.01, 1.0, 12)
+    torque = {(side, k): float(side > 0 and k == 5) for side in (1, -1) for k in range(12)}
+    rows = "".join(f"{side * speeds[k]},{T}\n" for (side, k), T in torque.items())
+    (tmp_path / "points.csv").write_text("v,tau\n" + rows)
+    (tmp_path / "e.yaml").write_text(
+        "joint: {name: a}\nsignals: {velocity: {column: v, unit: rad/s}, torque: {column: tau, unit: N*m}}\n"
+        "runs: [{files: points.csv, experiment: points}]\n"
+    )
+    (joint,) = bristle.identify(tmp_path / "e.yaml").joints
+    assert joint.static["+"].strays
+    assert Kind.OFFSET_OR_FRICTION not in {warning.kind for warning in joint.warnings}

@@ -54,6 +54,9 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     if not in_order:
         return
     slopes, durations = np.array([_slope(records[s.file], s) for s in points]).T
+    level = float(np.median(np.abs([s.torque for s in points])))
+    if not level or np.count_nonzero(durations) < _ENOUGH:
+        return
     weight = durations**3 / np.sum(durations**3)  # the variance of a slope falls with the third power of its length
     mean = float(weight @ slopes)
     error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
@@ -66,7 +69,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
         way="rises" if in_order[first] > 0 else "falls",
         slope=mean,
         across=across,
-        share=across / float(np.median(np.abs([s.torque for s in points]))),
+        share=across / level,
     )
 
 
@@ -82,7 +85,8 @@ def _slope(record: Record, segment: Segment) -> tuple[float, float]:
     torque = np.zeros(0) if record.torque is None else record.torque
     part = slice(segment.start + (segment.stop - segment.start) // 3, segment.stop)
     time = record.time[part] - record.time[part].mean()
-    return float(time @ torque[part] / (time @ time)) * np.sign(segment.velocity), float(np.ptp(time))
+    slope = float(time @ torque[part]) / (float(time @ time) or 1.0)
+    return slope * float(np.sign(segment.velocity)), float(np.ptp(time))
 
 
 def _elapsed(points: Sequence[Segment], durations: Array) -> float:
@@ -132,5 +136,7 @@ def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnosti
 
 
 def _p(fall: float, parameters: int, cost: float, freedom: int) -> float:
-    """Probability that so many parameters lower a cost by so much by chance."""
-    return float(fdtrc(parameters, freedom, max(fall, 0.0) / parameters / (cost / freedom))) if freedom > 0 else 1.0
+    """Probability that so many parameters lower a cost by so much by chance; one where there is nothing to lower."""
+    if freedom <= 0 or cost <= 0:
+        return 1.0
+    return float(fdtrc(parameters, freedom, max(fall, 0.0) / parameters / (cost / freedom)))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Kind
+from bristle.diagnostics import NOT_IDENTIFIABLE, UNRESOLVED, Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
@@ -205,9 +205,10 @@ def _is_weak(e: Estimate) -> bool:
 
 
 def _without(e: Estimate) -> Estimate:
-    """What is left of an estimate that the motion does not show: its interval, and the reason."""
+    """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
     reasons = e.warnings if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
-    return replace(e, value=None, standard_error=None, warnings=reasons)
+    doubted = not {warning.kind for warning in reasons}.isdisjoint(UNRESOLVED)
+    return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
 
 
 def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
