@@ -656,7 +656,10 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
 
 
 def test_new_completes_an_experiment_file(tmp_path: Path) -> None:
-    """An experiment file gets the lines that its runs ask for, once, as a comment beside a `fit` of its own; another folder is refused."""
+    """An experiment file gets the lines that its runs ask for, once.
+
+    With lines under `fit` of its own they are a comment, and another folder is refused.
+    """
     t = np.arange(2000) / 250
     q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
     v = np.gradient(q, t)
