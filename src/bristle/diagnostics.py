@@ -1504,6 +1504,45 @@ class Kind(Enum):
     TORQUE_FROM_CURRENT = _NOTE, "Torque from current: k_t = {k_t:g} {unit}."
     TORQUE_FROM_VOLTAGE = _NOTE, "Torque from voltage by (8): k_t = {k_t:g} {unit}, R = {R:g} ohm."
 
+    # the constants that torques were computed with
+    TORQUE_EXACT = (
+        _NOTE,
+        (
+            "Torque: assuming {constants!j} exact: no interval contains that error, which is often the largest; "
+            "give it, as in {line}."
+        ),
+    )
+    TORQUE_UNCERTAIN = (
+        _NOTE,
+        (
+            "Torque: every interval contains the error of {constants!j}, which moves the parameters together; "
+            "its part is shown as systematic{rest}."
+        ),
+    )
+    TORQUE_REST_EXACT = _NOTE, "; assuming {constants!j} exact"
+    SYSTEMATIC_STAYS = (
+        _NOTE,
+        "Expected errors are those of the scatter: no run lowers the systematic error, of {constants!j}.",
+    )
+    SYSTEMATIC_DRAWN = (
+        _NOTE,
+        (
+            "Joints are also drawn with the error of {constants!j}; where the controller makes its torque by the same "
+            "constants that error cancels, and the range is narrower."
+        ),
+    )
+    COMMON_CONSTANTS = (
+        _NOTE,
+        (
+            "{joint}: {constants!j} is common to both sessions: its error moves both alike, and does not widen their "
+            "difference."
+        ),
+    )
+    OWN_CONSTANTS = (
+        _NOTE,
+        "{joint}: {constants!j} is of one session alone: its error widens the differences.",
+    )
+
     # what to measure next, about the static fit of a direction
     MEASURE_SPEEDS = (
         _NOTE,

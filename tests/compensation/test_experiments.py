@@ -220,6 +220,21 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     assert narrow.rms_actual == pytest.approx(np.sqrt(np.mean(narrow.actual**2)))
 
 
+def test_errors_of_constants_are_a_part_of_the_band() -> None:
+    """What they do to the RMS error alone stands beside the band of all causes, and is no part of its quantiles; without them it is None."""
+    rng = np.random.default_rng(0)
+    draws, by_constants = (tuple(spread(GRIPPER, rng, 0.1) for _ in range(20)) for _ in range(2))
+    one = joint_loop(period=2e-3, draws=draws)
+    without, beside = band(one), band(replace(one, draws_by_constants=by_constants))
+    assert without is not None
+    assert beside is not None
+    assert without.rms_systematic is None
+    assert beside.rms == pytest.approx(without.rms)
+    alone = band(replace(one, draws=by_constants))
+    assert alone is not None
+    assert beside.rms_systematic == pytest.approx((alone.rms[0], alone.rms[2]))
+
+
 def test_without_draws_there_is_no_band() -> None:
     """A joint whose covariance is unknown has no band."""
     assert band(joint_loop()) is None

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.data.constant_velocity.segments import Thresholds
-from bristle.data.experiment.load import Experiment, FitOptions, Inertia, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, FitOptions, PlusMinus, load_experiment, read_runs
 from bristle.errors import InputError
 
 _BASE: dict[str, Any] = {
@@ -51,7 +51,7 @@ def test_everything_in_si(tmp_path: Path) -> None:
     assert e.motor is not None
     assert e.motor[:3] == pytest.approx((0.35, 2.1, 0.0))
     assert math.isnan(e.motor.J)
-    assert e.inertia == Inertia(value=0.0089, standard_error=0.0004)
+    assert e.inertia == PlusMinus(value=0.0089, standard_error=0.0004)
     assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096)
     assert isinstance(e.segments, Thresholds)
     assert (e.segments.minimum_duration, e.segments.torque_limit) == (0.5, None)
@@ -133,6 +133,22 @@ _BAD: dict[str, tuple[dict[str, Any], str]] = {
     "infinite inertia": ({"inertia": "1e400 kg*m^2"}, "inertia: got '1e400 .*expected a finite size"),
     "infinite error": ({"inertia": "0.05 +/- 1e400 kg*m^2"}, "inertia: got .*expected a finite size"),
     "vast": ({"fit": {"v_s_range": ["1e-300 rad/s", "1e300 rad/s"]}}, r"fit\.v_s_range\.0: .*expected a finite size"),
+    "error as large as the constant": (
+        {"motor": {"torque_constant": "0.35 +/- 0.4 N*m/A"}},
+        r"motor\.torque_constant: got '0\.35 \+/- 0\.4 N\*m/A'; expected an error that is smaller than the constant",
+    ),
+    "error of no unit of the scale's": (
+        {"signals": _signals(torque={"column": 1, "unit": "A", "scale": "7.6 N*m/A +/- 0.1 ohm"})},
+        r"signals\.torque: unit 'ohm' is no unit of N\*m/A",
+    ),
+    "error as large as the scale": (
+        {"signals": _signals(torque={"column": 1, "unit": "A", "scale": "-7.6 +/- 8 N*m/A"})},
+        r"signals\.torque: scale '-7\.6 \+/- 8 N\*m/A': expected a number, with an error that is smaller than it",
+    ),
+    "error of a position's scale": (
+        {"signals": _signals(position={"column": 1, "unit": "rad", "scale": "2 +/- 0.1"})},
+        r"signals\.position: scale: got '2 \+/- 0\.1'; expected no error: only that of torque, voltage or current",
+    ),
     "vast scale": (
         {"signals": _signals(torque={"column": 1, "unit": "N*m", "scale": 1e300})},
         r"signals\.torque: unit 'N\*m' times scale 1e\+300 is 1e\+300 N\*m; expected between",

@@ -98,6 +98,41 @@ def test_torque_from_whatever_drives(tmp_path: Path) -> None:
     np.testing.assert_allclose(flipped.torque, -tau)  # type: ignore[arg-type]  # torque is there
 
 
+def test_an_error_of_a_constant_is_one_of_the_torque(tmp_path: Path) -> None:
+    """Per standard error: s / x of the torque for a scale or for k_t of a current; of a voltage the derivatives of k_t (u - k_t w) / R."""
+    k_t, R = 0.5, 2.0
+    tau, v = np.cos(9 * _T), 9 * np.cos(9 * _T)
+    u = R * tau / k_t + k_t * v
+    _log(tmp_path, i=tau / k_t, u=u)
+    velocity = {"column": "v", "unit": "rad/s"}
+    motor = {"torque_constant": "0.5 +/- 0.01 N*m/A", "resistance": "2 ± 0.1 ohm"}
+    by_k_t, by_R = "torque_constant 0.5 +/- 0.01 N*m/A", "resistance 2 +/- 0.1 ohm"
+    for drive, expected in (
+        ({"torque": {"column": "tau", "unit": "N*m"}}, {}),
+        (
+            {"torque": {"column": "tau", "unit": "N*m", "scale": "1 +/- 0.02"}},
+            {"scale of torque 1 +/- 0.02": 0.02 * tau},
+        ),
+        (
+            {"torque": {"column": "i", "unit": "A", "scale": "0.5 +/- 0.01 N*m/A"}},
+            {"scale of torque 0.5 +/- 0.01 N*m/A": 0.02 * tau},
+        ),
+        ({"current": {"column": "i", "unit": "A"}}, {by_k_t: 0.02 * tau}),
+        (
+            {"voltage": {"column": "u", "unit": "V", "scale": "-1 +/- 0.01"}},
+            {
+                by_k_t: 0.01 * (-u - 2 * k_t * v) / R,
+                by_R: -0.1 / R * (k_t * (-u - k_t * v) / R),
+                "scale of voltage -1 +/- 0.01": 0.01 * k_t * u / R,
+            },
+        ),
+    ):
+        record = _record(tmp_path, signals={**_signals(torque=None, velocity=velocity), **drive}, motor=motor)
+        assert list(record.torque_shifts) == list(expected)
+        for name, shift in expected.items():
+            np.testing.assert_allclose(record.torque_shifts[name], shift, atol=1e-12)
+
+
 def test_points_are_pairs(tmp_path: Path) -> None:
     """Points need velocity and torque alone; time counts them, and rows that are not finite are dropped."""
     (tmp_path / "points.csv").write_text("v,tau\n60,1\nnan,2\n-120,3\n")

@@ -113,14 +113,18 @@ def _of(unit: str) -> st.SearchStrategy[str]:
     return _POSITIVE.map(lambda x: f"{x!r} {unit}")
 
 
+def _of_or_uncertain(unit: str) -> st.SearchStrategy[str]:
+    return st.one_of(_of(unit), st.tuples(_POSITIVE, _POSITIVE).map(lambda x: f"{x[0]!r} +/- {x[1]!r} {unit}"))
+
+
 PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
     "joint.kind": st.sampled_from(["revolute", "prismatic"]),
     "joint.name": NAMES,
-    "motor.torque_constant": _of("N*m/A"),
-    "motor.resistance": _of("ohm"),
+    "motor.torque_constant": _of_or_uncertain("N*m/A"),
+    "motor.resistance": _of_or_uncertain("ohm"),
     "motor.inductance": _of("H"),
     "motor.inertia": _of("kg*m**2"),
-    "inertia": st.one_of(_of("kg*m**2"), st.tuples(_POSITIVE, _POSITIVE).map(lambda x: f"{x[0]!r} +/- {x[1]!r} kg*m**2")),
+    "inertia": _of_or_uncertain("kg*m**2"),
     "encoder_resolution": st.one_of(_of("rad"), st.just("4096 counts/rev")),
     "segments.minimum_duration": _of("s"),
     "segments.velocity_tolerance": st.floats(0.001, 0.999),
@@ -147,7 +151,7 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
     "fit.predict": st.sampled_from(["torque", "position"]),
     "fit.horizon": _of("s"),
     "fit.decimation": st.sampled_from([1, 2, 5, 10, 300, 10_000]),
-    "signals.torque.scale": st.one_of(_POSITIVE, _of("N*m/A"), NUMBERS),
+    "signals.torque.scale": st.one_of(_POSITIVE, _of_or_uncertain("N*m/A"), NUMBERS),
     "signals.torque.delay": _of("s"),
     "signals.position.wraps": st.one_of(st.booleans(), _of("rad")),
     "signals.time": st.one_of(_of("Hz").map(lambda x: {"rate": x}), st.just({"column": 0, "unit": "ms"})),

@@ -27,6 +27,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.fits import Estimate
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
+from bristle.identification.systematic import shifted
 from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
@@ -227,6 +228,27 @@ def test_few_degrees_of_freedom_widen_the_joint_uncertainty() -> None:
     found = change(compare(*made), "alpha_0")
     assert found.z == pytest.approx(3 / np.sqrt(2))
     assert found.p == pytest.approx(2 * stats.t.sf(3 / np.sqrt(2), 6), rel=1e-9)
+
+
+def scaled(value: float, shift: float, constant: str, name: str = "alpha_0") -> Fit:
+    """A fit of one parameter and of the same with the other sign, both moved by an error of a constant."""
+    parameters = {n: shifted(estimate(value, 1.0, n), {constant: shift}) for n in (f"{name}+", f"{name}-")}
+    return fit_of(source="static +", parameters=parameters, names=tuple(parameters), covariance=np.eye(2))
+
+
+@given(a=values, b=values, shift=st.floats(0.1, 30))
+def test_a_constant_of_both_sessions_does_not_widen_their_difference(a: float, b: float, shift: float) -> None:
+    """Of one and the same constant nothing is left in the difference; of two their errors are added; and the warning says which is which."""
+    same, own = (
+        compare(session(scaled(a, shift, "K")), session(scaled(b, shift, other))) for other in ("K", "other K")
+    )
+    wide = np.hypot(np.sqrt(2), np.sqrt(2) * shift)
+    assert change(same, "alpha_0+").z == pytest.approx((b - a) / np.sqrt(2), rel=1e-4, abs=1e-6)
+    assert change(own, "alpha_0+").z == pytest.approx((b - a) / wide, rel=1e-4, abs=1e-6)
+    assert [x.kind for x in same.warnings] == [Kind.COMMON_CONSTANTS]
+    assert [x.kind for x in own.warnings] == [Kind.OWN_CONSTANTS]
+    assert same.sets[0].statistic == pytest.approx((b - a) ** 2 / 2, abs=1e-9)
+    assert own.sets[0].statistic == pytest.approx((b - a) ** 2 / (2 + 4 * shift**2), rel=1e-6, abs=1e-9)
 
 
 def correlated(shift: float) -> Fit:

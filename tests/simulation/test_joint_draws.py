@@ -8,6 +8,7 @@ import pytest
 
 from bristle.identification import known_joint
 from bristle.identification.fits import TrackingFit
+from bristle.identification.systematic import shifted
 from bristle.model.parameters import Lugre
 from bristle.simulation.joint_loop import JointLoop, of_experiment
 
@@ -49,6 +50,19 @@ def test_draws_are_physical_and_repeat(tmp_path: Path, share: float) -> None:
             assert min(p.alpha_0, p.v_s, p.sigma_0) > 0
             assert min(p) >= 0
             assert np.isfinite(p).all()
+
+
+def test_an_error_of_a_constant_moves_all_parameters_of_a_draw_together(tmp_path: Path) -> None:
+    """By constants alone every parameter of a draw has the same factor, the inertia too; without errors of constants there are no such draws."""
+    fit = tracked(values_of(GRIPPER), 1e-9)
+    assert drawn(tmp_path, fit).draws_by_constants == ()
+    moved = {name: shifted(e, {"K": 1e-3 * (e.value or 0.0)}) for name, e in fit.parameters.items()}
+    loop = drawn(tmp_path, replace(fit, parameters=moved))
+    for found in (loop.draws, loop.draws_by_constants):
+        rows = np.array([[*pair.positive, *pair.negative, inertia] for pair, inertia in found])
+        factors = rows / list(values_of(GRIPPER).values())
+        assert np.abs(factors - factors[:, :1]).max() < 1e-5
+        assert np.std(factors[:, 0]) == pytest.approx(1e-3, rel=0.3)
 
 
 def test_without_a_covariance_nothing_is_drawn(tmp_path: Path) -> None:

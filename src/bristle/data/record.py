@@ -33,6 +33,9 @@ class Record:
     """Whether it is estimated."""
     torque: Array | None = None
     """N*m: torque of the drive, positive along positive velocity."""
+    torque_shifts: Mapping[str, Array] = field(default_factory=dict)
+    """Change of the torque per standard error of each constant that it was computed with, N*m, (n,); of those without
+    an error none."""
     voltage: Array | None = None
     """V, from which torque is computed by (8) once the velocity is known."""
     acceleration: Array | None = None
@@ -74,6 +77,8 @@ class Record:
             if array.shape != time.shape or not np.isfinite(array).all():
                 raise InputError(f"{self.file}: {name} must be finite and as long as time, {time.size} samples")
             object.__setattr__(self, name, array)
+        shifts = {name: _frozen(values) for name, values in self.torque_shifts.items()}
+        object.__setattr__(self, "torque_shifts", shifts)
 
     @property
     def step(self) -> float:

@@ -84,6 +84,8 @@ class Loading:
     """Torque at which it began to slide, N*m; None where it did not."""
     held: float
     """The largest torque that the joint held without sliding, N*m, which the low pass may round off."""
+    shares: Mapping[str, float] = field(default_factory=dict)
+    """Relative change of its torque per standard error of each constant behind it."""
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
@@ -193,6 +195,10 @@ def find_loadings(
                 held=_held(torque_along, sign * torque[piece])
                 if slide is None
                 else float(torque_along[inside].max(initial=0.0)),
+                shares={
+                    name: float(torque[piece] @ shift[piece] / (torque[piece] @ torque[piece]))
+                    for name, shift in record.torque_shifts.items()
+                },
             )
         )
     return tuple(loadings)

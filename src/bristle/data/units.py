@@ -80,18 +80,40 @@ def plus_minus(value: object, target: str) -> tuple[float, float | None]:
     `x +/- s unit` is taken too, as is a unit after x as well. Raises InputError as `to_si`, and where s is not
     positive.
     """
+    parts = _parts(value)
+    if parts is None:
+        return to_si(value, target), None
+    number, first, error, second = parts
+    return (
+        _sane(number * factor(first, target), value, target),
+        _sane(error * factor(second, target), value, target),
+    )
+
+
+def scale_parts(scale: object) -> tuple[float, str, float | None]:
+    """Number, unit and relative standard error of a scale `x`, or `x ± s`; no error where there is none.
+
+    Raises InputError where it is no quantity, or s is not positive or not below the size of x.
+    """
+    parts = _parts(scale)
+    if parts is None:
+        return *_scale(scale), None
+    number, first, error, second = parts
+    if number == 0 or not (relative := error * factor(second, first) / abs(number)) < 1:
+        raise InputError(f"scale {short(str(scale))}: expected a number, with an error that is smaller than it")
+    return number, first, relative
+
+
+def _parts(value: object) -> tuple[float, str, float, str] | None:
+    """x, its unit, s and its unit in `x ± s`, of which one unit may stand for both; None where it is no such thing."""
     parts = _PLUS_MINUS.split(_plain(value))
     mean = _QUANTITY.fullmatch(parts[0].strip().removeprefix("(").strip())
     error = _ERROR.fullmatch(parts[-1].strip()) if len(parts) == 2 else None  # before and after the sign
     if not (mean and error):
-        return to_si(value, target), None
+        return None
     if not float(error[1]) > 0:
         raise InputError(f"got {short(value)}; expected a positive standard error after ±, or none at all")
-    first, second = mean[2] or error[2] or "1", error[2] or mean[2] or "1"
-    return (
-        _sane(float(mean[1]) * factor(first, target), value, target),
-        _sane(float(error[1]) * factor(second, target), value, target),
-    )
+    return float(mean[1]), mean[2] or error[2] or "1", float(error[1]), error[2] or mean[2] or "1"
 
 
 def _plain(value: object) -> str:
@@ -111,10 +133,10 @@ def _sane(number: float, value: object, target: str) -> float:
 def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: float | None = None) -> float:
     """What a value in `unit` is multiplied by to be in `target`.
 
-    `unit` times `scale`, which may have a unit of its own. `counts` (alone or first, as in `counts/s`) are worth
+    `unit` times `scale`, which may have a unit and an error of its own. `counts` (alone or first, as in `counts/s`) are worth
     `resolution`, rad or m. Raises InputError where the dimension differs.
     """
-    number, times = _scale(scale)
+    number, times, _ = scale_parts(scale)
     if counts := _COUNTS.match(unit.strip()):
         if resolution is None:
             raise InputError(
@@ -140,11 +162,11 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
     return times_si
 
 
-def _scale(scale: str | float) -> tuple[float, str]:
+def _scale(scale: object) -> tuple[float, str]:
     match = _QUANTITY.fullmatch(_plain(str(scale)))
     if not match or float(match[1]) == 0:
         raise InputError(
-            f"scale {short(scale)} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
+            f"scale {short(str(scale))} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
         )
     return float(match[1]), match[2] or "1"
 

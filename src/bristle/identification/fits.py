@@ -2,15 +2,20 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from bristle.arrays import UNWRITTEN, Array, Interval, Matrix, Number, result
+from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
 from bristle.model.parameters import WITHOUT_PEAK, Lugre, ParameterName, Stribeck, in_direction
+
+Shifts = Annotated[
+    Mapping[str, Number], JsonForm(dict[str, Number] | None, lambda x: dict(x) or None, lambda x: x or {})
+]
+"""Changes by the constant that causes them, as it prints; null in JSON where there are none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +28,13 @@ class Estimate:
     value: float | None
     unit: str
     standard_error: float | None = None
+    """Statistical: how far the scatter of the data leaves the parameter open."""
     interval: Interval | None = None
+    """Of both errors, the statistical and the systematic one."""
+    systematic: float | None = None
+    """Standard error that the declared errors of constants add; None where none was declared."""
+    shifts: Shifts = field(default_factory=dict)
+    """Change of the value per standard error of each such constant: those of one constant go together."""
     warnings: tuple[Diagnostic, ...] = ()
 
 
@@ -248,7 +259,7 @@ class PreslidingFit:
     samples: Estimate
     """From all samples."""
     sigma_1: Estimate
-    """(15): of an assumed damping ratio, without an error."""
+    """(15): of an assumed damping ratio, without a standard error."""
     recommended: str
     """Which of the four to use."""
     degrees_of_freedom: Number = float("inf")

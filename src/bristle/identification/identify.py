@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
@@ -99,6 +100,7 @@ def identify_joint(
             *smeared_by_counts(experiment, training, stages.alone.parameters if stages.alone else {}),
             *left_out,
         ),
+        torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         truth=experiment.truth,
         simulated=experiment.simulated,
@@ -159,7 +161,7 @@ def _moving(
     J = fit.parameters.get(INERTIA) if fit else None
     if stages.presliding is None or experiment.inertia is not None or J is None or not J.value:
         return stages
-    known = KnownValue(J.value, J.standard_error or 0.0, Kind.OF_MOVING_RUNS())
+    known = KnownValue(J.value, J.standard_error or 0.0, Kind.OF_MOVING_RUNS(), J.shifts)
     return stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
 
 
@@ -247,7 +249,9 @@ def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: st
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
     whole = Kind.OF_MOVING_RUNS if moving else Kind.OF_STATIC_FIT
     without_peak = Kind.OF_MOVING_RUNS_WITHOUT_PEAK if moving else Kind.OF_STATIC_FIT_WITHOUT_PEAK
-    return KnownValue(value, error, whole() if len(terms) == 2 else without_peak())
+    constants = dict.fromkeys(c for key in terms for c in estimates[key].shifts)
+    shifts = {c: sum(estimates[key].shifts.get(c, 0.0) for key in terms) for c in constants}
+    return KnownValue(value, error, whole() if len(terms) == 2 else without_peak(), shifts)
 
 
 def _input(record: Record) -> Input:

@@ -10,7 +10,9 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate, TrackingFit
@@ -258,8 +260,24 @@ def assumed_damping(sigma_0: float, J: float) -> float:
     return float(evaluate(functions.presliding_damping_function(), sigma_0, J, DAMPING_RATIO)[0])
 
 
+class _Moves(NamedTuple):
+    """How far the parameters of the fit of moving runs are drawn from their estimates; the positive ones by their logarithms."""
+
+    names: tuple[ParameterName, ...]
+    centre: Array
+    """(p,)."""
+    positive: NDArray[np.bool_]
+    """(p,)."""
+    statistical: Array
+    """By their covariance, (DRAWS, p)."""
+    systematic: Array
+    """By errors of constants, (DRAWS, p)."""
+
+
 def draws_of(joint: Joint, known: KnownJoint, travel: float, J: float) -> tuple[tuple[Pair[float], float], ...]:
-    """Joints from the covariance of the fit of moving runs, each with its inertia; none without such a fit.
+    """Joints from the covariance of the fit of moving runs and errors of constants, each with its inertia.
+
+    There are none without such a fit.
 
     Args:
         joint: identified.
@@ -267,28 +285,54 @@ def draws_of(joint: Joint, known: KnownJoint, travel: float, J: float) -> tuple[
         travel: as in `KnownJoint.filled`.
         J: inertia where that was not fitted, kg*m**2.
     """
+    moves = _moves(joint)
+    return () if moves is None else _drawn(moves, moves.statistical + moves.systematic, joint, known, travel, J)
+
+
+def draws_by_constants(
+    joint: Joint, known: KnownJoint, travel: float, J: float
+) -> tuple[tuple[Pair[float], float], ...]:
+    """`draws_of` by errors of constants alone; none where there are no such errors."""
+    moves = _moves(joint)
+    return (
+        () if moves is None or not moves.systematic.any() else _drawn(moves, moves.systematic, joint, known, travel, J)
+    )
+
+
+def _moves(joint: Joint) -> _Moves | None:
     fit = joint.moving
     if fit is None or not fit.names:
-        return ()
+        return None
     values = {name: e.value for name, e in fit.parameters.items() if e.value is not None}
-    names = [name for name in fit.names if name in values]
+    names = tuple(name for name in fit.names if name in values)
     rows = [fit.names.index(name) for name in names]
     centre = np.array([values[name] for name in names])
     positive = np.array([name.name in _LOGARITHMIC for name in names]) & (centre > 0)
     chain = np.where(positive, 1 / np.where(positive, centre, 1.0), 1.0)
     covariance = fit.covariance[np.ix_(rows, rows)] * np.outer(chain, chain)
     if not np.isfinite(covariance).all():
-        return ()
+        return None
     rng = np.random.default_rng(SEED)
-    moved = rng.multivariate_normal(np.zeros(len(names)), covariance, DRAWS, method="eigh")
+    statistical = rng.multivariate_normal(np.zeros(len(names)), covariance, DRAWS, method="eigh")
+    systematic = np.zeros(statistical.shape)
+    for constant in dict.fromkeys(c for name in names for c in fit.parameters[name].shifts):
+        shift = np.array([fit.parameters[name].shifts.get(constant, 0.0) for name in names])
+        systematic += rng.standard_normal((DRAWS, 1)) * (shift * chain)
+    return _Moves(names, centre, positive, statistical, systematic)
+
+
+def _drawn(
+    moves: _Moves, moved: Array, joint: Joint, known: KnownJoint, travel: float, J: float
+) -> tuple[tuple[Pair[float], float], ...]:
+    """The joints whose parameters are moved by so much, (DRAWS, p)."""
+    shown = joint.moving.parameters if joint.moving else {}
     with np.errstate(over="ignore"):
-        drawn = np.where(
-            positive, centre * np.exp(np.clip(moved, -_MOST_MOVED, _MOST_MOVED)), np.maximum(centre + moved, 0.0)
-        )
+        by_factor = moves.centre * np.exp(np.clip(moved, -_MOST_MOVED, _MOST_MOVED))
+        drawn = np.where(moves.positive, by_factor, np.maximum(moves.centre + moved, 0.0))
     joints = []
     for draw in drawn.tolist():
-        sample = dict(zip(names, draw, strict=True))
-        estimates = {name: replace(fit.parameters[name], value=x) for name, x in sample.items()}
+        sample = dict(zip(moves.names, draw, strict=True))
+        estimates = {name: replace(shown[name], value=x) for name, x in sample.items()}
         inertia = sample.get(INERTIA) or J
         joints.append((replace(known, estimates={**known.estimates, **estimates}).pair(travel, inertia), inertia))
     return tuple(joints)

@@ -154,6 +154,7 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
             else (Kind.POINT_TOO_SLOW(speed=abs(v), least=slowest) if moves else Kind.POINT_AT_REST(),),
             labels=record.labels,
             position=None if record.position is None else float(record.position[k]),
+            torque_shifts={name: float(shift[k]) for name, shift in record.torque_shifts.items()},
         )
         for k, (v, t, moves) in enumerate(zip(velocity, torque, moving, strict=True))
     )

@@ -12,7 +12,7 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import Inertia
+from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged, velocity_noise
 from bristle.diagnostics import Diagnostic, Kind
@@ -86,6 +86,12 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
     return {
         name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
     }
+
+
+def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:
+    """What an error of each constant does to the torques of some records, one after the other, (N,), as in `Record`."""
+    names = dict.fromkeys(name for r in records for name in r.torque_shifts)
+    return {name: np.concatenate([r.torque_shifts.get(name, np.zeros(r.time.size)) for r in records]) for name in names}
 
 
 def regressors(experiment: Experiment) -> tuple[str, ...]:
@@ -201,7 +207,7 @@ def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, 
     return tuple(moving) if experiment.fit.directions == "separate" else ("both",)
 
 
-def inertia(experiment: Experiment) -> tuple[float | None, Inertia | None]:
+def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:
     """The inertia where it is fixed, and where it is known with an error."""
     known = experiment.inertia
     if known is None:

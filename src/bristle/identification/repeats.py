@@ -28,15 +28,13 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
-from bristle.model.parameters import ParameterName
+from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
 SIGNIFICANT = 0.01
 _ROUNDING = 1e-6
 """Relative differences below this are those of two computations."""
-_POSITIVE = ("alpha", "v_s", "sigma", "inertia")
-"""What is never negative begins so."""
 
 
 class RunFit(NamedTuple, Generic[Key]):
@@ -157,7 +155,7 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
 
     An open end stays open, and none leaves what the parameter may be.
     """
-    least = 0.0 if bare.startswith(_POSITIVE) else -np.inf
+    least = least_of(bare)
 
     def spread(ends: Array) -> Array:
         """The ends, spread."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from bristle.arrays import JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
 from bristle.diagnostics import Diagnostic, Severity, with_subjects
+from bristle.diagnostics import Kind as DiagnosticKind
 from bristle.identification.fits import Crosscheck, Presliding, StaticFit, TrackingFit
 from bristle.model.parameters import Kind, Lugre, ParameterName
 
@@ -124,6 +125,8 @@ class Joint:
     models: tuple[ModelComparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
     warnings: tuple[Diagnostic, ...] = ()
+    torque_scale: Diagnostic | None = None
+    """Which constants between logs and torques have an error, and which are taken as exact; None: there are none, or the data are simulated."""
     travel: float | None = None
     """From the lowest to the highest position, declared under `plan` or measured, rad; None where neither is known."""
     truth: Mapping[str, LugreByName] = field(default_factory=dict)
@@ -158,6 +161,13 @@ class Joint:
         """The same, in which each diagnostic knows what it is about."""
         joint: Joint = with_subjects(self, _SUBJECTS)
         return joint
+
+    @property
+    def uncertain_constants(self) -> tuple[str, ...]:
+        """The constants whose errors are in the estimates, as they print."""
+        scale = self.torque_scale
+        known = scale is not None and scale.kind is DiagnosticKind.TORQUE_UNCERTAIN
+        return tuple(map(str, scale.numbers["constants"])) if scale and known else ()
 
     def fit_warnings(self) -> Iterator[Diagnostic]:
         """Those about the joint, its presliding runs, and each of its fits as a whole."""

@@ -63,6 +63,13 @@ def load_terms_function() -> ca.Function:
     return _function("load_terms", s, law.load_terms(**s))
 
 
+def drive_torque_slopes_function() -> ca.Function:
+    """(V, w, k_t, R) -> (T_V, T_k_t, T_R): derivatives of `motor.drive_torque` (7)-(8), N*m/V, A and N*m/ohm."""
+    s = _symbols("V", "w", "k_t", "R")
+    T = motor.drive_torque(s["V"], s["w"], Motor(s["k_t"], s["R"], 0.0, 1.0))
+    return _function("drive_torque_slopes", s, _derivatives("T", T, {name: s[name] for name in ("V", "k_t", "R")}))
+
+
 @cache
 def loading_displacement_function() -> ca.Function:
     """(T, g0, sigma_0) -> (y, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""

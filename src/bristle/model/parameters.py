@@ -186,6 +186,11 @@ def unit(name: str, kind: Kind = "revolute") -> str:
     return _UNITS[name][kind == "prismatic"]
 
 
+def least_of(name: str) -> float:
+    """What a parameter may be at least, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
+    return 0.0 if name in BOUNDS or name == INERTIA.name else -float("inf")
+
+
 def is_passive(p: Lugre[float]) -> bool:
     """Whether LuGre dissipates for every motion: alpha_2 > sigma_1 alpha_1 / alpha_0 (Barabanov and Ortega, 2000)."""
     return p.alpha_2 > p.sigma_1 * p.alpha_1 / p.alpha_0

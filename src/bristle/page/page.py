@@ -127,7 +127,7 @@ def symbol_html(name: str) -> Markup:
 
 
 _HEADINGS = {
-    "standard_error": "standard error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
+    "standard_error": "standard error", "systematic": "systematic error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
     "upper": "95 % to", "plain_grid": "plain grid", "without_stick_slip": "without stick-slip", "huber": "Huber",
     "without_standard_error": "its standard error", "difference_in_se": "difference (standard errors)", "grid": "refined grid",
     "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
@@ -143,7 +143,14 @@ def _heading(column: str) -> str:
     return _HEADINGS.get(column, column)
 
 
-_DIGITS = {"difference_in_se": 2, "difference": 2, "error_percent": 3, "standard_error": 3, "from_median_percent": 3}
+_DIGITS = {
+    "difference_in_se": 2,
+    "difference": 2,
+    "error_percent": 3,
+    "standard_error": 3,
+    "systematic": 3,
+    "from_median_percent": 3,
+}
 
 
 def _cell(value: Any, column: str) -> str | Markup:

@@ -16,7 +16,7 @@ from bristle.control.pid import Gains
 from bristle.data.experiment.load import AdaptOptions, Experiment
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of, truth_of, whole
+from bristle.identification.known_joint import DEFLECTION, draws_by_constants, draws_of, inertia_of, truth_of, whole
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -57,7 +57,9 @@ class JointLoop:
     J: float
     """Inertia of the plant, kg*m**2."""
     draws: tuple[tuple[Pair[float], float], ...] = ()
-    """Joints that the identified covariance allows: friction and inertia."""
+    """Joints that the identified covariance, and errors of constants, allow: friction and inertia."""
+    draws_by_constants: tuple[tuple[Pair[float], float], ...] = ()
+    """Joints that errors of constants alone allow."""
     gains: Gains[float]
     amplitude: float
     """Of the sinusoidal reference, rad."""
@@ -180,9 +182,11 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         assumed.append(Kind.PLANT_IS_MODEL())
     effort = "torque" if joint.kind == "revolute" else "force"
     assumed.append(Kind.DRIVE_WITHOUT_LIMIT(quantity=effort, period=asked.period))
+    assumed += [joint.torque_scale] if joint.torque_scale else []
+    assumed += [Kind.SYSTEMATIC_DRAWN(constants=joint.uncertain_constants)] if joint.uncertain_constants else []
     loop = JointLoop(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
-        draws=draws_of(joint, known, travel, J),
+        draws=draws_of(joint, known, travel, J), draws_by_constants=draws_by_constants(joint, known, travel, J),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
         start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
     )  # fmt: skip  # a list of values

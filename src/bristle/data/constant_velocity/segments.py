@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bristle.arrays import Array, Number
+from bristle.arrays import UNWRITTEN, Array, Number
 from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
 from bristle.data.constant_velocity.changepoints import CandidateSpan, candidates
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
@@ -59,6 +59,8 @@ class Segment:
     """Mean position, rad."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """temperature and load of its run."""
+    torque_shifts: Mapping[str, Number] = field(default_factory=dict, metadata=UNWRITTEN)
+    """Change of the mean torque per standard error of each constant behind it, N*m, as in `Record`."""
     line: int | None = None
     """Of a given point, its line in the file; None where that is not known."""
 
@@ -162,6 +164,7 @@ def _segment(
             Kind.SETTLING(start=longer.start, stop=longer.stop),
             *against,
         )
+    part = slice(candidate.start, candidate.stop)
     middle = (record.time[candidate.start] + record.time[candidate.stop - 1]) / 2 - record.time[0]
     return Segment(
         file=record.file,
@@ -175,7 +178,8 @@ def _segment(
         warnings=() if against else warnings(e),
         stick_slip=not against and sticks(e),
         time=float(middle),
-        position=None if record.position is None else float(record.position[candidate.start : candidate.stop].mean()),
+        position=None if record.position is None else float(record.position[part].mean()),
+        torque_shifts={name: float(shift[part].mean()) for name, shift in record.torque_shifts.items()},
         labels=record.labels,
     )
 

@@ -16,13 +16,14 @@ from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_
 
 from bristle.data import cleaning as clean
 from bristle.data.constant_velocity.segments import Thresholds
+from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
 from bristle.data.experiment.schema import (
     AdaptOptions,
     FitOptions,
-    Inertia,
     JointDescription,
     MotorConstants,
     PlanOptions,
+    PlusMinus,
     RunFiles,
     RunKind,
     SegmentLimits,
@@ -44,8 +45,8 @@ __all__ = [
     "Cleaning",
     "Experiment",
     "FitOptions",
-    "Inertia",
     "PlanOptions",
+    "PlusMinus",
     "Position",
     "Run",
     "Signal",
@@ -65,7 +66,7 @@ class Experiment(StrictModel):
     path: Path
     joint: JointDescription
     motor_constants: MotorConstants | None = Field(default=None, alias="motor")
-    inertia: Annotated[Inertia, BeforeValidator(read_inertia)] | None = None
+    inertia: Annotated[PlusMinus, BeforeValidator(read_inertia)] | None = None
     encoder_resolution: Annotated[float, quantity("position"), Field(gt=0)] | None = None
     """Size of one count, rad."""
     signals: Signals = Signals()
@@ -83,7 +84,10 @@ class Experiment(StrictModel):
     def motor(self) -> Motor[float] | None:
         """The motor, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; what is not known is nan, but L, which is then 0."""
         m = self.motor_constants
-        return None if m is None else Motor(m.torque_constant, _known(m.resistance), m.inductance, _known(m.inertia))
+        if m is None:
+            return None
+        R = m.resistance.value if m.resistance else _NAN
+        return Motor(m.torque_constant.value, R, m.inductance, _known(m.inertia))
 
     @property
     def segments(self) -> Thresholds:
@@ -97,6 +101,20 @@ class Experiment(StrictModel):
             d: Lugre(p.alpha_0, p.alpha_1, p.alpha_2, p.v_s, _known(p.sigma_0), _known(p.sigma_1))
             for d, p in self.true_sets.items()
         }
+
+    def signals_of(self, run: RunFiles) -> Signals:
+        """The signals of a run: its own, and those of the experiment that it does not replace."""
+        return run.signals.over(self.signals) if run.signals else self.signals
+
+    @property
+    def torque_constants(self) -> tuple[Constant, ...]:
+        """The constants that the torques of all runs are computed with, each once."""
+        found = (
+            constant
+            for run in self.runs
+            for constant in torque_constants(self.signals_of(run), self.motor_constants, self.context)
+        )
+        return tuple(dict.fromkeys(found))
 
     @property
     def context(self) -> Context:
@@ -122,7 +140,7 @@ def _known(value: float | None) -> float:
 
 
 def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
-    signals = run.signals.over(experiment.signals) if run.signals else experiment.signals
+    signals = experiment.signals_of(run)
     drive, moving = signals.drive(), run.experiment != "points"
     if drive is None:
         raise InputError(f"{where}: no torque; name one of torque, voltage and current under signals")
@@ -238,7 +256,7 @@ def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:
 def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record:
     from bristle.data.text_table import read_table
 
-    signals = run.signals.over(experiment.signals) if run.signals else experiment.signals
+    signals = experiment.signals_of(run)
     table = read_table(path, list(clean.keys_of(signals).values()), shown)
     labels = {name: value for name in ("temperature", "load") if (value := getattr(run, name)) is not None}
     make = clean.make_points if run.experiment == "points" else clean.make_record
@@ -248,7 +266,8 @@ def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Reco
             if run.experiment != "points":
                 record = _complete(experiment, run.experiment, record, signals.drive())
             found = check_signals(record, run.experiment, signals, experiment.context, experiment.fit)
-            return replace(record, warnings=(*record.warnings, *found))
+            shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
+            return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
         except InputError as error:
             raise InputError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
 

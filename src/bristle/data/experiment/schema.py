@@ -16,8 +16,8 @@ Regressor = Literal["inertia", "offset", "gravity", "quadratic"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Inertia:
-    """Inertia at the joint, kg*m**2 (kg): fixed, or with a standard error a prior."""
+class PlusMinus:
+    """A quantity in SI, taken as exact, or with a standard error."""
 
     value: float
     standard_error: float | None = None
@@ -27,9 +27,27 @@ _SUREST = 1e-9
 """Of an inertia: a smaller error is none, and its weight would drown the data in rounding."""
 
 
+def read_constant(name: str) -> BeforeValidator:
+    """Read `x` (exact) or `x ± s`, each with its unit; a number outside an experiment file stands for its SI value."""
+
+    def read(value: object, info: ValidationInfo) -> object:
+        """The constant in SI; raises InputError where it is not positive, or no larger than its error."""
+        if isinstance(value, PlusMinus):
+            return value
+        plain = isinstance(value, int | float) and not isinstance(info.context, Context)
+        number, error = (value, None) if plain else units.plus_minus(value, si(name, info.context))
+        if not isinstance(number, int | float) or not number > 0:
+            raise InputError(f"got {short(value)}; expected greater than 0")
+        if error is not None and not error < number:
+            raise InputError(f"got {short(value)}; expected an error that is smaller than the constant")
+        return PlusMinus(value=float(number), standard_error=error)
+
+    return BeforeValidator(read)
+
+
 def read_inertia(value: object, info: ValidationInfo) -> object:
     """Read `x` (fixed) or `x ± s` (a prior), each with its unit."""
-    if isinstance(value, Inertia):
+    if isinstance(value, PlusMinus):
         return value
     number, error = units.plus_minus(value, si("inertia", info.context))
     if not number > 0:
@@ -38,7 +56,7 @@ def read_inertia(value: object, info: ValidationInfo) -> object:
         raise InputError(
             f"got {short(value)}; expected an error of at least {_SUREST:g} of the inertia, or none at all"
         )
-    return Inertia(value=number, standard_error=error)
+    return PlusMinus(value=number, standard_error=error)
 
 
 _SIGNS = {
@@ -110,8 +128,8 @@ class JointDescription(StrictModel):
 class MotorConstants(StrictModel):
     """What is known of the motor, seen at the joint (so gear included)."""
 
-    torque_constant: Annotated[float, quantity("k_t"), Field(gt=0)]
-    resistance: Annotated[float, quantity("R"), Field(gt=0)] | None = None
+    torque_constant: Annotated[PlusMinus, read_constant("k_t")]
+    resistance: Annotated[PlusMinus, read_constant("R")] | None = None
     inductance: Annotated[float, quantity("L"), Field(ge=0)] = 0.0
     inertia: Annotated[float, quantity("J"), Field(gt=0)] | None = None
 

@@ -71,7 +71,7 @@ Speed = Annotated[float, quantity("velocity"), Field(gt=0)]
 
 
 class Signal(StrictModel):
-    """One column: value in SI = logged value times unit times scale."""
+    """One column: value in SI = logged value times unit times scale, which may have an error where it makes a torque."""
 
     column: Column
     """Name, or number counted from 0; in MAT and NPZ files a variable or a dotted path."""
@@ -85,6 +85,11 @@ class Signal(StrictModel):
     def factor(self, name: str, context: Context) -> float:
         """What logged values are multiplied by to be in SI. Raises InputError where the unit does not fit."""
         return units.factor(self.unit, si(name, context), scale=self.scale, resolution=context.resolution)
+
+    @property
+    def relative_error(self) -> float | None:
+        """Relative standard error of `scale`; None where none was declared."""
+        return units.scale_parts(self.scale)[2]
 
 
 class Position(Signal):
@@ -145,6 +150,10 @@ class Signals(StrictModel):
     def _units_fit(cls, signal: Signal | None, info: ValidationInfo) -> Signal | None:
         if signal is not None and isinstance(info.context, Context):
             signal.factor(str(info.field_name), info.context)
+            if info.field_name not in DRIVE and signal.relative_error:
+                raise InputError(
+                    f"scale: got {short(str(signal.scale))}; expected no error: only that of torque, voltage or current is followed up"
+                )
             if isinstance(signal, Position):
                 signal.period(info.context)
         return signal

@@ -123,6 +123,19 @@ def simulation(
     )
 
 
+def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> DynamicProblem:
+    """The simulated motor with its drive changed as by this share of a constant's standard error."""
+    plant = problem.equations
+    per = plant.motor.R / plant.motor.k_t if isinstance(plant, Simulated) else 1.0  # volts, or the torque itself
+    windows = (m for m in problem.motions if isinstance(m, Window))
+    return replace(
+        problem,
+        motions=tuple(
+            replace(w, drive=w.drive + share * per * w.shifts[constant]) if constant in w.shifts else w for w in windows
+        ),
+    )
+
+
 def _windows(
     record: Record, part: slice, whole: Motion, horizon: float, decimation: int, *, by_voltage: bool
 ) -> list[Window]:
@@ -148,6 +161,7 @@ def _windows(
                 velocity=whole.velocity[samples],
                 torque=whole.torque[samples],
                 extra=whole.extra[samples],
+                shifts={name: shift[samples] for name, shift in whole.shifts.items()},
                 smooth=_means(samples.stop - samples.start, decimation),
                 measured=record.position[part][samples],
                 drive=drive[part][samples],

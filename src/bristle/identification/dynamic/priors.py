@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from math import hypot
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +19,14 @@ from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
+from bristle.identification.dynamic.systematic import shifts_of
 from bristle.identification.dynamic.uncertainty import profile_until_stable, run_fits, with_three_ways
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import scatter_of, widened, with_priors_beside
 from bristle.identification.results import Consistency
+from bristle.identification.systematic import with_systematic
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
@@ -120,7 +123,7 @@ def fit_with_priors(
     fit, freedom = solved.fit, solved.solution.freedom
     scatter = scatter_of(run_fits(solved, progress), fit.parameters, freedom, logarithms(fit.names))
     by_runs = finished(solved, profiles)
-    alone = widened(by_runs, scatter, LOGARITHMIC)
+    alone = with_systematic(widened(by_runs, scatter, LOGARITHMIC), shifts_of(solved))
     if load and not static_is_apart:
         slow = load(alone)
     priors = _priors(problem, experiment, static if static_is_apart else {}, slow)
@@ -130,6 +133,7 @@ def fit_with_priors(
     solved, profiles = fitted(with_priors(problem, priors, alone.rms), 1, ended)
     joint = finished(solved, profiles)
     joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
+    joint = with_systematic(joint, shifts_of(solved))
     agree = _consistency(priors, alone, joint)
     joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
     return DynamicStages(alone, joint, agree, slow)
@@ -234,15 +238,17 @@ def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None
     """
     fits = [fit for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
     known = [
-        (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom))
+        (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom), fit.sigma_0.shifts)
         for fit in fits
         if fit.sigma_0.value and fit.sigma_0.standard_error
     ]
     if not known:
         return None
-    weight = np.array([1 / variance for _, variance in known])
-    value = float(weight @ [x for x, _ in known] / weight.sum())
-    return replace(fits[0].sigma_0, value=value, standard_error=float(weight.sum() ** -0.5))
+    weight = np.array([1 / variance for _, variance, _ in known])
+    value = float(weight @ [x for x, _, _ in known] / weight.sum())
+    constants = dict.fromkeys(c for _, _, by in known for c in by)
+    shifts = {c: float(weight @ [by.get(c, 0.0) for _, _, by in known] / weight.sum()) for c in constants}
+    return replace(fits[0].sigma_0, value=value, standard_error=float(weight.sum() ** -0.5), shifts=shifts)
 
 
 def _value(e: Estimate | None, otherwise: float) -> float:
@@ -279,12 +285,15 @@ def _priors(
             if rows and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in rows], dtype=float)
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
-                priors.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in rows), value, root))
+                estimates = [fit.parameters[fit.names[k]] for k in rows]
+                shifts = {c: np.array([e.shifts.get(c, 0.0) for e in estimates]) for c in estimates[0].shifts}
+                priors.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in rows), value, root, shifts))
         bristle = _stiffness(slow, d)
         if bristle is not None:
-            priors.append(
-                _single("presliding", problem.key("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0)
+            sigma_0 = _single(
+                "presliding", problem.key("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0
             )
+            priors.append(replace(sigma_0, shifts={c: np.array([by]) for c, by in bristle.shifts.items()}))
     _, known = inertia(experiment)
     if known is not None and INERTIA in problem.extra_names:
         priors.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
@@ -306,12 +315,13 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     rows = []
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
-        for name, value, error in zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True):
+        for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):
             moving, both = alone.parameters[name], joint.parameters[name]
             if moving.value is None or moving.standard_error is None:
                 verdict, difference = Kind.STAGE_UNSEEN(), None
             else:
-                difference = (moving.value - value) / float(np.hypot(error, moving.standard_error))
+                apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
+                difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
                 verdict = _verdict(
                     prior.stage, difference, error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
                 )

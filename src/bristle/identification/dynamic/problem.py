@@ -65,6 +65,8 @@ class Motion:
     """rad, (N,); empty where unknown."""
     coarsening: float = 1.0
     """As in `rollout`."""
+    shifts: Mapping[str, Array] = field(default_factory=dict)
+    """Change of the torque per standard error of each constant behind it, N*m, (N,)."""
 
     @property
     def size(self) -> int:
@@ -92,6 +94,8 @@ class Prior:
     """(p,)."""
     root: Array
     """The inverse of the Cholesky factor of their covariance, (p, p): `root @ (x - value)` scatters by one."""
+    shifts: Mapping[str, Array] = field(default_factory=dict)
+    """Change of `value` per standard error of each constant, (p,): a systematic error, which `root` knows nothing of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,6 +242,7 @@ def dynamic_problem(
                     smooth=None if decimation == 1 else smooth,
                     measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
+                    shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
                 )
             )
     return DynamicProblem(

@@ -24,8 +24,10 @@ from bristle.identification.presliding.stiffness import (
     printed_bias,
     stiffness,
 )
+from bristle.identification.presliding.systematic import torque_shares, with_shifts
 from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
 from bristle.identification.repeats import spreader, wider_estimate, wider_three
+from bristle.identification.systematic import shifted, shifted_three
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind as JointKind
@@ -125,8 +127,8 @@ def fit_presliding(
     scatter = stiffness_scatter(loadings, level, best, sigma_0)
     if scatter and scatter.stretched > 1 and sigma_0.value is not None:
         widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
-        sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
-        estimates = {**estimates, best: sigma_0}
+        estimates[best], three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
+    estimates = with_shifts(estimates, loadings, level)
     warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
@@ -134,7 +136,7 @@ def fit_presliding(
     return PreslidingFit(
         direction=loadings[0].direction,
         **estimates,
-        sigma_1=_sigma_1(sigma_0, inertia, kind),
+        sigma_1=_sigma_1(estimates[best], inertia, kind),
         recommended=best,
         degrees_of_freedom=freedom_of(loadings, level, best),
         level=level.value,
@@ -148,7 +150,7 @@ def fit_presliding(
         amplitudes=amplitudes,
         loadings=tuple(loadings),
         warnings=tuple(warnings),
-        uncertainty={"sigma_0": three},
+        uncertainty={"sigma_0": shifted_three(three, estimates[best])},
         repeats={"sigma_0": scatter} if scatter else {},
     )
 
@@ -182,8 +184,10 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
     """The median breakaway torque of some loadings, and its outliers by name."""
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
+    shifts = {name: middle * share for name, share in torque_shares(slid).items()}
     if n == 1:
-        return Estimate(value=middle, unit=unit("torque", kind), warnings=(Kind.SINGLE_RUN(),)), []
+        single = Estimate(value=middle, unit=unit("torque", kind), warnings=(Kind.SINGLE_RUN(),))
+        return shifted(single, shifts), []
     error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
     reach = student(n - 1) * error
     warnings = [
@@ -191,12 +195,13 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
         for loading, value in zip(slid, torque.tolist(), strict=True)
         if n > 2 and abs(value - middle) > _OUTLIER * middle
     ]
-    return Estimate(
+    whole = Estimate(
         value=middle,
         unit=unit("torque", kind),
         standard_error=error,
         interval=(max(middle - reach, 0.0), middle + reach),
-    ), warnings
+    )
+    return shifted(whole, shifts), warnings
 
 
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: float, creep: float) -> KnownValue:
@@ -212,7 +217,8 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
             alone = Kind.OF_ONE_BREAKAWAY(direction=d, creep=added, share=_SINGLE)
             source = Kind.OF_BREAKAWAY(direction=d, creep=added) if error else alone
             value, half = torque * (1 + creep / 2), torque * creep / 2
-            return KnownValue(value, float(np.hypot(error or _SINGLE * value, half)), source)
+            shifts = {constant: by * (1 + creep / 2) for constant, by in breakaway[d].shifts.items()}
+            return KnownValue(value, float(np.hypot(error or _SINGLE * value, half)), source, shifts)
     return KnownValue(held, float("inf"), Kind.OF_LARGEST_HELD())
 
 
@@ -231,13 +237,21 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagn
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: JointKind) -> Estimate:
-    """(15): from an assumed damping ratio, no estimate; without an error, for nobody knows that of the ratio."""
+    """(15): from an assumed damping ratio, no estimate; without a standard error, for nobody knows that of the ratio.
+
+    What errors of constants do to sigma_0 and the inertia they do to it too.
+    """
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
         why = Kind.NO_STIFFNESS() if known else Kind.NO_INERTIA()
         return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(Kind.NO_SIGMA_1(why=why),))
-    return Estimate(
-        value=float(evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)[0]),
-        unit=unit("sigma_1", kind),
-        warnings=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),),
+    value, by_sigma_0, by_J = (
+        float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
+    )
+    prior = Estimate(
+        value=value, unit=unit("sigma_1", kind), warnings=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),)
+    )
+    constants = dict.fromkeys((*sigma_0.shifts, *inertia.shifts))
+    return shifted(
+        prior, {c: by_sigma_0 * sigma_0.shifts.get(c, 0.0) + by_J * inertia.shifts.get(c, 0.0) for c in constants}
     )

@@ -11,8 +11,9 @@ the joint rests is not known: only differences of y are. One encoder count is q.
                  torque noise follow the time
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,8 @@ _STRAIGHT = 1e6
 """Times the largest torque held: a g0 this large bends nothing, which is the other end of what a lower bound allows."""
 _PHASES = 64
 """Where inside a count the joint may rest, for the spread that counts alone cause."""
+_NONE = 1e-60
+"""A compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20."""
 
 
 class KnownValue(NamedTuple):
@@ -50,6 +53,8 @@ class KnownValue(NamedTuple):
     standard_error: float
     """Infinite where the value is a lower bound."""
     source: Diagnostic
+    shifts: Mapping[str, float] = MappingProxyType({})
+    """As of an `Estimate`."""
 
     @property
     def is_bound(self) -> bool:
@@ -70,8 +75,8 @@ class Piece:
     """Of the edges: one over the variance of U at constant noise in T."""
 
 
-_NONE = 1e-60
-"""A compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20."""
+Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
+"""sigma_0 from pieces, its standard error and its degrees of freedom: `by_edges` or `by_samples`."""
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
@@ -181,23 +186,19 @@ def of_loading(loading: Loading, g0: float) -> Piece:
 
 def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: JointKind) -> dict[str, Estimate]:
     """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
-    width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
-    pieces, less, more = (
-        [of_loading(loading, g0) for loading in loadings]
-        for g0 in (level.value, level.value - width, level.value + width)
-    )
+    pieces = [of_loading(loading, level.value) for loading in loadings]
     value, error, freedom = by_samples(pieces)
-    by_level = _slope(by_samples(less)[0], value, by_samples(more)[0], width) * level.standard_error
+    of_level = by_level(by_samples, loadings, level) * level.standard_error
     if quantum == 0:
         absent = Estimate(
             value=None,
             unit=unit("sigma_0", kind),
             warnings=(Kind.NO_COUNTS(),),
         )
-        samples = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
+        samples = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
         return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
     bias, spread = by_phase(pieces, value, quantum)
-    error = float(np.sqrt(error**2 + by_level**2 + spread**2))
+    error = float(np.sqrt(error**2 + of_level**2 + spread**2))
     samples = _estimate(value, error, freedom, kind)
     if np.isinf(spread):
         samples = Estimate(value=None, unit=samples.unit, warnings=(Kind.COUNTS_HIDE(),))
@@ -205,16 +206,18 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
         wrong = Kind.COUNTS_BIAS(share=bias / value)
         samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
     value, error, freedom = by_edges(pieces)
-    by_level = _slope(by_edges(less)[0], value, by_edges(more)[0], width) * level.standard_error
-    edges = _estimate(value, float(np.hypot(error, by_level)), freedom, kind)
+    of_level = by_level(by_edges, loadings, level) * level.standard_error
+    edges = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
     printed, corrected, least = _first_count(loadings, level.value, quantum, kind, _noise(pieces))
     if 0 < value < least / _YIELDS:
         edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Kind.YIELDS(),))
     return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
 
 
-def _slope(less: float, value: float, more: float, width: float) -> float:
-    """How an estimate changes with g0, from it and those `width` below and above, of which one may not exist."""
+def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValue) -> float:
+    """How an estimate changes with g0, from it and those a little below and above, of which one may not exist."""
+    width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
+    less, value, more = (estimator([of_loading(x, level.value + k * width) for x in loadings])[0] for k in (-1, 0, 1))
     steps = [x for x in (value - less, more - value) if np.isfinite(x)]
     return float(np.mean(steps)) / width if steps else np.inf
 
@@ -239,7 +242,7 @@ def _first_count(
 
     The interval is that of a rest position anywhere in the count, and of noise in U; an estimate that lies outside has none.
     """
-    T = np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
+    T = first_torques(loadings, g0)
     if T.size == 0:
         absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
         return absent, absent, 0.0
@@ -259,6 +262,11 @@ def _within(value: float, low: float, high: float, of: str) -> Estimate:
     if low <= value <= high:
         return Estimate(value=value, unit=of, interval=(low, high), warnings=(Kind.WHOLE_COUNT(),))
     return Estimate(value=value, unit=of, warnings=(Kind.REST_EXCLUDES(low=low, high=high, unit=of),))
+
+
+def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
+    """Torque at the first count edge of each loading that has one below g0, N*m, (k,)."""
+    return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
 
 def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:

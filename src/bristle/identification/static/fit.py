@@ -22,6 +22,7 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.solution import StaticSolution, huber, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import run_fits, three_ways
+from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
 from bristle.model.parameters import Kind as JointKind
 
@@ -92,19 +93,22 @@ def fit_static(
     if not checked.agrees:
         comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
     fits = {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}
-    return _repeated(core, fits, run_fits(core, runs, v_s_range)), {label: checked}
+    return _finished(core, fits, run_fits(core, runs, v_s_range)), {label: checked}
 
 
-def _repeated(
+def _finished(
     core: StaticSolution, fits: Mapping[Direction, StaticFit], apart: Sequence[RunFit[ParameterName]]
 ) -> dict[str, StaticFit]:
-    """The fits with their intervals as wide as the runs scatter."""
+    """The fits with their intervals as wide as the runs scatter, and then with their systematic errors."""
     scatter = scatter_of(
         apart, core.parameters, core.freedom, {name for name in core.names if name.name in _LOGARITHMIC}
     )
-    one = len(core.problem.directions) == 1
-    own = {d: {name.name: x for name, x in scatter.items() if one or name.direction is d} for d in fits}
-    return {d: widened(fit, own[d], _LOGARITHMIC) for d, fit in fits.items()}
+    one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
+    for d, fit in fits.items():
+        own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
+        shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
+        finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
+    return finished
 
 
 def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
@@ -113,7 +117,7 @@ def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -
     What a study of many data sets repeats.
     """
     core = solve_static(problem, options, kind)
-    return {name.name: e for name, e in core.parameters.items()}
+    return {name.name: e for name, e in core.estimates.items()}
 
 
 def _parts(problem: Regression) -> tuple[Direction, ...]:
@@ -213,7 +217,7 @@ def _comparisons(
             warnings.append(Kind.NOTHING_WITHOUT(inner=nothing))
         else:
             alone = solve_static(rest, options, kind)
-            without = alone.parameters
+            without = alone.estimates
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
     residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]

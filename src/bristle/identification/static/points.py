@@ -157,4 +157,6 @@ def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Seq
         return np.array([getattr(s, name) for s in points], dtype=float)
 
     velocity, torque, extra = signal("velocity"), signal("torque"), load_columns(asked, signal, len(points))
-    return from_points(velocity, torque, sides, extra)
+    names = dict.fromkeys(name for s in points for name in s.torque_shifts)
+    shifts = {name: np.array([s.torque_shifts.get(name, 0.0) for s in points]) for name in names}
+    return from_points(velocity, torque, sides, extra, shifts)

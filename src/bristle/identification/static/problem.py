@@ -9,7 +9,7 @@ points at constant velocity pass as they are. What has no use for the grid takes
 (`nonlinear_problem`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
@@ -20,7 +20,7 @@ from scipy import sparse
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.estimation.nonlinear import LeastSquares, Unknowns
-from bristle.identification.moving_runs import decimator, extra_columns, inertial, needed
+from bristle.identification.moving_runs import decimator, extra_columns, inertial, needed, torque_shifts
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
@@ -54,6 +54,8 @@ class Regression:
     grid."""
     priors: int = 0
     """How many of the last equations are priors, not measurements."""
+    shifts: Mapping[str, Array] = field(default_factory=dict)
+    """Change of `torque` per standard error of each constant behind it, (n,)."""
     known: Array | None = None
     """Torque already taken off `torque` (a fixed inertia's), shape (n,)."""
 
@@ -146,7 +148,13 @@ class Regression:
     def weighted(self, weight: Array) -> "Regression":
         """The same problem with each equation multiplied by the square root of its weight, (n,)."""
         root = np.sqrt(weight)
-        return replace(self, torque=self.torque * root, linear=self.linear * root[:, None], root_weight=root)
+        return replace(
+            self,
+            torque=self.torque * root,
+            linear=self.linear * root[:, None],
+            root_weight=root,
+            shifts={name: shift * root for name, shift in self.shifts.items()},
+        )
 
     def with_torque(self, torque: Array) -> "Regression":
         """The same velocities with another torque, N*m, (n,)."""
@@ -161,6 +169,7 @@ class Regression:
             linear=self.linear[keep],
             smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
             known=None if self.known is None else self.known[keep],
+            shifts={name: shift[keep] for name, shift in self.shifts.items()},
             memory={},
         )
 
@@ -194,13 +203,17 @@ def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
 
 
 def from_points(
-    velocity: Array, torque: Array, directions: tuple[str, ...], extra: dict[str, Array] | None = None
+    velocity: Array,
+    torque: Array,
+    directions: tuple[str, ...],
+    extra: dict[str, Array] | None = None,
+    shifts: Mapping[str, Array] | None = None,
 ) -> Regression:
     """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m.
 
-    `extra` holds known columns by name.
+    `extra` holds known columns by name, `shifts` are as in `Regression`.
     """
-    return _build(velocity, torque, directions, extra or {}, None)
+    return replace(_build(velocity, torque, directions, extra or {}, None), shifts=shifts or {})
 
 
 def from_records(
@@ -235,7 +248,8 @@ def from_records(
     torque = np.concatenate([needed(r, "torque") for r in records])
     columns = [extra_columns(regressors, record) for record in records]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
-    problem = _build(velocity, torque, directions, extra, smooth)
+    shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
+    problem = replace(_build(velocity, torque, directions, extra, smooth), shifts=shifts)
     if inertia is not None:
         known = smooth @ np.concatenate([inertial(r, inertia) for r in records])
         problem = replace(problem, torque=problem.torque - known, known=known)
@@ -260,6 +274,7 @@ def with_prior(
         problem,
         torque=np.append(problem.torque, weight * value),
         known=None if problem.known is None else np.append(problem.known, 0.0),
+        shifts={name: np.append(shift, 0.0) for name, shift in problem.shifts.items()},
         linear=np.vstack([problem.linear, row]),
         smooth=sparse.csr_array(sparse.vstack([smooth, blank])),
         memory={},

@@ -15,11 +15,12 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation, lag_one
-from bristle.estimation.linear import best_column_p_value
+from bristle.estimation.linear import best_column_p_value, first_order
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
+from bristle.identification.systematic import all_shifted
 from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 
@@ -45,6 +46,9 @@ class StaticSolution:
     problem: Regression
     solution: Solution
     parameters: Mapping[ParameterName, Estimate]
+    """With the statistical error alone."""
+    shifts: Mapping[str, Mapping[ParameterName, float]]
+    """By constant, the change of each parameter per standard error of it."""
     names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
@@ -56,6 +60,11 @@ class StaticSolution:
     profiled: StaticProfiles
     student: Mapping[ParameterName, tuple[float, float]]
     """Intervals by the covariance, by name."""
+
+    @property
+    def estimates(self) -> dict[ParameterName, Estimate]:
+        """The parameters with their systematic error, and intervals of both."""
+        return all_shifted(self.parameters, self.shifts)
 
 
 def solve_static(
@@ -86,6 +95,7 @@ def solve_static(
         problem=problem,
         solution=solution,
         parameters=parameters,
+        shifts=_shifts(problem, jacobian, free),
         names=tuple(compress(problem.names, free)),
         covariance=covariance,
         freedom=freedom,
@@ -110,10 +120,8 @@ def _settled(
     `dropped` grows by the directions whose v_s the data do not bound; `solution` is with all peaks, where it is known.
     """
     while True:
-        kept, again = (
-            replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped)),
-            tuple[Diagnostic, ...](),
-        )
+        kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
+        again = tuple[Diagnostic, ...]()
         if options.loss == "huber":
             kept = kept.weighted(huber(kept, v_s_range, options.grid)[1])
         if solution is None or dropped or options.loss == "huber":
@@ -311,6 +319,13 @@ def _estimates(
             warnings=warnings,
         )
     return out
+
+
+def _shifts(problem: Regression, jacobian: Array, free: Array) -> dict[str, dict[ParameterName, float]]:
+    """What a standard error of each constant does to each parameter that is at no bound."""
+    names = list(compress(problem.names, free))
+    moved = {constant: first_order(jacobian[:, free], change) for constant, change in problem.shifts.items()}
+    return {constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()}
 
 
 def _as_far_as_measured(

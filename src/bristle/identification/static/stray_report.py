@@ -139,5 +139,5 @@ def _other_points(solved: StaticSolution, part: Direction) -> OtherPoints:
         n=int(rows.sum()),
         rms=float(np.sqrt(np.mean(residuals**2))),
         relative_error=100 * float(np.linalg.norm(residuals)) / norm if norm else float("nan"),
-        parameters={n.name: e for n, e in solved.parameters.items() if one or n.direction is part},
+        parameters={n.name: e for n, e in solved.estimates.items() if one or n.direction is part},
     )

@@ -90,6 +90,7 @@ def context(study: Study) -> dict[str, Any]:
         "tried": len(study.ablation),
         "band": study.band,
         "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
+        "band_systematic": [f"{1e3 * x:.3g}" for x in (study.band and study.band.rms_systematic) or ()],
         "replays": shown(_in_print(tables.replay(study))) if study.replays else None,
         "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
         "of_replay": [

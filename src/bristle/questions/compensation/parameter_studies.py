@@ -209,18 +209,22 @@ class Band(NamedTuple):
     """RMS error: 2.5 %, median and 97.5 % of the joints, rad."""
     rms_actual: float
     joints: int
+    rms_systematic: tuple[float, float] | None = None
+    """RMS error: 2.5 % and 97.5 % of the joints that errors of constants alone allow, rad; None where there are no such errors."""
 
 
 def band(loop: JointLoop) -> Band | None:
-    """One period of the slow sine after the first, over joints drawn from the covariance; None where there is none."""
+    """One period of the slow sine after the first, over joints drawn from covariance and errors of constants; None without a covariance."""
     if not loop.draws:
         return None
     reference = loop.sine(loop.slow, 2 / loop.slow)
-    cases = [loop.case(), *(loop.case(plant=pair, J=J) for pair, J in loop.draws)]
+    drawn, count = (*loop.draws, *loop.draws_by_constants), 1 + len(loop.draws)
+    cases = [loop.case(), *(loop.case(plant=pair, J=J) for pair, J in drawn)]
     run = simulate(LoopOptions(compensator=loop.compensator), cases, reference, loop.period)
     late = run.time >= 1 / loop.slow
     e = run.error[:, late]
-    lower, upper = np.quantile(e[1:], (0.025, 0.975), axis=0)
+    lower, upper = np.quantile(e[1:count], (0.025, 0.975), axis=0)
     rms = np.sqrt(np.mean(e**2, axis=1))
-    low, middle, high = np.quantile(rms[1:], (0.025, 0.5, 0.975)).tolist()
-    return Band(run.time[late], lower, upper, e[0], (low, middle, high), float(rms[0]), len(loop.draws))
+    low, middle, high = np.quantile(rms[1:count], (0.025, 0.5, 0.975)).tolist()
+    alone = tuple(np.quantile(rms[count:], (0.025, 0.975)).tolist()) if loop.draws_by_constants else None
+    return Band(run.time[late], lower, upper, e[0], (low, middle, high), float(rms[0]), len(loop.draws), alone)

@@ -1,6 +1,6 @@
 """What a plan starts from: each direction's parameters, how well they are known, and the noise of what will be measured."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -129,8 +129,16 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         equation_noise=equation_noise,
         equation_step=step,
         resolution=resolution(measured.experiment, [run.record for run in measured.runs]),
-        assumptions=tuple(assumptions),
+        assumptions=(*assumptions, *_of_constants(joint)),
     )
+
+
+def _of_constants(joint: Joint) -> Iterator[Diagnostic]:
+    """What is said of the constants that torques were computed with."""
+    if joint.torque_scale:
+        yield joint.torque_scale
+    if joint.uncertain_constants:
+        yield Kind.SYSTEMATIC_STAYS(constants=joint.uncertain_constants)
 
 
 def embedded(names: Sequence[ParameterName], members: Sequence[ParameterName], matrix: Array) -> Array:

@@ -26,6 +26,8 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             ended = f"{moving.outcome} Relative error {moving.relative_error:.2g} %{held}."
             yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, moving.warnings, said)
+        if joint.torque_scale:
+            yield f"{joint.name}: {joint.torque_scale}"
         whole = (*joint.warnings, *(joint.presliding.warnings if joint.presliding else ()))
         if whole:
             yield from _outcome(joint.name, "As a whole:", whole, said)

@@ -10,7 +10,7 @@ from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
-from bristle.questions.joint_report.sentences import bias_text, biased, critical, reached
+from bristle.questions.joint_report.sentences import bias_text, biased, critical, pair, reached
 
 
 def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -24,7 +24,7 @@ def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
             "warnings": len(set(fit.all_warnings())),
             "critical": critical(fit.warnings),
             "estimates": [
-                (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
+                (name, pair(e), pretty(e.unit), span(e.interval))
                 for name, e in (fit.parameters if fit is joint.moving else {}).items()
             ],
         }
@@ -74,11 +74,7 @@ def _side_by_side(joint: Joint) -> Table:
 
 def _row(name: ParameterName, estimates: list[Estimate | None]) -> tuple[str, ...]:
     known = [e for e in estimates if e is not None]
-    cells = [
-        cell
-        for e in estimates
-        for cell in ((measured(e.value, e.standard_error), span(e.interval)) if e is not None else (MISSING, MISSING))
-    ]
+    cells = [cell for e in estimates for cell in ((pair(e), span(e.interval)) if e is not None else (MISSING, MISSING))]
     return (str(name), known[0].unit, *cells)
 
 

@@ -9,10 +9,10 @@ from bristle.identification.fits import PreslidingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import shown
-from bristle.page.wording import WORK, direction, in_print, measured, pretty, span
+from bristle.page.wording import WORK, direction, in_print, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice, critical, level, median_breakaway
+from bristle.questions.joint_report.sentences import bias, choice, critical, level, median_breakaway, pair
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -26,7 +26,7 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
             "warnings": len(set(slow.warnings_of(d))),
             "critical": critical(fit.warnings),
             "estimates": [
-                (name, measured(e.value, e.standard_error), f"{pretty(e.unit)}{note}", span(e.interval))
+                (name, pair(e), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (
                     ("sigma_0", fit.sigma_0, ""),
                     ("sigma_1", fit.sigma_1, " (assumed damping ratio)"),
@@ -104,8 +104,6 @@ def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
         "level": pretty(level(fit, joint.kind)),
         "source": in_print(fit.level_source),
         "crossed": Kind.EDGES_CROSSED(loadings=len(fit.loadings), counts=fit.counts),
-        "sigma_1": None
-        if prior.value is None
-        else f"{measured(prior.value, prior.standard_error)} {pretty(prior.unit)}",
+        "sigma_1": None if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}",
         "prior": prior.warnings,
     }

@@ -11,7 +11,9 @@ from bristle.identification.results import Document, Joint, adapter
 if TYPE_CHECKING:
     import pandas as pd
 
-COLUMNS = ("joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "warnings", "source")
+COLUMNS = (
+    "joint", "direction", "parameter", "value", "unit", "standard_error", "systematic", "lower", "upper", "warnings", "source",
+)  # fmt: skip  # a row
 
 
 def schema() -> dict[str, Any]:
@@ -39,8 +41,9 @@ def to_json(joints: Sequence[Joint]) -> str:
 def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
     """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings (joined by `; `).
 
-    What does not exist is nan; a bound that is open is infinite. Where anything but the static fits was found, a last column `source` says
-    which stage a row comes from: `static`, `presliding`, and `joint` (all runs at once) or, without a joint fit, `tracking` (the moving runs alone).
+    What does not exist is nan; a bound that is open is infinite. Where a constant has an error, `systematic` stands behind `standard_error`.
+    Where anything but the static fits was found, a last column `source` says which stage a row comes from: `static`, `presliding`, and `joint`
+    (all runs at once) or, without a joint fit, `tracking` (the moving runs alone).
     """
     frame = estimates(joints)
     return frame if (frame["source"] != "static").any() else frame.drop(columns="source")
@@ -64,12 +67,17 @@ def _best_of_moving(joint: Joint) -> Iterable[Known]:
 def _framed(rows: Iterable[tuple[Joint, Known]]) -> "pd.DataFrame":
     import pandas as pd
 
-    return pd.DataFrame([_row(joint.name, row) for joint, row in rows], columns=list(COLUMNS))
+    return declared(pd.DataFrame([_row(joint.name, row) for joint, row in rows], columns=list(COLUMNS)))
+
+
+def declared(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """The frame without its column `systematic` where no constant has an error."""
+    return frame.drop(columns="systematic") if frame["systematic"].isna().all() else frame
 
 
 def _row(joint: str, row: Known) -> tuple[object, ...]:
     e, (name, direction) = row.estimate, row.parameter
     lower, upper = (math.nan, math.nan) if e.interval is None else e.interval
-    value, error = (math.nan if x is None else x for x in (e.value, e.standard_error))
+    value, error, systematic = (math.nan if x is None else x for x in (e.value, e.standard_error, e.systematic))
     warnings = "; ".join(map(str, e.warnings))
-    return joint, str(direction), name, value, e.unit, error, lower, upper, warnings, str(row.source)
+    return joint, str(direction), name, value, e.unit, error, systematic, lower, upper, warnings, str(row.source)

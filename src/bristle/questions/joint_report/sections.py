@@ -12,7 +12,7 @@ from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import versions
 from bristle.page.style import MOST_POINTS
-from bristle.page.wording import direction, in_print, measured, number, pretty, slugs, span
+from bristle.page.wording import direction, in_print, number, pretty, slugs, span
 from bristle.questions.joint_report import (
     dynamic_section,
     interval_tables,
@@ -21,7 +21,7 @@ from bristle.questions.joint_report import (
     tables,
 )
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import agreement, critical
+from bristle.questions.joint_report.sentences import agreement, critical, pair
 from bristle.questions.joint_report.static_figures import band
 
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
@@ -83,10 +83,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
             "relative_error": fit.relative_error,
             "warnings": len(fit.warnings),
             "critical": critical(fit.warnings),
-            "estimates": [
-                (name, measured(e.value, e.standard_error), pretty(e.unit), span(e.interval))
-                for name, e in fit.parameters.items()
-            ],
+            "estimates": [(name, pair(e), pretty(e.unit), span(e.interval)) for name, e in fit.parameters.items()],
         }
         for d, fit in joint.static.items()
     ]

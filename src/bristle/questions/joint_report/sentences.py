@@ -8,10 +8,20 @@ from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, Tra
 from bristle.identification.results import Joint
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import METHODS, in_print, measured, span
+from bristle.page.wording import METHODS, in_print, measured, number, span
 
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
+
+
+def pair(e: Estimate) -> str:
+    """Value and standard error, then the systematic error where there is one: 0.30 ± 0.01 ± 0.02 (systematic)."""
+    return measured(e.value, e.standard_error) + systematic(e, " ± {} (systematic)")
+
+
+def systematic(e: Estimate, words: str) -> str:
+    """The systematic error in two digits in some words; nothing where no constant has an error, or there is no value."""
+    return "" if e.systematic is None or e.value is None else words.format(number(e.systematic, 2))
 
 
 def biased(fit: TrackingFit) -> list[tuple[ParameterName, float, float]]:
@@ -82,9 +92,7 @@ def level(fit: PreslidingFit, kind: JointKind) -> str:
 def median_breakaway(estimate: Estimate) -> Diagnostic:
     """The torque at which half of a direction's loadings slid, with its interval where it has one."""
     ends = "" if estimate.interval is None else Kind.ENDS(ends=span(estimate.interval))
-    return Kind.MEDIAN_BREAKAWAY(
-        torque=f"{measured(estimate.value, estimate.standard_error)} {estimate.unit}", ends=ends
-    )
+    return Kind.MEDIAN_BREAKAWAY(torque=f"{pair(estimate)} {estimate.unit}", ends=ends)
 
 
 def bias(fit: PreslidingFit, kind: JointKind) -> Diagnostic:

@@ -14,6 +14,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.identification.fits import Profile, StaticFit
 from bristle.identification.results import Joint
+from bristle.identification.systematic import NORMAL
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
 from bristle.model.parameters import Kind, Lugre, Stribeck, unit
 from bristle.model.vectorize import evaluate
@@ -265,7 +266,8 @@ def curve(v: Array, p: Stribeck[float]) -> Array:
 def band(v: Array, fit: StaticFit) -> Array | None:
     """Half-width of the 95 % confidence band of the fitted curve at v, N*m; None where the covariance gives none.
 
-    sqrt(j C j') times Student's t, with j the exact derivative of (9) with respect to the free parameters, by CasADi.
+    sqrt(j C j') times Student's t, with j the exact derivative of (9) with respect to the free parameters, by CasADi;
+    in quadrature with what the errors of constants do to the curve.
     """
     p = fit.values()
     keep = [k for k, name in enumerate(fit.names) if name in Stribeck._fields]
@@ -275,4 +277,8 @@ def band(v: Array, fit: StaticFit) -> Array | None:
     columns = dict(zip(Stribeck._fields, evaluate(steady_jacobian_function(), v, *p), strict=True))
     j = np.array([columns[fit.names[k]] for k in keep])
     variance = np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0)
-    return np.asarray(float(stdtrit(fit.degrees_of_freedom, 0.975)) * np.sqrt(variance))
+    half = float(stdtrit(fit.degrees_of_freedom, 0.975)) * np.sqrt(variance)
+    shifts = [fit.parameters[fit.names[k]].shifts for k in keep]
+    for constant in dict.fromkeys(c for shift in shifts for c in shift):  # all parameters by one constant together
+        half = np.hypot(half, NORMAL * np.array([shift.get(constant, 0.0) for shift in shifts]) @ j)
+    return np.asarray(half)

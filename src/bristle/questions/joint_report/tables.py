@@ -13,13 +13,13 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.page.wording import WORK
 from bristle.questions.joint_report.interval_tables import repeats, uncertainty
-from bristle.questions.joint_report.results_file import estimates, identified
+from bristle.questions.joint_report.results_file import declared, estimates, identified
 from bristle.questions.joint_report.sentences import methods
 
 
 def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
     """Every stage's parameters with their intervals; for simulated data also true, error_percent and inside (the interval holds the truth)."""
-    return with_truth(estimates(joints), joints, 8)
+    return with_truth(estimates(joints), joints)
 
 
 def inputs(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -121,6 +121,7 @@ def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
             e.value,
             e.unit,
             e.standard_error,
+            e.systematic,
             *(e.interval or (None, None)),
             method == fit.recommended,
         )
@@ -129,10 +130,10 @@ def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
         for d, fit in joint.presliding.fits.items()
         for method, e in methods(fit).items()
     ]
-    numbers = ["value", "standard_error", "lower", "upper"]
-    columns = ["joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "recommended"]
+    numbers = ["value", "standard_error", "systematic", "lower", "upper"]
+    columns = ["joint", "direction", "method", "value", "unit", *numbers[1:], "recommended"]
     frame = pd.DataFrame(rows, columns=columns).astype({**dict.fromkeys(numbers, float), "recommended": bool})
-    return with_truth(frame.assign(parameter="sigma_0"), joints, 8).drop(columns="parameter")
+    return with_truth(declared(frame).assign(parameter="sigma_0"), joints).drop(columns="parameter")
 
 
 def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -249,23 +250,26 @@ def models(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def table_1(joints: Sequence[Joint]) -> pd.DataFrame:
     """All parameters per direction, as in the paper's Table 1, each by the stage to use, with the truth where the data are simulated."""
-    frame = with_truth(identified(joints), joints, 8)
+    frame = with_truth(identified(joints), joints)
     frame.insert(len(frame.columns) - 2, "source", frame.pop("source"))
     return frame
 
 
 def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per fit and parameter, with the truth where the data are simulated, and what encoder counts had added."""
-    columns = ["joint", "fit", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper"]
+    numbers = ["value", "standard_error", "systematic", "lower", "upper", "count_bias"]
+    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *numbers[1:]]
     rows = [
-        (joint.name, kind, name.direction, name.name, e.value, e.unit, e.standard_error, *(e.interval or (None, None)), fit.count_bias.get(name))
+        (
+            joint.name, kind, name.direction, name.name, e.value, e.unit, e.standard_error, e.systematic,
+            *(e.interval or (None, None)), fit.count_bias.get(name),
+        )
         for joint in joints
         for kind, fit in moving_fits(joint).items()
         for name, e in fit.parameters.items()
     ]  # fmt: skip  # one row, one line
-    numbers = ["value", "standard_error", "lower", "upper", "count_bias"]
-    frame = pd.DataFrame(rows, columns=[*columns, "count_bias"]).astype(dict.fromkeys(numbers, float))
-    return with_truth(frame, joints, len(columns))
+    frame = pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, float))
+    return with_truth(declared(frame), joints)
 
 
 def tracking_hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -298,12 +302,12 @@ def _unit(joint: Joint, name: ParameterName) -> str:
     return next((fit.parameters[name].unit for fit in moving_fits(joint).values() if name in fit.parameters), "")
 
 
-def with_truth(frame: pd.DataFrame, joints: Sequence[Joint], place: int) -> pd.DataFrame:
-    """The frame with true, error_percent and inside (the interval holds the truth) inserted as its columns from `place` on.
+def with_truth(frame: pd.DataFrame, joints: Sequence[Joint]) -> pd.DataFrame:
+    """The frame with true, error_percent and inside (the interval holds the truth) inserted as columns behind `upper`.
 
     `frame` has joint, direction, parameter, value, lower and upper. What is not known is nan; `inside` is None there.
     """
-    frame = frame.copy()
+    frame, place = frame.copy(), list(frame.columns).index("upper") + 1
     true = [true_value(joints, row.joint, row.direction, row.parameter) for row in frame.itertuples()]
     frame.insert(place, "true", np.array(true, dtype=float))
     frame.insert(place + 1, "error_percent", 100 * (frame["value"] - frame["true"]) / frame["true"])

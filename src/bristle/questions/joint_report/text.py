@@ -31,6 +31,7 @@ from bristle.questions.joint_report.sentences import (
     level,
     methods,
     reached,
+    systematic,
 )
 
 _CORRELATED = 0.5
@@ -47,7 +48,7 @@ def fit_report(joints: Sequence[Joint]) -> str:
 
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
-    yield from _sentences(joint.warnings)
+    yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings])
     for direction, fit in joint.static.items():
         yield from _fit(direction, fit)
         if direction in joint.crosscheck:
@@ -110,7 +111,8 @@ def _estimate(e: Estimate) -> str:
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f" ({share:.2g} %)" if share < 99.5 else f" ({share:.0f} %)"
     interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
-    return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}, 95 %: {interval}"
+    beside = systematic(e, ", systematic +/- {}")
+    return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}{beside}, 95 %: {interval}"
 
 
 def _repeats(repeats: Mapping[Any, RunScatter]) -> Iterator[str]:

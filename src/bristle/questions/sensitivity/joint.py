@@ -149,19 +149,21 @@ def _moved(e: Estimate, value: float) -> Estimate:
     if not e.value:
         return e
     by = value / e.value
-    error, interval = e.standard_error, e.interval
+    error, interval, systematic = e.standard_error, e.interval, e.systematic
     return replace(
         e,
         value=value,
         standard_error=None if error is None else by * error,
         interval=None if interval is None else (by * interval[0], by * interval[1]),
+        systematic=None if systematic is None else by * systematic,
+        shifts={constant: by * shift for constant, shift in e.shifts.items()},
     )
 
 
 def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> KnownFriction:
     """The friction of a joint, one set or a pair, with a bristle where none was seen, which is among the assumptions."""
     directions = known.directions
-    assumptions = list[Diagnostic]()
+    assumptions = [joint.torque_scale] if joint.torque_scale else []
     if len(directions) == 1 and directions != (Direction.BOTH,):
         assumptions.append(Kind.ONE_DIRECTION_KNOWN(direction=directions[0]))
     identified = inertia_of(measured.experiment, joint)

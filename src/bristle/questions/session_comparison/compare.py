@@ -3,7 +3,9 @@
 The sessions are independent, so the variance of a difference is the sum of theirs. Of each interval the half that faces the other session's value
 counts (Zou and Donner, 2008), over Student's t for its degrees of freedom, and never less than the standard error: for a symmetric interval that is
 the standard error itself. The degrees of freedom of a difference are Welch's. Of many comparisons some differ by chance: their p-values are
-Holm's (1979). One test per fit asks whether its parameters changed as a set, d' (C_a + C_b)**-1 d, where both covariances are known.
+Holm's (1979). The error of a constant that both sessions used, a torque constant say, moves both values alike: only its effect on their difference
+counts, and that of a constant of one session whole. One test per fit asks whether its parameters changed as a set, d' (C_a + C_b)**-1 d, where both
+covariances are known.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,6 +19,7 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
+from bristle.identification.systematic import statistical
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.explain import hints, incomparable, sentence, verdict, warnings
 from bristle.questions.session_comparison.results import (
@@ -120,8 +123,10 @@ def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
         _facing(e, apart * side, fit.freedom, log_scale=by_factor)
         for e, fit, side in zip((a, b), pair, (1, -1), strict=True)
     ]
+    slopes = [1 / (e.value or 1.0) if by_factor else 1.0 for e in (a, b)]
+    errors += _systematic(a, b, *slopes).values()
     z = apart / hypot(*errors)
-    p = 2 * float(stdtr(_welch(errors, [fit.freedom for fit in pair]), -abs(z)))
+    p = 2 * float(stdtr(_welch(errors, [*(fit.freedom for fit in pair), *(inf for _ in errors[2:])]), -abs(z)))
     error = abs(value / z) if z else hypot(a.standard_error or 0.0, b.standard_error or 0.0)
     return Change(
         joint=joint,
@@ -138,13 +143,22 @@ def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     )
 
 
+def _systematic(a: Estimate, b: Estimate, by_a: float, by_b: float) -> dict[str, float]:
+    """Change of the difference of two estimates, each times a slope, per standard error of each constant.
+
+    A constant of both sessions moves both: of it no more is left than their values differ by.
+    """
+    constants = dict.fromkeys((*a.shifts, *b.shifts))
+    return {c: b.shifts.get(c, 0.0) * by_b - a.shifts.get(c, 0.0) * by_a for c in constants}
+
+
 def _low(e: Estimate) -> float:
     return e.interval[0] if e.interval else -inf
 
 
 def _facing(e: Estimate, towards: float, freedom: float, *, log_scale: bool) -> float:
-    """The standard error of an estimate on the side where the other one lies, above it where `towards` is positive."""
-    value, error, (low, high) = e.value or 0.0, e.standard_error or 0.0, e.interval or (0.0, 0.0)
+    """The standard error of an estimate, by scatter alone, on the side where the other one lies, above it where `towards` is positive."""
+    value, error, (low, high) = e.value or 0.0, e.standard_error or 0.0, statistical(e) or (0.0, 0.0)
     if log_scale:
         error, half = error / value, log(high / value) if towards > 0 else log(value / low)
     else:
@@ -208,6 +222,10 @@ def _statistic(a: Fit, b: Fit, names: Sequence[ParameterName]) -> float | None:
     with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
         apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
         total = _scaled_covariance(a, names) + _scaled_covariance(b, names)
+        moved = [_systematic(a.parameters[n], b.parameters[n], _slope(a, n), _slope(b, n)) for n in names]
+        for constant in dict.fromkeys(c for by in moved for c in by):
+            together = np.array([by.get(constant, 0.0) for by in moved])
+            total += np.outer(together, together)
         size = np.sqrt(np.diag(total))
         correlation = total / np.outer(size, size)
         correlation, far = (correlation + correlation.T) / 2, np.abs(correlation - correlation.T).max()
@@ -222,10 +240,15 @@ def _scaled(fit: Fit, name: ParameterName) -> float:
     return log(value) if name.name in _RATIOS and value > 0 else value
 
 
+def _slope(fit: Fit, name: ParameterName) -> float:
+    """Of `_scaled` by the parameter."""
+    value = fit.parameters[name].value or 0.0
+    return 1 / value if name.name in _RATIOS and value > 0 else 1.0
+
+
 def _scaled_covariance(fit: Fit, names: Sequence[ParameterName]) -> Array:
     own = [fit.names.index(name) for name in names]
-    values = {name: fit.parameters[name].value or 0.0 for name in names}
-    slope = np.array([1 / x if n.name in _RATIOS and x > 0 else 1.0 for n, x in values.items()])
+    slope = np.array([_slope(fit, name) for name in names])
     scaled: Array = fit.covariance[np.ix_(own, own)] * np.outer(slope, slope)
     return scaled
 

@@ -142,6 +142,17 @@ def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator
         yield from _warnings_of(name, first[name], second[name])
 
 
+def _of_constants(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagnostic]:
+    """What is said of the constants that torques were computed with."""
+    of_a, of_b = ({c: 0 for fit in x.fits for e in fit.parameters.values() for c in e.shifts} for x in (a, b))
+    common, own = tuple(c for c in of_a if c in of_b), tuple(sorted(of_a.keys() ^ of_b.keys()))
+    if common:
+        yield Kind.COMMON_CONSTANTS(joint=joint, constants=common)
+    if own:
+        yield Kind.OWN_CONSTANTS(joint=joint, constants=own)
+    yield from dict.fromkeys(x.torque_scale for x in (a, b) if x.torque_scale and not (common or own))
+
+
 def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagnostic]:
     same, files = len(set(a.inputs) & set(b.inputs)), max(len(set(a.inputs)), len(set(b.inputs)))
     if same:
@@ -150,6 +161,7 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagn
             if same == files
             else Kind.FILES_SHARED(joint=joint, same=same, files=files)
         )
+    yield from _of_constants(joint, a, b)
     if a.simulated != b.simulated:
         yield Kind.ONE_SIMULATED(joint=joint)
     for pair in pairs(a, b):

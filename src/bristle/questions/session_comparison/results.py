@@ -41,6 +41,8 @@ class SessionJoint:
     fits: tuple[Fit, ...]
     """The one to use first stands first."""
     simulated: bool = False
+    torque_scale: Diagnostic | None = None
+    """As of a `Joint`."""
     inputs: tuple[str, ...] = ()
     """Checksums of its files."""
 

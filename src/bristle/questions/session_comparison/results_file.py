@@ -3,7 +3,8 @@
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from math import copysign, inf, isinf
+from dataclasses import replace
+from math import copysign, hypot, inf, isinf
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +122,8 @@ def _joint(name: str, joint: Joint | Joint1, inputs: tuple[str, ...]) -> Session
         _check_most("parameters of a joint", sum(len(fit.parameters) for fit in fits))
     except InputError as error:
         raise InputError(f"{shortened(name)}: {error}") from error
-    return SessionJoint(kind=joint.kind, fits=fits, simulated=joint.simulated, inputs=inputs)
+    scale = None if isinstance(joint, Joint1) else joint.torque_scale
+    return SessionJoint(kind=joint.kind, fits=fits, simulated=joint.simulated, torque_scale=scale, inputs=inputs)
 
 
 def _shown(text: str, what: str) -> str:
@@ -181,7 +183,11 @@ def _checked(e: Estimate) -> Estimate:
         raise InputError(f"a value or standard error is beyond {_FAR:g}, or below {1 / _FAR:g}")
     if (e.standard_error or 0.0) < 0 or (interval is not None and not interval[0] <= interval[1]):
         raise InputError("a standard error is negative, or an interval ends before it begins")
-    return Estimate(value=e.value, unit=_shown(e.unit, "unit"), standard_error=e.standard_error, interval=interval)
+    shifts = {_shown(name, "constant"): shift for name, shift in e.shifts.items()}
+    if not all(abs(shift) < _FAR for shift in shifts.values()):
+        raise InputError(f"a systematic error is none, or beyond {_FAR:g}")
+    known = Estimate(value=e.value, unit=_shown(e.unit, "unit"), standard_error=e.standard_error, interval=interval)
+    return replace(known, shifts=shifts, systematic=hypot(*shifts.values()) if shifts else None)
 
 
 def _near(bound: float) -> float:

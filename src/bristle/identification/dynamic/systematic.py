@@ -1,0 +1,62 @@
+"""What errors of constants do to a fit of moving data, to first order.
+
+A constant that is off by its standard error changes the measured torque by dT, and so the residuals by dr; the minimum
+then moves by -(J'J)**-1 J' dr, J being the Jacobian of the residuals. Rows of priors move as the stages behind them do:
+what has the same cause is not averaged out. An inertia that is given holds its ground.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation.covariance import seen
+from bristle.estimation.linear import first_order
+from bristle.estimation.nonlinear import projected
+from bristle.identification.dynamic.fit import DynamicSolution
+from bristle.identification.dynamic.output_error import with_more_torque
+from bristle.identification.dynamic.problem import DynamicProblem, Values, residuals
+from bristle.model.parameters import ParameterName
+
+_STEP = 1e-2
+"""Of a standard error: by so much either way a constant is moved where the motor is simulated."""
+
+
+def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
+    """Change of each free parameter that lies at no bound, per standard error of each constant, by constant."""
+    problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
+    held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
+    constants = dict.fromkeys(constant for by in held for constant in by)
+    x, unknowns, shared = minimum.x, posed.unknowns, posed.shared
+    if not constants or not shared.size:  # nothing is uncertain, or every parameter is given
+        return {constant: {} for constant in constants}
+    inside = (x > unknowns.lower) & (x < unknowns.upper)
+    chosen = shared[seen(minimum.jacobian[:, shared]) & inside[shared]]
+    J, slopes = projected(minimum.jacobian, chosen, posed.blocks), unknowns.slopes(x)[chosen]
+    shifts: dict[str, Mapping[ParameterName, float]] = {}
+    for constant in constants:
+        change = np.concatenate([_of_equations(problem, solved.values, constant), *_of_priors(problem, constant)])
+        moved = -first_order(J, change) * slopes
+        names = (unknowns.names[k] for k in chosen.tolist())
+        shifts[constant] = {n: by for n, by in zip(names, moved.tolist(), strict=True) if isinstance(n, ParameterName)}
+    return shifts
+
+
+def _of_equations(problem: DynamicProblem, values: Values, constant: str) -> Array:
+    """Change of the weighted residuals of the equations, N*m or rad, (n,)."""
+    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+    if problem.quantity == "torque":
+        nothing = (np.zeros(m.time.size) for m in problem.motions)
+        rows = [m.smoothed(m.shifts.get(constant, no)) for m, no in zip(problem.motions, nothing, strict=True)]
+        return np.asarray(np.concatenate(rows) * weight)
+    more, less = (residuals(with_more_torque(problem, constant, by), values)[0] for by in (_STEP, -_STEP))
+    return np.asarray((more - less) / (2 * _STEP) * weight)
+
+
+def _of_priors(problem: DynamicProblem, constant: str) -> list[Array]:
+    """The same of each prior's rows, N*m, (p,)."""
+    nothing = (np.zeros(prior.value.size) for prior in problem.priors)
+    return [
+        -problem.sigma * (prior.root @ prior.shifts.get(constant, no))
+        for prior, no in zip(problem.priors, nothing, strict=True)
+    ]

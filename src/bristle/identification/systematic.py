@@ -1,0 +1,88 @@
+"""What errors of constants do to estimates: a systematic error beside the statistical one, in every interval.
+
+It comes last: runs that scatter widen the statistical part alone, for what a constant does to all of them alike is no
+scatter.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import hypot, sqrt
+from typing import Any, TypeVar
+
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit, Uncertainty
+from bristle.model.parameters import least_of
+
+Key = TypeVar("Key")
+Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
+NORMAL = 1.96
+"""Half-width of a 95 % interval of a normal distribution, in standard errors."""
+_ROUNDING = 1e-9
+"""Of a value: a smaller change is none."""
+
+
+def combined(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:
+    """A 95 % interval about a value with a systematic standard error as well, in quadrature, each end by itself.
+
+    An interval does not come to pass `least`, what the parameter may be at least, and an open end stays open.
+    """
+    low, high = interval
+    below = value - hypot(value - low, NORMAL * systematic)
+    return max(below, least) if low >= least else below, value + hypot(high - value, NORMAL * systematic)
+
+
+def statistical(e: Estimate) -> tuple[float, float] | None:
+    """The 95 % interval of an estimate without its systematic error: what `combined` did is undone."""
+    if e.interval is None or e.value is None or not e.systematic:
+        return e.interval
+    off = NORMAL * e.systematic
+    below, above = (abs(end - e.value) for end in e.interval)
+    return e.value - sqrt(max(below**2 - off**2, 0.0)), e.value + sqrt(max(above**2 - off**2, 0.0))
+
+
+def shifted(e: Estimate, shifts: Mapping[str, float], least: float = 0.0) -> Estimate:
+    """The estimate with what errors of constants do to it, which its interval then includes.
+
+    Args:
+        e: with its statistical error alone.
+        shifts: change of the value per standard error of each constant, in its unit.
+        least: as in `combined`.
+    """
+    if not shifts or e.value is None:
+        return e
+    shifts = {c: x if abs(x) > _ROUNDING * abs(e.value) else 0.0 for c, x in shifts.items()}
+    systematic = hypot(*shifts.values())
+    interval = e.interval and combined(e.interval, e.value, systematic, least)
+    return replace(e, systematic=systematic, shifts=shifts, interval=interval)
+
+
+def shifted_three(three: Uncertainty, e: Estimate, least: float = 0.0) -> Uncertainty:
+    """The intervals by all ways with the systematic error of an estimate; curve and draws stay those of the data."""
+    value, systematic = e.value, e.systematic
+    if value is None or systematic is None:
+        return three
+    covariance, profile, bootstrap = (
+        ends and combined(ends, value, systematic, least) for ends in (three.covariance, three.profile, three.bootstrap)
+    )
+    return replace(three, covariance=covariance, profile=profile, bootstrap=bootstrap)
+
+
+def all_shifted(parameters: Mapping[Key, Estimate], shifts: Mapping[str, Mapping[Key, float]]) -> dict[Key, Estimate]:
+    """`shifted` of the estimates of a fit; `shifts` by constant and parameter, of which one that stays may be missing."""
+    return {
+        name: shifted(e, {constant: by.get(name, 0.0) for constant, by in shifts.items()}, least_of(_bare(name)))
+        for name, e in parameters.items()
+    }
+
+
+def with_systematic(fit: Fitted, shifts: Mapping[str, Mapping[Any, float]]) -> Fitted:
+    """The fit with what errors of constants do to each parameter, in all its intervals; `shifts` as in `all_shifted`."""
+    parameters = all_shifted(fit.parameters, shifts)
+    uncertainty = {
+        name: shifted_three(x, parameters[name], least_of(_bare(name))) for name, x in fit.uncertainty.items()
+    }
+    return replace(fit, parameters=parameters, uncertainty=uncertainty)
+
+
+def _bare(name: object) -> str:
+    """The name without its direction."""
+    return str(getattr(name, "name", name))

@@ -1,0 +1,307 @@
+"""Errors of constants between logs and torques: what they do to every estimate, that intervals then cover, and that nothing else changes."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import hypot
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import bristle
+from bristle.arrays import Interval
+from bristle.data.experiment.schema import FitOptions
+from bristle.diagnostics import Kind
+from bristle.identification.dynamic.output_error import Window, with_more_torque
+from bristle.identification.dynamic.problem import InitialState, residuals
+from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.presliding.fit import fit_presliding
+from bristle.identification.presliding.stiffness import KnownValue
+from bristle.identification.results import Joint
+from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
+from bristle.identification.static.problem import from_points
+from bristle.identification.systematic import NORMAL, combined, statistical
+from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName, least_of
+from bristle.questions.joint_report.results_file import to_frame
+from bristle.questions.joint_report.static_figures import band
+from bristle.simulation.bench import steady_points
+
+from .conftest import GRIPPER, curve
+from .test_output_error import MOTOR, OTHER, STEP, drive, posed, values_of
+from .test_repeats import loading
+from .test_softening import G0, SOURCE, loadings, maxwell_slip
+
+K, SHARE = 0.35, 0.05
+SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 20)
+NOISE = 0.01 * GRIPPER.alpha_0
+STEPPED = 0.01
+"""Of a standard error: how far K is moved for a refit."""
+EDRO = Path(__file__).parents[2] / "datasets" / "edro"
+
+
+def points(folder: Path, name: str, scale: str, **more: Any) -> Path:
+    """An experiment of points of both directions, the torque a current times a scale; the same points for every scale."""
+    v = np.concatenate([SPEEDS, -SPEEDS])
+    T = curve(v, GRIPPER) + NOISE * np.random.default_rng(5).standard_normal(v.size)
+    np.savetxt(folder / "points.csv", np.column_stack([v, T / K]), delimiter=",", header="v,i", comments="")
+    torque = {"column": "i", "unit": "A", "scale": scale}
+    signals = {"velocity": {"column": "v", "unit": "rad/s"}, "torque": torque}
+    runs = [{"files": "points.csv", "experiment": "points"}]
+    path = folder / f"{name}.yaml"
+    path.write_text(
+        yaml.safe_dump({"joint": {"name": "g"}, "signals": signals, "runs": runs, **more}), encoding="utf-8"
+    )
+    return path
+
+
+def wrist(folder: Path, constant: str, kinds: tuple[str, ...], **more: Any) -> Joint:
+    """The embedded wrist, whose torque comes from a voltage, with another torque constant and some of its runs."""
+    document = yaml.safe_load((EDRO / "wrist.yaml").read_text(encoding="utf-8")) | more
+    document["motor"]["torque_constant"] = constant
+    runs = [run for run in document["runs"] if run["experiment"] in kinds and "hold_out" not in run]
+    document["runs"] = [run | {"files": str(EDRO / run["files"])} for run in runs]
+    path = folder / f"{len(list(folder.iterdir()))}.yaml"
+    path.write_text(yaml.safe_dump(document), encoding="utf-8")
+    return bristle.identify(path).joints[0]
+
+
+def every(fits: Mapping[str, StaticFit]) -> list[tuple[str, str, Estimate]]:
+    """Direction, name and estimate of each parameter."""
+    return [(d, name, e) for d, fit in fits.items() for name, e in fit.parameters.items()]
+
+
+def test_intervals_cover_the_truth_where_the_torque_constant_is_off() -> None:
+    """With 5 % of error in K, new in each of 400 sets, 92 to 98 % of the intervals hold the truth; without its part under half of alpha_0's."""
+    rng = np.random.default_rng(0)
+    truth = dict(zip(("alpha_0", "alpha_1", "alpha_2", "v_s"), GRIPPER, strict=False))
+    inside, without = dict.fromkeys(truth, 0), 0
+    for _ in range(400):
+        true_K = K * (1 + SHARE * rng.standard_normal())
+        T = steady_points(GRIPPER, SPEEDS, NOISE, rng, 1)[0] * K / true_K  # a current times the K that is believed
+        found = estimate_static(from_points(SPEEDS, T, ("+",), shifts={"K": SHARE * T}), FitOptions(), "revolute")
+        for name, value in truth.items():
+            low, high = found[name].interval or (np.nan, np.nan)
+            inside[name] += low <= value <= high
+        low, high = statistical(found["alpha_0"]) or (np.nan, np.nan)
+        without += low <= GRIPPER.alpha_0 <= high
+    assert all(0.92 <= count / 400 <= 0.98 for count in inside.values()), inside
+    assert without / 400 < 0.5
+
+
+def test_a_common_factor_is_one_of_every_parameter_but_v_s(tmp_path: Path) -> None:
+    """The systematic error is |value| s / K, none of v_s, to rounding; by one constant, so fully correlated over parameters and directions."""
+    joint = bristle.identify(points(tmp_path, "e", f"{K} +/- {SHARE * K} N*m/A")).joints[0]
+    constant = f"scale of torque {K:g} +/- {SHARE * K:g} N*m/A"
+    for _, name, e in every(joint.static):
+        factor = 0.0 if name == "v_s" else SHARE
+        assert e.value is not None
+        assert e.systematic == pytest.approx(abs(e.value) * factor, rel=1e-9, abs=0)
+        assert e.shifts == pytest.approx({constant: e.value * factor}, rel=1e-9, abs=0)
+
+
+def test_without_an_error_nothing_changes(tmp_path: Path) -> None:
+    """Values, standard errors and covariances are the same with and without it; an interval is wider by the part in quadrature, end by end."""
+    paths = [points(tmp_path, name, f"{K}{error} N*m/A") for name, error in (("x", ""), ("s", f" +/- {SHARE * K}"))]
+    exact, uncertain = (bristle.identify(path).joints[0] for path in paths)
+    for (_, _, e), (d, name, s) in zip(every(exact.static), every(uncertain.static), strict=True):
+        assert (e.value, e.standard_error, e.systematic, e.shifts) == (s.value, s.standard_error, None, {})
+        assert e.warnings == s.warnings
+        assert e.value is not None
+        assert e.interval is not None
+        ways = (uncertain.static[d].uncertainty[name], exact.static[d].uncertainty[name])
+        for wide, narrow in (
+            (s.interval, e.interval), *((getattr(ways[0], x), getattr(ways[1], x)) for x in ("covariance", "profile", "bootstrap")),
+        ):  # fmt: skip  # pairs
+            below, above = (hypot(end - e.value, NORMAL * (s.systematic or 0.0)) for end in narrow)
+            assert wide == pytest.approx((max(e.value - below, 0.0), e.value + above), rel=1e-12)
+        assert statistical(s) == pytest.approx(e.interval, rel=1e-9)
+    assert [list(to_frame([joint]).columns)[5:7] for joint in (exact, uncertain)] == [
+        ["standard_error", "lower"],
+        ["standard_error", "systematic"],
+    ]
+
+
+def test_an_end_that_is_open_or_a_bound_stays() -> None:
+    """No systematic error closes an open side, or takes a positive parameter below zero; an offset it does."""
+    assert combined((0.0, np.inf), 1.0, 0.3) == (0.0, np.inf)
+    assert combined((0.1, 2.0), 1.0, 1.0)[0] == 0.0
+    assert combined((0.1, 2.0), 1.0, 1.0, least_of("offset"))[0] < 0.0
+    assert combined((0.1, 2.0), 1.0, 1.0, least_of("quadratic"))[0] < 0.0
+    assert combined((-1.0, 2.0), 0.5, 1.0)[0] < -1.0
+
+
+def assert_combined(wide: Interval | None, narrow: Interval | None, e: Estimate) -> None:
+    """One interval is the other with the systematic error of an estimate in quadrature; neither exists without the other."""
+    assert (wide is None) == (narrow is None)
+    if wide is not None and narrow is not None:
+        assert e.value is not None
+        assert wide == pytest.approx(combined(narrow, e.value, e.systematic or 0.0), rel=1e-12)
+
+
+def test_runs_that_scatter_widen_the_statistical_part_alone() -> None:
+    """Of runs that differ chi-squared and errors are those without an error of K, which then widens what they widened, by all ways."""
+    rng, noise = np.random.default_rng(0), 1e-3 * GRIPPER.alpha_0
+    laws = [GRIPPER._replace(alpha_0=x * GRIPPER.alpha_0) for x in (1.0, 1.05, 0.95)]
+    torques = [curve(SPEEDS, law) + noise * rng.standard_normal(SPEEDS.size) for law in laws]
+
+    def fitted(share: float) -> StaticFit:
+        """All runs, each of them apart too, with such an error of K."""
+        whole, *own = (
+            from_points(np.resize(SPEEDS, T.size), T, ("both",), shifts={"K": share * T} if share else {})
+            for T in (np.concatenate(torques), *torques)
+        )
+        runs = [(f"run {k}", one) for k, one in enumerate(own)]
+        return fit_static(whole, FitOptions(), "revolute", PointInfo(), runs=runs)[0]["both"]
+
+    exact, uncertain = fitted(0.0), fitted(SHARE)
+    assert uncertain.repeats == exact.repeats
+    assert exact.repeats["alpha_0"].widened > 1
+    for name, e in exact.parameters.items():
+        s = uncertain.parameters[name]
+        assert (s.value, s.standard_error, s.warnings) == (e.value, e.standard_error, e.warnings)
+        assert_combined(s.interval, e.interval, s)
+        for way in ("covariance", "profile", "bootstrap"):
+            assert_combined(getattr(uncertain.uncertainty[name], way), getattr(exact.uncertainty[name], way), s)
+
+
+@pytest.mark.parametrize("bound", [False, True])
+@pytest.mark.parametrize("softens", [False, True])
+def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, softens: bool, bound: bool) -> None:
+    """sigma_0 of loadings that soften, or differ, or only bound g0, moves as K does, and K widens what these widened; of sigma_1 no more is known."""
+    stiff = GRIPPER.sigma_0 * np.array([1.0, 1.1, 0.9, 1.05])
+    differ = [loading(x, f"run {k}", 2e-5, k) for k, x in enumerate(stiff.tolist())]
+    own = loadings(maxwell_slip, 0.0, 4, 1) if softens else differ
+    level = KnownValue(max(x.held for x in own), np.inf, SOURCE) if bound else KnownValue(G0, 1e-4, SOURCE)
+    J = KnownValue(0.01, 0.0, Kind.OF_EXPERIMENT_FILE())
+    exact = fit_presliding(own, level, J, "revolute")
+    shifts = {} if bound else {"K": SHARE * G0}
+    off = [replace(x, shares={"K": SHARE}) for x in own]
+    uncertain = fit_presliding(off, level._replace(shifts=shifts), J, "revolute")
+    assert uncertain.repeats == exact.repeats
+    assert softens or bound or exact.repeats["sigma_0"].widened > 1
+    assert (Kind.SOFTENS in {w.kind for w in exact.warnings}) == softens
+    e, s = exact.sigma_0, uncertain.sigma_0
+    assert (s.value, s.standard_error, s.warnings) == (e.value, e.standard_error, e.warnings)
+    assert s.systematic == pytest.approx(SHARE * (e.value or 0.0), rel=1e-12)
+    assert_combined(s.interval, e.interval, s)
+    for way in ("covariance", "profile", "bootstrap"):
+        assert_combined(getattr(uncertain.uncertainty["sigma_0"], way), getattr(exact.uncertainty["sigma_0"], way), s)
+    assert uncertain.sigma_1.standard_error is None
+    assert uncertain.sigma_1.shifts == pytest.approx({"K": SHARE / 2 * (exact.sigma_1.value or 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("scale", "more", "kind"),
+    [
+        (f"{K} N*m/A", {}, Kind.TORQUE_EXACT),
+        (f"{K} N*m/A", {"simulated": True}, None),
+        (f"{K} ± 0.01 N*m/A", {"simulated": True}, Kind.TORQUE_UNCERTAIN),
+        (f"{K} N*m/A +/- 0.01 N*m/A", {}, Kind.TORQUE_UNCERTAIN),
+    ],
+)
+def test_which_constants_are_taken_as_exact_is_said(
+    tmp_path: Path, scale: str, more: dict[str, Any], kind: Kind | None
+) -> None:
+    """In the text, with the line that would change it; not of simulated data, whose constants are known."""
+    results = bristle.identify(points(tmp_path, "e", scale, **more))
+    said = results.joints[0].torque_scale
+    assert (said and said.kind) == kind
+    assert said is None or str(said) in results.text()
+    assert (kind is Kind.TORQUE_EXACT) == ("give it, as in scale: 0.35 +/- s N*m/A" in str(said))
+
+
+def test_a_change_of_sign_and_a_measured_torque_are_no_assumption(tmp_path: Path) -> None:
+    """A torque that was logged as such, or with the other sign, rests on no constant; with an error of its scale it does."""
+    for scale, constants in (("1", 0), ("1 +/- 0.01", 1)):
+        path = points(tmp_path, "e", scale)
+        path.write_text(path.read_text(encoding="utf-8").replace("unit: A", "unit: N*m"), encoding="utf-8")
+        joint = bristle.identify(path).joints[0]
+        assert (joint.torque_scale is not None) == bool(constants)
+        assert len(joint.uncertain_constants) == constants
+        assert {len(e.shifts) for _, _, e in every(joint.static)} == {constants}
+
+
+def test_the_band_of_the_curve_includes_the_systematic_error(tmp_path: Path) -> None:
+    """Its half-width is that of the covariance and, in quadrature, 1.96 times the curve's own share."""
+    fit = bristle.identify(points(tmp_path, "e", f"{K} +/- {SHARE * K} N*m/A")).joints[0].static["+"]
+    exact = replace(fit, parameters={name: replace(e, shifts={}) for name, e in fit.parameters.items()})
+    p, v = fit.values(), np.array([0.02, 0.3])
+    wide, narrow = band(v, fit), band(v, exact)
+    assert p is not None
+    torque = curve(v, Lugre(*p, 1.0, 0.0))
+    assert wide == pytest.approx(np.hypot(np.asarray(narrow), NORMAL * SHARE * torque), rel=1e-9)
+
+
+def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
+    """Each stage's systematic error is by how much the whole identification moves with K; stages that share K do not average it out.
+
+    Of T = k (V - k w) / R the torque grows by s / k and loses k s / R w, which is viscous: alpha_2 moves by less.
+    """
+    kinds = ("ramp", "presliding", "tracking")
+    joint, other = (wrist(tmp_path, f"{x} N*m/A", kinds) for x in (f"{K} +/- {SHARE * K}", K * (1 + STEPPED * SHARE)))
+    static = [(name, e, other.static[d].parameters[name]) for d, name, e in every(joint.static)]
+    assert joint.tracking is not None
+    assert joint.joint_fit is not None
+    assert other.tracking is not None
+    assert other.joint_fit is not None
+    alone, both = (
+        [(name.name, e, fit.parameters[name]) for name, e in own.parameters.items()]
+        for own, fit in ((joint.tracking, other.tracking), (joint.joint_fit, other.joint_fit))
+    )
+    assert joint.presliding is not None
+    assert other.presliding is not None
+    slow = [
+        ("sigma_0", joint.presliding.fits[d].sigma_0, other.presliding.fits[d].sigma_0) for d in joint.presliding.fits
+    ]
+    for name, e, moved in (*static, *slow, *alone, *both):
+        if e.value is None or moved.value is None:
+            continue
+        (shift,) = e.shifts.values()
+        if name == "v_s":
+            assert abs(shift) < 0.1 * (e.standard_error or 0.0)
+            continue
+        assert shift == pytest.approx((moved.value - e.value) / STEPPED, rel=0.02)
+        viscous = K * SHARE * K / 2.1 if name == "alpha_2" else 0.0
+        assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01)
+        assert e.systematic == abs(shift)
+
+
+def test_a_given_inertia_breaks_the_common_factor(tmp_path: Path) -> None:
+    """With the inertia fixed the error of K goes elsewhere: the static fit moves exactly as a refit with another K, that of all parameters nearly."""
+    fixed: dict[str, Any] = {"inertia": "0.0087 kg*m**2"}
+    moved = K * (1 + STEPPED * SHARE)
+    joint, other = (wrist(tmp_path, f"{x} N*m/A", ("tracking",), **fixed) for x in (f"{K} +/- {SHARE * K}", moved))
+    for d, name, e in every(joint.static):
+        after = other.static[d].parameters[name].value
+        if e.value is not None and after is not None:
+            assert list(e.shifts.values()) == pytest.approx([(after - e.value) / STEPPED], rel=2e-3)
+    assert joint.tracking is not None
+    assert other.tracking is not None
+    assert INERTIA not in joint.tracking.parameters
+    for parameter in map(ParameterName.parse, ("alpha_2+", "sigma_0-", "sigma_1+", "sigma_1-")):
+        e, after = joint.tracking.parameters[parameter], other.tracking.parameters[parameter].value
+        (shift,) = e.shifts.values()
+        assert shift == pytest.approx(((after or 0.0) - (e.value or 0.0)) / STEPPED, rel=0.15)
+        assert parameter.name != "sigma_1" or shift > 3 * SHARE * (e.value or 0.0)
+
+
+@pytest.mark.parametrize("torque", [True, False])
+def test_a_simulated_motor_moves_with_its_drive(*, torque: bool) -> None:
+    """What an error of the drive does to the simulated position is what the drive itself does, times that error, a voltage's through R / k_t."""
+    t = np.arange(0, 1.2, STEP)
+    problem = posed(t, drive(t) * (0.06 if torque else 1.0), 0.3 * np.sin(2 * t), 0.4, torque=torque)
+    per = 1.0 if torque else MOTOR.R / MOTOR.k_t
+    whole = (m for m in problem.motions if isinstance(m, Window))
+    motions = tuple(replace(w, shifts={"K": SHARE * w.drive / per}) for w in whole)
+    problem = replace(problem, motions=motions)
+    rest = {"y0": 0.0, "v0": 0.1, "z0": 1e-4}
+    values = values_of(Pair(GRIPPER, OTHER)) | {
+        InitialState(n, k): x for n, x in rest.items() for k in range(len(motions))
+    }
+    louder = replace(
+        problem,
+        motions=tuple(replace(w, drive=(1 + 0.5 * SHARE) * w.drive) for w in motions),
+    )
+    assert residuals(with_more_torque(problem, "K", 0.5), values)[0] == pytest.approx(residuals(louder, values)[0])
