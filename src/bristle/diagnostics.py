@@ -541,6 +541,7 @@ class Kind(Enum):
         _CAUTION,
         "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted.",
     )
+    STATIC_AS_ASKED = _NOTE, "Coulomb and viscous friction alone are fitted, as fit.model asks."
     STATIC_STICK_SLIP = (
         _CAUTION,
         "The Stribeck term depends on points that stick and slip; without them it is not identifiable.",
@@ -605,17 +606,18 @@ class Kind(Enum):
     )
     V_S_DOWN_TO_ZERO = (
         _CAUTION,
-        "these speeds set no lower limit on v_s (slower ones than {slowest:.3g} would)",
+        "these speeds set no lower limit on v_s (slower ones would)",
     )
     V_S_UP_TO_ANY = (
         _CAUTION,
-        "these speeds set no upper limit on v_s (faster ones than {fastest:.3g}, or more of them, would)",
+        "these speeds set no upper limit on v_s (faster ones, or more of them, would)",
     )
     NONE_BELOW_V_S = (
         _CAUTION,
         "no speed lies below its v_s of {v_s:.3g} (the slowest is {slowest:.3g}; slower ones would decide)",
     )
     NO_STRIBECK_ASKED = _NOTE, "Not fitted: fit.model is coulomb-viscous."
+    PEAK_LEFT_OUT = _CAUTION, "Not fitted, for fit.model is coulomb-viscous, although these data show a Stribeck term."
     RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g} to {high:.3g}."
     ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
     V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."

@@ -192,3 +192,16 @@ def test_a_range_of_v_s_that_was_given_is_named(gripper: Lugre[float], speeds: A
     assert fits["+"].outcome.kind is Kind.STATIC_NO_STRIBECK
     (refused,) = (warning for warning in fits["+"].warnings if warning.kind is Kind.NO_STRIBECK)
     assert refused.numbers["asked"] == Kind.RANGE_ASKED(low=20.0, high=40.0)
+
+
+def test_a_peak_that_is_left_out_by_hand_is_said(gripper: Lugre[float], speeds: Array) -> None:
+    """Coulomb and viscous friction asked for: the outcome says so; where the data show a peak, alpha_0 and alpha_2 are cautioned, else not."""
+    noise = 1e-4 * np.random.default_rng(4).standard_normal(speeds.size)
+    for p, shown in ((gripper, True), (gripper._replace(alpha_1=0.0), False)):
+        problem = from_points(speeds, curve(speeds, p) + noise, ("+",))
+        fit = fit_static(problem, FitOptions(model="coulomb-viscous"), "revolute", PointInfo())[0]["+"]
+        assert fit.outcome.kind is Kind.STATIC_AS_ASKED
+        assert fit.parameters["alpha_1"].value is None
+        assert (Kind.PEAK_LEFT_OUT in {w.kind for w in fit.warnings}) == shown
+        for name in ("alpha_0", "alpha_2"):
+            assert (Kind.TAKES_UP_PEAK in {w.kind for w in fit.parameters[name].warnings}) == shown

@@ -259,10 +259,11 @@ runs:
 
 
 def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
-    """Five runs of one motor by default settings: the inertia is that of plain least squares on such runs, and what scatters is widened.
+    """Five runs of one motor by default settings: the inertia is that of plain least squares on such runs.
 
-    1.97e-4 kg m**2 to 3 %, inside its interval. Each parameter's sqrt(chi2_red) is printed before and after; no widened
-    error leaves the runs scattered, and every caution is that of a parameter whose runs do.
+    1.97e-4 kg m**2 to 3 %, inside its interval. What scatters is widened, or not claimed: each parameter's
+    sqrt(chi2_red) is printed before and after; no widened error leaves the runs scattered, and every caution is that of
+    a parameter whose runs do.
     """
     assert measured_data.is_dir()
     joint = identified(tmp_path, REPEATS)
@@ -280,7 +281,8 @@ def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
         assert f"{x.before:.2f} -> {x.after:.2f}, {len(x.by_run)} runs" in text
         assert (x.after == 1) == (x.before > x.after)
         assert (Kind.RUNS_SCATTER in [w.kind for w in e.warnings]) == (x.stretched > 1)
-    assert any(x.widened > 1 for x in fit.repeats.values())
+    sigma_0 = ParameterName.parse("sigma_0-")  # which scatters most, and differs within the runs as well
+    assert fit.parameters[sigma_0].value is None or fit.repeats[sigma_0].widened > 1
 
 
 @pytest.mark.parametrize(

@@ -156,7 +156,7 @@ def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept:
     """What the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip."""
     reasons = []
     shown = [r for r in rows if r.model == STRIBECK]
-    if not kept and shown:
+    if not kept and shown and not any(f.outcome.kind is Kind.STATIC_AS_ASKED for f in static.values()):
         gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
         reasons.append(Kind.PEAK_NOT_SUPPORTED(gain=Kind.PEAK_LOWERS_BIC(gain=gain) if gain > 0 else ""))
     if kept and any(f.outcome.kind is Kind.STATIC_STICK_SLIP for f in static.values()):

@@ -17,9 +17,10 @@ from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit
 from bristle.identification.repeats import RunFit, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.huber import huber
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.solution import StaticSolution, huber, solve_static
+from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import run_fits, three_ways
 from bristle.identification.systematic import with_systematic

@@ -18,6 +18,7 @@ from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import best_column_p_value, first_order
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
+from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, others, profiled
 from bristle.identification.systematic import all_shifted
@@ -29,12 +30,8 @@ SUPPORTED = 0.01
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
-TUNING = 1.345
-"""Residuals beyond this many scales count linearly: 95 % efficiency on Gaussian noise (Huber, 1981)."""
-_THERE = {Kind.BEND, Kind.ONE_SPEED, Kind.V_S_DOWN_TO_ZERO, Kind.V_S_UP_TO_ANY, Kind.NONE_BELOW_V_S}
+_THERE = {Kind.PEAK_LEFT_OUT, Kind.BEND, Kind.ONE_SPEED, Kind.V_S_DOWN_TO_ZERO, Kind.V_S_UP_TO_ANY, Kind.NONE_BELOW_V_S}
 """Reasons to drop a term that is more than noise."""
-_REFITS = 30
-_SETTLED = 1e-4
 _NEAR = 40
 """Values of v_s around the minimum at which the profile is drawn."""
 
@@ -136,27 +133,6 @@ def _settled(
         dropped |= unbounded
 
 
-def huber(problem: Regression, v_s_range: tuple[float, float], grid: int) -> tuple[Solution, Array]:
-    """The static problem under Huber's loss, by iteratively reweighted least squares.
-
-    Its scale from the median absolute residual. Returns the solution and each equation's weight in (0, 1], shape (n,);
-    a weight well below one marks an outlier.
-    """
-    weight = np.ones(problem.torque.size)
-    solution = solve(problem, v_s_range, grid)
-    freedom = max(problem.torque.size - solution.theta.size, 1) / problem.torque.size
-    for _ in range(_REFITS):
-        residuals = np.abs(problem.residuals(solution.theta))
-        limit = TUNING * 1.4826 * float(np.median(residuals)) / np.sqrt(freedom)
-        ratio = np.divide(limit, residuals, out=np.ones_like(residuals), where=residuals > 0)
-        new = np.minimum(1.0, ratio) if limit else weight
-        if np.abs(new - weight).max() < _SETTLED:
-            break
-        weight = new
-        solution = solve(problem.weighted(weight), v_s_range, grid)
-    return solution, weight
-
-
 def _student(
     problem: Regression, solution: Solution, covariance: Array, freedom: float
 ) -> dict[ParameterName, tuple[float, float]]:
@@ -172,12 +148,16 @@ def _without_peak(
     problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
 ) -> tuple[dict[Direction, Diagnostic], Solution | None]:
     """Directions that get no Stribeck term, each with the reason, and the solution with all of them, if it was needed."""
-    if options.model == "coulomb-viscous":
+    asked = options.model == "coulomb-viscous"
+    if problem.torque.size <= len(problem.names) and asked:
         return dict.fromkeys(problem.peaks, Kind.NO_STRIBECK_ASKED()), None
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
         return dict.fromkeys(problem.peaks, reason), None
     solution = solve(problem, v_s_range, options.grid)
+    if asked:
+        none = _unsupported(problem, solution, options, v_s_range)
+        return {d: (Kind.NO_STRIBECK_ASKED if d in none else Kind.PEAK_LEFT_OUT)() for d in problem.peaks}, None
     return ({} if options.model == "stribeck" else _unsupported(problem, solution, options, v_s_range)), solution
 
 
@@ -196,9 +176,9 @@ def _unbounded(
         low, high = likelihood.intervals[name]
         speeds, why = _speeds(problem, direction), None
         if low == 0:
-            why = Kind.V_S_DOWN_TO_ZERO(slowest=speeds.min())
+            why = Kind.V_S_DOWN_TO_ZERO()
         elif np.isinf(high):
-            why = Kind.V_S_UP_TO_ANY(fastest=speeds.max())
+            why = Kind.V_S_UP_TO_ANY()
         elif speeds.min() >= v_s:
             why = Kind.NONE_BELOW_V_S(slowest=speeds.min(), v_s=v_s)
         if why is not None:
@@ -332,7 +312,9 @@ def _as_far_as_measured(
     parameters: Mapping[ParameterName, Estimate], dropped: Mapping[Direction, Diagnostic]
 ) -> dict[ParameterName, Estimate]:
     """alpha_0 and alpha_2 where a Stribeck term is there but not bounded, which they then take up, with that warning."""
-    doubted = {d for d, reason in dropped.items() if getattr(reason.numbers.get("why"), "kind", None) in _THERE}
+    doubted = {
+        d for d, reason in dropped.items() if {reason.kind, getattr(reason.numbers.get("why"), "kind", None)} & _THERE
+    }
     names = [name for name in parameters if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted]
     return {
         name: replace(parameters[name], warnings=(*parameters[name].warnings, Kind.TAKES_UP_PEAK())) for name in names
@@ -343,7 +325,8 @@ def _outcome(
     problem: Regression, solution: Solution, dropped: Mapping[Direction, Diagnostic], v_s_range: tuple[float, float]
 ) -> Diagnostic:
     if dropped and not problem.peaks:
-        return Kind.STATIC_NO_STRIBECK()
+        asked = all(reason.kind in {Kind.PEAK_LEFT_OUT, Kind.NO_STRIBECK_ASKED} for reason in dropped.values())
+        return Kind.STATIC_AS_ASKED() if asked else Kind.STATIC_NO_STRIBECK()
     _, v_s = problem.split(solution.theta)
     if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
         return Kind.STATIC_AT_EDGE()
