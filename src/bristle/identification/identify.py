@@ -64,7 +64,6 @@ def identify_joint(
     points = measured.points(hold_out=False)
     static, checks, left_out = _static(measured, points, timings)
     stages = DynamicStages()
-    better = better_for_motion(experiment, training) if training and experiment.fit.predict == "torque" else None
     if training:
         stages = _moving(
             measured,
@@ -75,11 +74,7 @@ def identify_joint(
             uncertainty=uncertainty,
             progress=progress,
         )
-        if better:
-            stages = stages._replace(
-                alone=stages.alone and better.warned(stages.alone), joint=stages.joint and better.warned(stages.joint)
-            )
-            static = static if points else {d: better.warned(fit) for d, fit in static.items()}
+        static, stages = _with_set_up(experiment, training, static, stages, from_points=bool(points))
     elif measured.slow:
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
     return Joint(
@@ -94,12 +89,7 @@ def identify_joint(
         joint_fit=stages.joint,
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
-        warnings=(
-            *_joint_warnings(measured, static, bool(points)),
-            *point_warnings(measured, points, static),
-            *smeared_by_counts(experiment, training, stages.alone.parameters if stages.alone else {}),
-            *left_out,
-        ),
+        warnings=(*_joint_warnings(measured, points, static, stages.alone), *left_out),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         truth=experiment.truth,
@@ -107,6 +97,23 @@ def identify_joint(
         assumptions=experiment.assumptions,
         settings=_settings(experiment, moving=bool(training)),
     ).with_subjects()
+
+
+def _with_set_up(
+    experiment: Experiment,
+    training: Sequence[Record],
+    static: dict[str, StaticFit],
+    stages: DynamicStages,
+    *,
+    from_points: bool,
+) -> tuple[dict[str, StaticFit], DynamicStages]:
+    """The fits of the moving runs, with the lines of a clearly better set-up among their warnings where there is one."""
+    better = better_for_motion(experiment, training) if experiment.fit.predict == "torque" else None
+    if better is None:
+        return static, stages
+    alone, joint = (fit and better.warned(fit) for fit in (stages.alone, stages.joint))
+    warned = static if from_points else {d: better.warned(fit) for d, fit in static.items()}
+    return warned, stages._replace(alone=alone, joint=joint)
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
@@ -265,7 +272,9 @@ def _input(record: Record) -> Input:
     )
 
 
-def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_points: bool) -> tuple[Diagnostic, ...]:
+def _joint_warnings(
+    measured: Measured, points: Sequence[Segment], static: dict[str, StaticFit], alone: TrackingFit | None
+) -> tuple[Diagnostic, ...]:
     experiment, warnings = measured.experiment, list(measured.warnings)
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
@@ -273,13 +282,15 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit], from_point
         why = Kind.NONE_KEPT(tried=tried) if tried else Kind.NOT_MEASURED()
         warnings.append(Kind.DIRECTION_UNKNOWN(direction=other, why=why))
     warnings += _segment_warnings(measured)
-    if not from_points and experiment.fit.directions == "separate":
+    if not points and experiment.fit.directions == "separate":
         warnings.append(Kind.OFFSET_LEFT_OUT())
     unused = [run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out]
     if unused:
         warnings.append(Kind.HELD_OUT_UNUSED(files=tuple(unused)))
     if experiment.truth and not experiment.simulated:
         warnings.append(Kind.TRUTH_UNDECLARED())
+    warnings += point_warnings(measured, points, static)
+    warnings += smeared_by_counts(experiment, measured.moving(hold_out=False), alone.parameters if alone else {})
     return tuple(warnings)
 
 

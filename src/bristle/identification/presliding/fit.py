@@ -120,9 +120,7 @@ def fit_presliding(
         warnings.append(Kind.FEW_COUNTS(edges=counts, loadings=len(loadings)))
     if level.is_bound:
         warnings.append(Kind.G0_AT_LEAST(direction=loadings[0].direction, held=level.value))
-    u = np.array([max((sigma_0.value or 0.0) * quantum / level.value, 1e-9)])
-    known = quantum > 0 and (sigma_0.value or 0.0) > 0
-    on_edge, mean, spread = (float(x[0]) if known else np.nan for x in printed_bias(u))
+    on_edge, mean, spread = _bias_of_printed(sigma_0.value or 0.0, quantum, level)
     three = _three_ways(loadings, level, best, sigma_0, softens)
     scatter = stiffness_scatter(loadings, level, best, sigma_0)
     if scatter and scatter.stretched > 1 and sigma_0.value is not None:
@@ -153,6 +151,14 @@ def fit_presliding(
         uncertainty={"sigma_0": shifted_three(three, estimates[best])},
         repeats={"sigma_0": scatter} if scatter else {},
     )
+
+
+def _bias_of_printed(sigma_0: float, quantum: float, level: KnownValue) -> tuple[float, float, float]:
+    """As `printed_bias`; nan without an encoder count and a sigma_0."""
+    if quantum <= 0 or sigma_0 <= 0:
+        return np.nan, np.nan, np.nan
+    on_edge, mean, spread = printed_bias(np.array([max(sigma_0 * quantum / level.value, 1e-9)]))
+    return float(on_edge[0]), float(mean[0]), float(spread[0])
 
 
 def _spanning(estimate: Estimate, amplitudes: Sequence[AmplitudeStiffness]) -> Estimate:
