@@ -43,7 +43,7 @@ fit: {directions: DIRECTIONS}
 """
 
 
-SERVO = """
+SERVO_SIGNALS = """
 joint: {name: servo}
 encoder_resolution: 6.283e-4 rad
 signals:
@@ -51,12 +51,17 @@ signals:
   position: {column: 0, unit: rad}
   torque:   {column: 4, unit: N*m}
 runs:
+"""
+SERVO = (
+    SERVO_SIGNALS
+    + """\
   - {files: "${BRISTLE_DATA}/servo_lugre/J_2.txt", experiment: tracking}
   - {files: "${BRISTLE_DATA}/servo_lugre/J_3.txt", experiment: tracking, hold_out: true}
   - {files: "${BRISTLE_DATA}/servo_lugre/Fs_*.txt", experiment: presliding}
   - {files: "${BRISTLE_DATA}/servo_lugre/sigma0_*.txt", experiment: presliding}
 fit: {directions: symmetric, position_cutoff: 10 Hz, decimation: 40, moving_above: 10 rad/s, breakaway_displacement: 0.01 rad}
 """
+)
 
 
 def identified(folder: Path, text: str) -> Joint:
@@ -246,16 +251,12 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
     assert joint.tracking.hold_out[0].relative_error < 15
 
 
-REPEATS = """
-joint: {name: servo}
-encoder_resolution: 6.283e-4 rad
-signals:
-  time:     {rate: 1 kHz}
-  position: {column: 0, unit: rad}
-  torque:   {column: 4, unit: N*m}
-runs:
+REPEATS = (
+    SERVO_SIGNALS
+    + """\
   - {files: "${BRISTLE_DATA}/servo_lugre/J_*.txt", experiment: tracking}
 """
+)
 
 
 def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:

@@ -113,6 +113,7 @@ def merged(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """The same, those of one kind and one remedy as one that names all their files, with the numbers of the first."""
 
     def alike(d: Diagnostic) -> tuple[str, str]:
+        """What two of them share that become one."""
         return d.kind.name, str(d.numbers.get("remedy", ""))
 
     groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]

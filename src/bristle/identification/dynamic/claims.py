@@ -30,12 +30,11 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
 
     Without the term v_s means nothing, so that the cost at alpha_1 = 0 is that along alpha_1 with v_s held.
     """
-    with_prior = {name for prior in problem.priors for name in prior.names}
     order = {name: k for k, name in enumerate(solution.names)}
     doubts: dict[ParameterName, Diagnostic] = {}
     for direction in problem.directions:
         alpha_1, v_s = problem.key("alpha_1", direction), problem.key("v_s", direction)
-        if alpha_1 not in order or v_s not in order or alpha_1 in with_prior:
+        if alpha_1 not in order or v_s not in order or alpha_1 in problem.with_prior:
             continue
         a, b = order[alpha_1], order[v_s]
         C = solution.covariance
@@ -55,7 +54,6 @@ def bristle_doubts(
     reversal, as a median over those after which it is passed at all; the two halves of the record have to agree on both
     parameters at 1 %, to first order; and the fit has to have converged.
     """
-    with_prior = {name for prior in problem.priors for name in prior.names}
     differ = _halves_differ(problem, solution)
     doubts: dict[ParameterName, Diagnostic] = {}
     for direction in problem.directions:
@@ -63,7 +61,7 @@ def bristle_doubts(
         reason = _unresolved(problem, solution, direction)
         for name in names:
             why = reason or differ.get(name)
-            if why is not None and name in estimates and name not in with_prior:
+            if why is not None and name in estimates and name not in problem.with_prior:
                 doubts[name] = why
     return doubts
 
@@ -79,9 +77,9 @@ def _unresolved(
     if reach < problem.count:
         return Kind.UNSEEN_BELOW_COUNT(reach=reach, count=problem.count)
     passed = [samples for side, samples in _passes(problem, reach) if direction in {Direction.BOTH, side}]
-    samples = float(np.median(passed)) if passed else 0.0
     if not passed:
         return Kind.UNSEEN_NO_REVERSAL(reach=reach)
+    samples = float(np.median(passed))
     return Kind.UNSEEN_FAST(samples=samples, least=_SAMPLES) if samples < _SAMPLES else None
 
 

@@ -219,13 +219,12 @@ def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dic
     if problem.stribeck == "stribeck":
         return {}
     values, upper = solution.values, solution.posed.unknowns.upper
-    with_prior = {name for prior in problem.priors for name in prior.names}
     bent: dict[ParameterName, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
         if not isinstance(name, ParameterName) or name.name != "v_s":
             continue
         alpha_1 = name._replace(name="alpha_1")
-        if alpha_1 in values and not with_prior & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
+        if alpha_1 in values and not problem.with_prior & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
             bent |= {alpha_1: 0.0, name: values[name]}
     return bent
 

@@ -142,6 +142,11 @@ class DynamicProblem:
         return (*(n for n in every if n not in self.fixed), *starts)
 
     @property
+    def with_prior(self) -> frozenset[ParameterName]:
+        """The parameters of which another stage says something."""
+        return frozenset(name for prior in self.priors for name in prior.names)
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """Each motion's equations, and which unknowns it begins with."""
         count = len(self.initial_states)
