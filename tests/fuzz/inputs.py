@@ -134,7 +134,12 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
     "cleaning.gap": _POSITIVE,
     "fit.directions": st.sampled_from(["separate", "symmetric"]),
     "fit.loss": st.sampled_from(["least-squares", "huber"]),
-    "fit.regressors": st.lists(st.sampled_from(["inertia", "offset", "gravity"]), max_size=3),
+    "fit.regressors": st.lists(st.sampled_from(["inertia", "offset", "gravity", "quadratic"]), max_size=4),
+    "fit.model": st.sampled_from(["auto", "coulomb-viscous", "stribeck"]),
+    "fit.stray": st.sampled_from(["report", "drop"]),
+    "fit.exclude": st.tuples(st.sampled_from(["points.csv", "tracking.csv"]), st.sampled_from([2, "2", "2-5", "3-1", "0"])).map(
+        lambda x: [{"file": x[0], "rows": x[1]}]
+    ),
     "fit.v_s_range": st.tuples(_of("rad/s"), _of("rad/s")).map(list),
     "fit.grid": st.sampled_from([8, 9, 32, 200]),
     "fit.plain_grid": st.sampled_from([8, 500]),
