@@ -952,6 +952,10 @@ class Kind(Enum):
         _NOTE,
         "nothing to validate: the points lie on the model without noise; choose a noise level with --noise",
     )
+    TOO_FEW_TO_VALIDATE = (
+        _NOTE,
+        "nothing to validate: {points} points were fitted; four parameters and their noise need at least 5",
+    )
     NO_GRID_FIT = _NOTE, "nothing to validate: the grid fitted no friction curve."
     NOTHING_TRIED = _NOTE, "Nothing was validated."
     NEVER_UNDERCUT = (

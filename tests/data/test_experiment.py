@@ -74,6 +74,7 @@ _BAD: dict[str, tuple[dict[str, Any], str]] = {
         {"joint": {"name": "a", "knd": "revolute"}},
         r"unknown key 'joint\.knd'; did you mean 'kind'\?",
     ),
+    "a type's name is no key": ({"int": {}}, r"unknown key 'int'; did you mean 'joint'"),
     "path is ours": ({"path": "x"}, "unknown key 'path'"),
     "missing name": ({"joint": {}}, r"joint\.name: missing"),
     "kind": ({"joint": {"name": "a", "kind": "ball"}}, r"joint\.kind: got 'ball'; expected 'revolute' or 'prismatic'"),

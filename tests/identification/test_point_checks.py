@@ -215,10 +215,11 @@ def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: 
         bristle.identify(logged(tmp_path, factor))
 
 
-def test_a_torque_of_zero_but_for_a_stray_has_no_offset(tmp_path: Path) -> None:
-    """Points without any torque, one stray apart, are fitted without a failure, and nothing is said of an offset."""
+@pytest.mark.parametrize("level", [0.0, 1e-162])
+def test_a_torque_of_zero_but_for_a_stray_has_no_offset(tmp_path: Path, level: float) -> None:
+    """Points without any torque, or of one whose square is none, a stray apart, are fitted without a failure, and nothing is said of an offset."""
     speeds = np.geomspace(0.01, 1.0, 12)
-    torque = {(side, k): float(side > 0 and k == 5) for side in (1, -1) for k in range(12)}
+    torque = {(side, k): side * level + float(side > 0 and k == 5) for side in (1, -1) for k in range(12)}
     rows = "".join(f"{side * speeds[k]},{T}\n" for (side, k), T in torque.items())
     (tmp_path / "points.csv").write_text("v,tau\n" + rows)
     (tmp_path / "e.yaml").write_text(

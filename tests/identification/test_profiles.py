@@ -1,6 +1,7 @@
 """Profiles of static fits: closed forms without a peak, and brute force - non-negative least squares over v_s - with one or two, bounds included."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -17,6 +18,7 @@ from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.problem import Regression, from_points, with_prior
 from bristle.identification.static.profiles import StaticProfiles, profiled
+from bristle.identification.static.uncertainty import resample
 from bristle.model.parameters import Direction, Lugre, ParameterName
 
 from ..names import named, parse
@@ -207,6 +209,20 @@ def moving_problem(seed: int = 0, samples: int = 2400) -> Regression:
         linear_names=raw.linear_names,
         smooth=smooth,
     )
+
+
+def test_moving_data_with_every_parameter_at_its_bound_draw_none() -> None:
+    """Torque that pulls along the motion leaves friction nothing but zero: no parameter is free to be drawn, and none has ends."""
+    problem = moving_problem()
+    pulled = replace(
+        problem, torque=-problem.torque, linear=problem.linear[:, :-1], linear_names=problem.linear_names[:-1]
+    )
+    v_s_range = default_range(problem.velocity)
+    solution = solve(pulled, v_s_range)
+    solution = replace(solution, at_bound=tuple(pulled.names))
+    found = resample(pulled, solution, v_s_range, 40, covariance=np.zeros((0, 0)))
+    assert np.isnan(np.concatenate([found.low, found.high, found.draws.ravel()])).all()
+    assert found.draws.shape == (len(pulled.names), 40)
 
 
 @pytest.mark.parametrize("prior", [False, True])

@@ -427,6 +427,16 @@ def test_a_direction_without_a_peak_is_skipped_and_said(tmp_path: Path) -> None:
     assert len(joint_cases(exact, 0.01).cases) == 1
 
 
+def test_points_without_one_to_spare_are_skipped_and_said(tmp_path: Path) -> None:
+    """As many points of one direction as parameters, which moving runs may leave, tell nothing of the noise."""
+    joint = identify(write(tmp_path, speeds())).joints[0]
+    fit = joint.static["+"]
+    for n in (3, 4, 5):
+        few = replace(fit, velocity=fit.velocity[:n], torque=fit.torque[:n], residuals=fit.residuals[:n])
+        case_set = joint_cases(replace(joint, static=dict(joint.static) | {"+": few}))
+        assert [reason.kind for reason in case_set.skipped.values()] == [Kind.TOO_FEW_TO_VALIDATE] * (n <= 4)
+
+
 def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
     """Of more than 400 points 400 are simulated, with as much less noise: v_s keeps its standard error."""
     v = np.tile(np.geomspace(0.15, 11.0, 1600) * P.v_s, 1)
@@ -460,9 +470,11 @@ def test_figures_say_what_they_show(validation: Validation) -> None:
     assert len([x for x in resolution.axes[0].lines if len(x.get_xdata()) == len(RESOLUTIONS)]) == 2  # type: ignore[arg-type]  # stubs allow scalars
 
 
-def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validation) -> None:
-    """Without a case in which v_s can be known there is no such figure."""
-    assert figures.resolution_figure(replace(validation, cases=validation.cases[2:])) is None
+def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validation, tmp_path: Path) -> None:
+    """Without a case in which v_s can be known there is no such figure, and the page says so instead."""
+    unknowable = replace(validation, cases=validation.cases[2:])
+    assert figures.resolution_figure(unknowable) is None
+    assert "not identifiable in any case" in unknowable.write(tmp_path / "out").read_text(encoding="utf-8")
 
 
 def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:

@@ -147,11 +147,12 @@ _EXPECTED = {
 
 
 def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
-    where = [str(part) for part in error["loc"] if part not in ("int", "str", "bool", "float")]
-    key = ".".join(part[:60] for part in where)
-    if error["type"] == "extra_forbidden":
+    unknown = error["type"] == "extra_forbidden"
+    tags = () if unknown else ("int", "str", "bool", "float")
+    key = ".".join(str(part)[:60] for part in error["loc"] if part not in tags)
+    if unknown:
         known = _known(model, error["loc"][:-1])
-        near = difflib.get_close_matches(where[-1][:60], known, 1)
+        near = difflib.get_close_matches(str(error["loc"][-1])[:60], known, 1)
         hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(known)}"
         return f"unknown key {short(key)}; {hint}"
     if error["type"] == "missing":

@@ -92,9 +92,10 @@ def _from_the_law(
     belongs = problem.rows(all_but(problem.torque.size, rows))
     law = refit(belongs, v_s_range)
     free = np.linalg.norm(law.jacobian, axis=0) > 0
-    J = problem.jacobian(law.theta)[:, free]
+    size = np.linalg.norm(law.jacobian[:, free], axis=0)
+    J = problem.jacobian(law.theta)[:, free] / size
     variance = law.cost / max(belongs.torque.size - law.theta.size, 1)
-    leverage = np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free]), J)
+    leverage = np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free] / size), J)
     return problem.residuals(law.theta), np.sqrt(variance * (1 + leverage))
 
 

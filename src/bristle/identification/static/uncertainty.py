@@ -143,6 +143,9 @@ def resample(
         drawn, errors = _refitted(problem, solution, v_s_range, draws, seed)
     else:
         keep = np.array([name not in solution.at_bound for name in problem.names])
+        if not keep.any():
+            nothing = np.full(keep.size, np.nan)
+            return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan), wild=False)
         drawn, errors = _stepped(problem, solution, keep, seed, covariance)
     if problem.smooth is not None and drawn.blocks < FEW:
         keep[:], errors = False, errors[:0]

@@ -81,6 +81,9 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
         if p is None or not p.alpha_1 or fit.profile is None:
             skipped[direction] = Kind.NO_STRIBECK_TERM(outcome=fit.outcome)
             continue
+        if fit.velocity.size <= len(NAMES):
+            skipped[direction] = Kind.TOO_FEW_TO_VALIDATE(points=fit.velocity.size)
+            continue
         velocity, fitted_noise = _points(fit)
         level = fitted_noise if noise is None else noise * p.alpha_0
         if level <= 1e-9 * p.alpha_0:
