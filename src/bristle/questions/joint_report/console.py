@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.diagnostics import Diagnostic, Severity
+from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Crosscheck
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
@@ -69,9 +69,15 @@ def segment_lines(measured: Measured) -> Iterator[str]:
         yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
         yield from (f"    {note}" for note in (*record.notes, *record.warnings))
         for s in found:
-            yield from _segment(s, v, T)
+            yield from () if _passes_through(s) else _segment(s, v, T)
+        if passing := sum(map(_passes_through, found)):
+            yield f"  rejected {counted(passing, 'transient')} from one speed to another"
     kept = sum(s.accepted for found in measured.segments for s in found)
     yield f"{kept} of {sum(map(len, measured.segments))} candidates kept."
+
+
+def _passes_through(s: Segment) -> bool:
+    return any(reason.kind is Kind.TRANSIENT for reason in s.reasons)
 
 
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
