@@ -103,7 +103,9 @@ def severities() -> str:
 def test_the_table_of_severities_is_the_one_in_the_code() -> None:
     """docs/warnings.md ends with the table of every kind; BRISTLE_REGENERATE=1 rewrites it."""
     text = WARNINGS.read_text(encoding="utf-8")
-    before, mark, _ = text.partition("<!-- every kind, made by BRISTLE_REGENERATE=1 pytest tests/test_diagnostics.py -->\n")
+    before, mark, _ = text.partition(
+        "<!-- every kind, made by BRISTLE_REGENERATE=1 pytest tests/test_diagnostics.py -->\n"
+    )
     assert mark
     if os.environ.get("BRISTLE_REGENERATE"):
         WARNINGS.write_text(before + mark + severities(), encoding="utf-8")

@@ -1814,7 +1814,7 @@ class Kind(Enum):
     GAIN_AT_LIMIT = (
         _CAUTION,
         (
-            "A gain ended at its limit ({ratios!n}; {after:.3g} % of the torque is left unexplained instead of "
+            "A gain ended at its limit ({ratios!n}; {after:.3g} % of the friction torque is left unexplained instead of "
             "{before:.3g} %): widen adapt.limits if friction may have changed that much; otherwise leave it off, or "
             "lower gamma."
         ),
@@ -1822,28 +1822,28 @@ class Kind(Enum):
     MODEL_UNFIT = (
         _CAUTION,
         (
-            "The identified model leaves {before:.3g} % of this run unexplained ({after:.3g} % adapted): check units, "
+            "The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check units, "
             "sign and columns of the run; until then its gains mean nothing."
         ),
     )
     ADAPTATION_HELPS = (
         _NOTE,
         (
-            "It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios "
+            "It helps here: {after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %, at ratios "
             "{ratios!n}."
         ),
     )
     ADAPTATION_IDLE = (
         _NOTE,
         (
-            "It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with "
+            "It changes nothing here: {before:.3g} % of the friction torque is left unexplained without it, {after:.3g} % with "
             "it, at ratios {ratios!n}."
         ),
     )
     ADAPTATION_HARMS = (
         _CAUTION,
         (
-            "Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios "
+            "Leave it off: {after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %, at ratios "
             "{ratios!n}."
         ),
     )
@@ -1932,17 +1932,17 @@ REASONS: Mapping[str, str] = {
     ),
     "A part of another sentence, whose severity counts.": (
         "OR_MINIMUM_DURATION DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY OR_MINIMUM_VELOCITY "
-        "OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS STRAY_POINT POINT_NAMED WITHOUT_STRAYS "
-        "WITH_STRAYS PARAMETER_VALUE PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES NO_STRIBECK_TERM "
-        "POINTS_WITHOUT_NOISE FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE CAPPED_BY_DECIMATION CAPPED_BY_SAMPLING "
-        "PEAK_TO_LOOK_FOR AMID_THE_SPEEDS BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS RATE_OF_ZERO DEFLECTION_OF_AMPLITUDE "
-        "WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL WITH_GUESSED_INERTIA AS_HELD TIMES_FOR_CORRELATION LOWEST_BIC LOWEST_BIC_OF_SUPPORTED "
-        "NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN IN_OTHER_DIRECTIONS NOT_IN_SESSION "
-        "NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OPEN_IN ONE_SESSION BOTH_SESSIONS CHANGED_BY CHANGED_BY_POWERS SETS_CHANGED_TOO "
-        "MORE_NOT_COMPARABLE IN_BOTH_DIRECTIONS HEADER_LINE MORE_LINES TORQUE_REST_EXACT ENDS OF_STATIC_FIT OF_MOVING_RUNS "
-        "OF_EXPERIMENT_FILE OF_STATIC_FIT_WITHOUT_PEAK OF_MOVING_RUNS_WITHOUT_PEAK OF_BREAKAWAY CREEP_ADDED MISSES_TOGETHER MORE_UNSEEN "
-        "ONCE_SETTLED AT_EVERY_AMPLITUDE NOT_AT_THE_LARGEST FROM_AMPLITUDE SOBOL_INDEX INTERACTIONS DRAWN_SPAN DRAWN_LOGARITHM "
-        "PRINTED_IS_ANOTHER"
+        "OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS STRAY_POINT "
+        "POINT_NAMED WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES "
+        "NO_STRIBECK_TERM POINTS_WITHOUT_NOISE FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE CAPPED_BY_DECIMATION "
+        "CAPPED_BY_SAMPLING PEAK_TO_LOOK_FOR AMID_THE_SPEEDS BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS RATE_OF_ZERO "
+        "DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL WITH_GUESSED_INERTIA AS_HELD TIMES_FOR_CORRELATION LOWEST_BIC "
+        "LOWEST_BIC_OF_SUPPORTED NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN "
+        "IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OPEN_IN ONE_SESSION BOTH_SESSIONS CHANGED_BY "
+        "CHANGED_BY_POWERS SETS_CHANGED_TOO MORE_NOT_COMPARABLE IN_BOTH_DIRECTIONS HEADER_LINE MORE_LINES TORQUE_REST_EXACT ENDS "
+        "OF_STATIC_FIT OF_MOVING_RUNS OF_EXPERIMENT_FILE OF_STATIC_FIT_WITHOUT_PEAK OF_MOVING_RUNS_WITHOUT_PEAK OF_BREAKAWAY CREEP_ADDED "
+        "MISSES_TOGETHER MORE_UNSEEN ONCE_SETTLED AT_EVERY_AMPLITUDE NOT_AT_THE_LARGEST FROM_AMPLITUDE SOBOL_INDEX INTERACTIONS DRAWN_SPAN "
+        "DRAWN_LOGARITHM PRINTED_IS_ANOTHER"
     ),
     "Its effect is in the interval already, or in no number.": (
         "CORRELATED TORQUE_UNSURE WHOLE_COUNT REST_EXCLUDES COUNTS_HIDE COARSE_LOOPS COARSE_LOOPS_BETWEEN TORQUE_EXACT TORQUE_UNCERTAIN "

@@ -19,8 +19,8 @@ Start = TypeVar("Start")
 _STEPS, _TRIES = 60, 30
 """Of a descent from a start, and from a random one."""
 _SAME, _OF_VARIANCE = 1e-6, 1e-2
-"""Two minima are the same where their costs differ by less than this share of them, or than this share of a residual's variance: a tenth of a standard
-error, while a descent ends within a hundredth."""
+"""Two minima are the same where their costs differ by less than this share of them, or of a residual's variance: a tenth
+of a standard error, while a descent ends within a hundredth."""
 _NOTHING = 1e-20
 """A cost below this is none."""
 

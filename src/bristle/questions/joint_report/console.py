@@ -9,7 +9,7 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.page.wording import FITS, counted
-from bristle.questions.joint_report.sentences import choice, cost_change
+from bristle.questions.joint_report.sentences import choice, cost_change, distinct
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
@@ -19,13 +19,15 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
     for joint in joints:
         said: set[Diagnostic] = set()
         for direction, fit in joint.static.items():
-            yield from _outcome(f"{joint.name} {direction}", str(fit.outcome), fit.warnings, said)
-        for direction, slow in (joint.presliding.fits if joint.presliding else {}).items():
-            yield from _outcome(f"{joint.name}, presliding {direction}", str(choice(slow)), slow.warnings, said)
+            yield from _outcome(f"{joint.name} {direction}", str(fit.outcome), distinct(fit.all_warnings()), said)
+        if slow := joint.presliding:
+            for direction, fit_of_slow in slow.fits.items():
+                about = distinct(slow.warnings_of(direction))
+                yield from _outcome(f"{joint.name}, presliding {direction}", str(choice(fit_of_slow)), about, said)
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
-            ended = f"{moving.outcome} Relative error {moving.relative_error:.2g} %{held}."
-            yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, moving.warnings, said)
+            ended = f"{moving.outcome} Relative error of the {moving.quantity} {moving.relative_error:.2g} %{held}."
+            yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, distinct(moving.all_warnings()), said)
         if joint.torque_scale:
             yield f"{joint.name}: {joint.torque_scale}"
         whole = (*joint.warnings, *(joint.presliding.warnings if joint.presliding else ()))

@@ -21,7 +21,7 @@ from bristle.questions.joint_report import (
     tables,
 )
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import agreement, critical, pair
+from bristle.questions.joint_report.sentences import agreement, critical, distinct, pair
 from bristle.questions.joint_report.static_figures import band
 
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
@@ -81,7 +81,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
             "outcome": str(fit.outcome),
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
-            "warnings": len(fit.warnings),
+            "warnings": len(distinct(fit.all_warnings())),
             "critical": critical(fit.warnings),
             "estimates": [(name, pair(e), pretty(e.unit), span(e.interval)) for name, e in fit.parameters.items()],
         }

@@ -1,7 +1,7 @@
 """What is said of moving runs and of presliding, in diagnostics that page and text share."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
@@ -62,6 +62,11 @@ def agreement(joint: Joint) -> Diagnostic | None:
     largest = max(known, key=lambda name: known[name])
     more = Kind.MORE_UNSEEN(count=unseen) if unseen else ""
     return Kind.STAGES_COMPARED(agreed=agreed, compared=len(known), largest=known[largest], name=largest, more=more)
+
+
+def distinct(warnings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Each once, as terminal and page count them."""
+    return tuple(dict.fromkeys(warnings))
 
 
 def critical(warnings: Sequence[Diagnostic]) -> list[str]:

@@ -204,7 +204,7 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iter
     yield _heading(name, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {fit.n} samples, {counted(len(fit.starts_of_runs), 'segment')}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit(fit.quantity, joint.kind)}"
-    yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
+    yield f"    {'relative error':<15}= {_percent(fit.relative_error)} of the {fit.quantity}"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
     yield f"    {'starts':<15}= {reached(fit)}"
