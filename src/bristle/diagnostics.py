@@ -267,7 +267,7 @@ class Kind(Enum):
     SETTLING = (
         _NOTE,
         (
-            "Settling: it is the beginning or end of the plateau in rows {start}-{stop}, which is judged "
+            "Settling: it is the beginning or end of the plateau in {where}, which is judged "
             "separately; a hold of its own would make it pass."
         ),
     )
@@ -1474,9 +1474,9 @@ class Kind(Enum):
     MORE_LINES = _NOTE, ", and {count} more"
     DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
     RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
-    ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: row {first})."
-    ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: row {first})."
-    ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: row {first})."
+    ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: {first})."
+    ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: {first})."
+    ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: {first})."
     ROWS_OF_SHORT_SEGMENTS = (
         _CAUTION,
         (

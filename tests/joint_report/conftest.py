@@ -130,7 +130,7 @@ def gripper(name: str = "gripper rotation") -> Joint:
                 sha256="ab" * 32,
                 rows=1000,
                 dropped=3,
-                notes=(Kind.ROWS_NOT_FINITE(rows=3, first=7),),
+                notes=(Kind.ROWS_NOT_FINITE(rows=3, first="line 7"),),
                 labels={"load": "1 kg"},
             ),
         ),

@@ -84,6 +84,5 @@ def _passes_through(s: Segment) -> bool:
 
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
     error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
-    where = f"{s.start}-{s.stop}" if s.line is None else f"line {s.line}"
-    yield f"  {'kept    ' if s.accepted else 'rejected'} {where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
+    yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
     yield from (f"           {reason}" for reason in (*s.reasons, *s.warnings))

@@ -143,7 +143,7 @@ def hysteresis_figure(joint: Joint) -> Figure | None:
     figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops))
     for ax, loop in zip(axes, loops, strict=True):
         _loop(ax, loop)
-        name = f"{shortened(loop.file, 32, end=True)}\nrows {loop.start}-{loop.stop}"
+        name = f"{shortened(loop.file, 32, end=True)}\nsamples {loop.start}-{loop.stop}"
         ax.text(0.02, 0.96, name, transform=ax.transAxes, va="top", fontsize=9)
         _label(ax, axis("displacement", joint.kind), axis("torque", joint.kind))
     _legend(figure, 2)

@@ -47,7 +47,7 @@ def presliding_section(joint: Joint) -> dict[str, Any] | None:
     frame = tables.presliding([joint])
     frame.insert(3, "recommended", frame.pop("recommended"))
     torque = pretty(unit("torque", joint.kind))
-    broken = tables.breakaway([joint]).rename(columns={"breakaway": f"torque ({torque})"})
+    broken = tables.breakaway([joint]).rename(columns={"breakaway": f"torque ({torque})", "start": "first sample"})
     return {
         "fits": [_slow(joint, fit) for fit in slow.fits.values()],
         "table": shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"])),
@@ -75,10 +75,10 @@ def _loops(joint: Joint) -> pd.DataFrame:
     frame = tables.hysteresis([joint])
     torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
     rows = [f"{start}\u2013{stop}" for start, stop in zip(frame["start"], frame["stop"], strict=True)]
-    frame = frame.assign(rows=rows)[
+    frame = frame.assign(samples=rows)[
         [
             "file",
-            "rows",
+            "samples",
             "counts",
             "torque_amplitude",
             "displacement_amplitude",

@@ -116,8 +116,8 @@ def _segments(joint: Joint) -> dict[str, Any]:
     units = {name: f"{name} ({pretty(unit(name, joint.kind))})" for name in ("velocity", "torque")}
     units["standard_error"] = f"its standard error ({pretty(unit('torque', joint.kind))})"
     frame = tables.segments([joint]).rename(columns=units)
-    kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip"])
-    rejected = frame[~frame["accepted"]][["file", "start", "stop", units["velocity"], units["torque"], "reasons"]]
+    kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip", "start", "stop"])
+    rejected = frame[~frame["accepted"]][["file", "where", units["velocity"], units["torque"], "reasons"]]
     return {"kept": shown(kept), "rejected": shown(rejected), "sticking": int(frame["stick_slip"].sum())}
 
 

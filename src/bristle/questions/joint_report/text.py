@@ -248,7 +248,7 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
         slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
         torque, position = (unit(name, joint.kind) for name in ("torque", "position"))
         reach = f"+/-{_number(x.torque_amplitude)} {torque}, +/-{_number(x.displacement_amplitude)} {position}"
-        where = f"{printable(x.file)} rows {x.start}-{x.stop}, {reach}"
+        where = f"{printable(x.file)} samples {x.start}-{x.stop}, {reach}"
         yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
 
 
