@@ -1,4 +1,5 @@
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -315,3 +316,14 @@ def test_measured_logs_are_read(tmp_path: Path) -> None:
     assert (record.rows, record.dropped) == (24841, 0)
     assert record.velocity is not None
     assert 0.12 < np.abs(record.velocity).max() < 0.14
+
+
+def test_a_place_is_told_by_the_line_of_the_file(tmp_path: Path) -> None:
+    """Samples of a text file are told by its lines, the header being 1, dropped rows counted; where these are unknown by rows, from 1."""
+    tau = np.cos(9 * _T)
+    tau[50] = np.nan
+    _log(tmp_path, tau=tau)
+    record = _record(tmp_path)
+    assert record.where(0, 10) == "lines 2-11"
+    assert record.where(50, 51) == "line 53"
+    assert replace(record, lines=None).where(0, 10) == "rows 1-10"

@@ -46,7 +46,8 @@ def level_drawn(fit: PreslidingFit) -> float:
         return float(sum(np.sum((y - y.mean()) ** 2) for y in off if y.size))
 
     most = max((float(x.edge_torque.max(initial=0.0)) for x in fit.loadings), default=0.0)
-    return min((max(most, fit.level) * _ABOVE).tolist(), key=cost)
+    tried: list[float] = (max(most, fit.level) * _ABOVE).tolist()
+    return min(tried, key=cost)
 
 
 def rest(loading: Loading, fit: PreslidingFit) -> float:
