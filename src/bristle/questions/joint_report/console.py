@@ -9,38 +9,36 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.page.wording import FITS, counted
-from bristle.questions.joint_report.sentences import choice, cost_change, distinct
+from bristle.questions.joint_report.sentences import choice, cost_change, critical_lines, distinct
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """How each fit of each joint ended, how many warnings it has, and what is critical among them."""
+    """What is critical about each joint, then how each fit of it ended, and how many warnings it has."""
     for joint in joints:
-        said: set[Diagnostic] = set()
+        yield from (f"{joint.name}, {title}: {sentence}" for sentence, title in critical_lines(joint).items())
         for direction, fit in joint.static.items():
-            yield from _outcome(f"{joint.name} {direction}", str(fit.outcome), distinct(fit.all_warnings()), said)
+            yield _outcome(f"{joint.name} {direction}", str(fit.outcome), distinct(fit.all_warnings()))
         if slow := joint.presliding:
             for direction, fit_of_slow in slow.fits.items():
                 about = distinct(slow.warnings_of(direction))
-                yield from _outcome(f"{joint.name}, presliding {direction}", str(choice(fit_of_slow)), about, said)
+                yield _outcome(f"{joint.name}, presliding {direction}", str(choice(fit_of_slow)), about)
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
             ended = f"{moving.outcome} Relative error of the {moving.quantity} {moving.relative_error:.2g} %{held}."
-            yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, distinct(moving.all_warnings()), said)
+            yield _outcome(f"{joint.name}, {FITS[kind]}", ended, distinct(moving.all_warnings()))
         if joint.torque_scale:
             yield f"{joint.name}: {joint.torque_scale}"
         whole = (*joint.warnings, *(joint.presliding.warnings if joint.presliding else ()))
         if whole:
-            yield from _outcome(joint.name, "As a whole:", whole, said)
+            yield _outcome(joint.name, "As a whole:", whole)
 
 
-def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic], said: set[Diagnostic]) -> Iterator[str]:
-    """One fit; of its critical warnings those that stand nowhere above."""
-    yield f"{what}: {ended} {counted(len(warnings), 'warning')}."
-    critical = [warning for warning in warnings if warning.severity is Severity.CRITICAL and warning not in said]
-    said.update(critical)
-    yield from (f"  critical: {warning}" for warning in critical)
+def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic]) -> str:
+    """One fit, and that what is critical about it stands above."""
+    above = "Critical, see above. " * any(warning.severity is Severity.CRITICAL for warning in warnings)
+    return f"{what}: {above}{ended} {counted(len(warnings), 'warning')}."
 
 
 def checks(joint: Joint) -> Iterator[str]:

@@ -13,7 +13,7 @@ from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, in_print, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice, critical, distinct, level, median_breakaway, pair
+from bristle.questions.joint_report.sentences import bias, choice, distinct, level, median_breakaway, pair
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -25,7 +25,6 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
             "outcome": in_print(choice(fit)),
             "relative_error": None,
             "warnings": len(distinct(slow.warnings_of(d))),
-            "critical": critical(fit.warnings),
             "estimates": [
                 (name, pair(e), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (

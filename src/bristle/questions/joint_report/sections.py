@@ -82,7 +82,6 @@ def _summary(joint: Joint) -> dict[str, Any]:
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
             "warnings": len(distinct(fit.all_warnings())),
-            "critical": critical(fit.warnings),
             "estimates": [(name, pair(e), pretty(e.unit), span(e.interval)) for name, e in fit.parameters.items()],
         }
         for d, fit in joint.static.items()
@@ -91,8 +90,14 @@ def _summary(joint: Joint) -> dict[str, Any]:
     verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
     agreed = agreement(joint)
     return {
-        "fits": fits, "covered": _covered(joint), "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
+        "fits": fits, "critical": _critical(joint), "covered": _covered(joint), "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
     }  # fmt: skip  # a list of values
+
+
+def _critical(joint: Joint) -> list[tuple[str, str]]:
+    """What is critical, with what it is about."""
+    named = {x: [" ".join(map(direction, subject)) for subject in about] for x, about in critical(joint).items()}
+    return [(", ".join(where), in_print(warning)) for warning, where in named.items()]
 
 
 def _covered(joint: Joint) -> Diagnostic | None:

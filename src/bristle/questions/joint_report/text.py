@@ -28,6 +28,7 @@ from bristle.questions.joint_report.sentences import (
     biased,
     choice,
     cost_change,
+    critical_lines,
     level,
     methods,
     reached,
@@ -69,14 +70,9 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 def _critical(joint: Joint, said: set[str]) -> Iterator[str]:
     """What is critical stands first, each sentence once with all that it is about."""
-    about: dict[str, list[str]] = {}
-    for warning in joint.all_warnings():
-        if warning.severity is Severity.CRITICAL:
-            about.setdefault(printable(str(warning)), []).append(" ".join(warning.subject))
-    for sentence, where in about.items():
-        named = ", ".join(filter(None, dict.fromkeys(where)))
-        yield f"    critical{f' ({named})' if named else ''}: {sentence}"
-    said.update(about)
+    for sentence, title in critical_lines(joint).items():
+        said.add(printable(sentence))
+        yield f"    {printable(title)}: {printable(sentence)}"
 
 
 def _heading(name: str, outcome: object, warnings: Sequence[Diagnostic]) -> str:
