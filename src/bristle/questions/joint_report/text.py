@@ -249,9 +249,14 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
 
 
 def _sentences(warnings: Sequence[Diagnostic], said: set[str]) -> Iterator[str]:
-    """Those that are not critical, which stand first of all."""
+    """Those that are not critical, which stand first of all; what stands above already by its beginning, in one line."""
     other = [warning for warning in warnings if warning.severity is not Severity.CRITICAL]
-    yield from (f"    {warning.severity}: {_once(warning, said)}" for warning in other)
+    again = [printable(str(warning)) for warning in other if printable(str(warning)) in said]
+    for warning in other:
+        if printable(str(warning)) not in again:
+            yield f"    {warning.severity}: {_once(warning, said)}"
+    if again:
+        yield f"    as above: {'; '.join(shortened(sentence, 32) for sentence in again)}"
 
 
 def _once(warning: Diagnostic, said: set[str]) -> str:
