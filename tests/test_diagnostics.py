@@ -1,6 +1,7 @@
 """Diagnostics: every kind makes a sentence, they are values, src makes each with its numbers, and nothing is decided by words."""
 
 import ast
+import os
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError
 from pathlib import Path
@@ -12,9 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import REASONS, Diagnostic, Kind, Severity
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
+WARNINGS = SOURCE.parents[1] / "docs" / "warnings.md"
 TREES = {
     path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
     for path in sorted(SOURCE.rglob("*.py"))
@@ -78,6 +80,38 @@ def test_every_kind_makes_a_sentence(kind: Kind, data: st.DataObject) -> None:
     assert isinstance(kind.severity, Severity)
 
 
+def test_every_kind_has_its_severity_for_one_reason() -> None:
+    """Each kind stands at exactly one reason, a sentence; the kinds of a reason have one severity."""
+    named = [name for names in REASONS.values() for name in names.split()]
+    assert sorted(named) == sorted(Kind.__members__)
+    assert all(len({Kind[name].severity for name in names.split()}) == 1 for names in REASONS.values())
+    assert all(reason[0].isupper() and reason.endswith(".") for reason in REASONS)
+
+
+def severities() -> str:
+    """Every kind by severity, with the reason, as a table."""
+    rows = [
+        f"| {Kind[name].severity} | `{name}` | {reason} |"
+        for severity in Severity
+        for reason, names in REASONS.items()
+        for name in names.split()
+        if Kind[name].severity is severity
+    ]
+    return "\n".join(["| severity | kind | why |", "| --- | --- | --- |", *rows]) + "\n"
+
+
+def test_the_table_of_severities_is_the_one_in_the_code() -> None:
+    """docs/warnings.md ends with the table of every kind; BRISTLE_REGENERATE=1 rewrites it."""
+    text = WARNINGS.read_text(encoding="utf-8")
+    before, mark, _ = text.partition(
+        "<!-- every kind, made by BRISTLE_REGENERATE=1 pytest tests/test_diagnostics.py -->\n"
+    )
+    assert mark
+    if os.environ.get("BRISTLE_REGENERATE"):
+        WARNINGS.write_text(before + mark + severities(), encoding="utf-8")
+    assert WARNINGS.read_text(encoding="utf-8") == before + mark + severities()
+
+
 def test_no_two_kinds_share_a_sentence() -> None:
     """Each template is one kind's alone, and none is an alias of another."""
     assert len(KINDS) == len(list(Kind))
@@ -112,12 +146,12 @@ def test_a_diagnostic_is_a_value() -> None:
 def test_but_changes_a_copy() -> None:
     """`but` gives another sentence and leaves the first; a part of a sentence is a diagnostic of its own."""
     asked = Kind.DURATION_ASKED(asked=0.2)
-    made = Kind.TOO_SHORT(duration=0.02, asked=asked, option="0.02", alone=True)
+    made = Kind.TOO_SHORT(duration=0.02, asked=asked, option="", alone=True)
     before = str(made)
     other = made.but(alone=False)
     assert str(asked) in before
-    assert before.endswith("0.02 s, would make it pass.")
-    assert str(other).endswith("0.02 s, would remove this reason, not the other.")
+    assert before.endswith("A longer hold would make it pass.")
+    assert str(other).endswith("A longer hold would remove this reason, not the other.")
     assert str(made) == before
     assert other != made
     assert other.kind is made.kind

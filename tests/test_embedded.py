@@ -1,5 +1,11 @@
 """What bristle must find in its embedded default (simulated, seed 0)."""
 
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 import bristle
@@ -7,6 +13,7 @@ from bristle.api import Results
 from bristle.diagnostics import Kind
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.questions.joint_report import results_file
 
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
@@ -71,3 +78,22 @@ def test_cycles_close_or_are_said_to_drift(results: Results) -> None:
     assert len(shown) == 4
     assert all(bool(p.loops) != any(warning.kind is Kind.OPEN_CYCLES for warning in p.warnings) for p in shown)
     assert sum(bool(p.loops) for p in shown) >= 2
+
+
+def warned(value: Any) -> Iterator[str]:
+    """The kind of each diagnostic of a results file that is critical or a caution, wherever it stands."""
+    match value:
+        case {"severity": severity, "kind": str(kind), "text": _}:
+            yield from [kind] if severity != "note" else []
+        case dict():
+            yield from (kind for x in value.values() for kind in warned(x))
+        case list():
+            yield from (kind for x in value for kind in warned(x))
+
+
+def test_every_warning_has_a_cause_that_is_listed(results: Results) -> None:
+    """What is critical or a caution in the results is of the kinds that docs/warnings.md lists with a cause, and each of these is there."""
+    page = (Path(__file__).parents[1] / "docs" / "warnings.md").read_text(encoding="utf-8")
+    table = page.partition("its cause in the simulation")[2].partition("\n\n")[0]
+    listed = {kind for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE) for kind in re.findall(r"\w+", row)}
+    assert set(warned(json.loads(results_file.to_json(results.joints)))) == listed

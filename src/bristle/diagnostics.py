@@ -199,7 +199,15 @@ class Kind(Enum):
     # segments: why one is rejected
     TOO_SHORT = (
         _NOTE,
-        ("Too short: {duration:.3g} s; {asked}. A longer hold, or segments.minimum_duration: {option} s, {alone!w}."),
+        "Too short: {duration:.3g} s; {asked}. A longer hold{option} {alone!w}.",
+    )
+    OR_MINIMUM_DURATION = _NOTE, ", or a segments.minimum_duration of {value} s,"
+    TRANSIENT = (
+        _NOTE,
+        (
+            "Transient: for {duration:.3g} s its velocity changes by {drift:.3g} about a mean of {velocity:.3g}, on the way "
+            "from one speed to another; it is no plateau, and no setting makes it one."
+        ),
     )
     DURATION_ASKED = _NOTE, "segments.minimum_duration requires {asked:.3g} s"
     DEPENDENT_TORQUE = _NOTE, "fewer than two of its torque samples are independent"
@@ -259,7 +267,7 @@ class Kind(Enum):
     SETTLING = (
         _NOTE,
         (
-            "Settling: it is the beginning or end of the plateau in rows {start}-{stop}, which is judged "
+            "Settling: it is the beginning or end of the plateau in {where}, which is judged "
             "separately; a hold of its own would make it pass."
         ),
     )
@@ -582,6 +590,7 @@ class Kind(Enum):
         _CAUTION,
         ("Stribeck term not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted.{asked}"),
     )
+    NO_PEAK = _CAUTION, "no sign of a Stribeck peak"
     LIKE_NOISE = _CAUTION, "noise alone would look as much like a Stribeck peak in {percent:.0f} % of cases"
     BEND = (
         _CAUTION,
@@ -707,6 +716,7 @@ class Kind(Enum):
             "cases."
         ),
     )
+    UNSEEN_NO_PEAK = _CAUTION, "Not identifiable from this motion: no sign of a Stribeck peak."
     UNSEEN_UNCONVERGED = _CAUTION, "Not identifiable from this motion: the fit did not converge."
     UNSEEN_BELOW_COUNT = (
         _CAUTION,
@@ -1468,9 +1478,9 @@ class Kind(Enum):
     MORE_LINES = _NOTE, ", and {count} more"
     DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
     RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
-    ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: row {first})."
-    ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: row {first})."
-    ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: row {first})."
+    ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: {first})."
+    ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: {first})."
+    ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: {first})."
     ROWS_OF_SHORT_SEGMENTS = (
         _CAUTION,
         (
@@ -1808,7 +1818,7 @@ class Kind(Enum):
     GAIN_AT_LIMIT = (
         _CAUTION,
         (
-            "A gain ended at its limit ({ratios!n}; {after:.3g} % of the torque is left unexplained instead of "
+            "A gain ended at its limit ({ratios!n}; {after:.3g} % of the friction torque is left unexplained instead of "
             "{before:.3g} %): widen adapt.limits if friction may have changed that much; otherwise leave it off, or "
             "lower gamma."
         ),
@@ -1816,28 +1826,28 @@ class Kind(Enum):
     MODEL_UNFIT = (
         _CAUTION,
         (
-            "The identified model leaves {before:.3g} % of this run unexplained ({after:.3g} % adapted): check units, "
+            "The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check units, "
             "sign and columns of the run; until then its gains mean nothing."
         ),
     )
     ADAPTATION_HELPS = (
         _NOTE,
         (
-            "It helps here: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios "
+            "It helps here: {after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %, at ratios "
             "{ratios!n}."
         ),
     )
     ADAPTATION_IDLE = (
         _NOTE,
         (
-            "It changes nothing here: {before:.3g} % of the torque is left unexplained without it, {after:.3g} % with "
+            "It changes nothing here: {before:.3g} % of the friction torque is left unexplained without it, {after:.3g} % with "
             "it, at ratios {ratios!n}."
         ),
     )
     ADAPTATION_HARMS = (
         _CAUTION,
         (
-            "Leave it off: {after:.3g} % of the torque is left unexplained instead of {before:.3g} %, at ratios "
+            "Leave it off: {after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %, at ratios "
             "{ratios!n}."
         ),
     )
@@ -1849,5 +1859,126 @@ UNRESOLVED = frozenset({
 """Kinds that leave no interval either: what was fitted is not what the parameter means."""
 NOT_IDENTIFIABLE = UNRESOLVED | {
     Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND, Kind.UNSEEN_PEAK,
+    Kind.UNSEEN_NO_PEAK,
 }  # fmt: skip  # a list of values
 """Kinds by which a motion refuses a parameter."""
+
+REASONS: Mapping[str, str] = {
+    # critical
+    "The model does not describe the data, so its parameters mean nothing.": "UNEXPLAINED MISFIT",
+    "A factor between two signals goes into every number made of them.": "VELOCITY_FACTOR VELOCITY_UNRELATED WHOLE_POSITIONS",
+    "The lowest cost was not found, so the numbers are not those of the fit.": (
+        "NOT_CONVERGED OUT_OF_STEPS STILL_LOWER FULL_FIT_LOWER IPOPT_LOWER UNDERCUT IPOPT_UNDERCUTS"
+    ),
+    "The range searched, and not the data, sets the number.": "STATIC_AT_EDGE AT_EDGE FLAT_PROFILE V_S_UNKNOWABLE",
+    "There is too little data for any number.": "STATIC_TOO_FEW TOO_FEW_POINTS INDISTINCT",
+    "With and without a few points the number differs by more than its error.": "STRAYS_MATTER",
+    "Two experiments contradict each other, so at least one number is wrong.": "STAGES_DO_NOT_FIT",
+    "The motion is not the one that the method is for.": "YIELDS NOT_POSITIVE",
+    # caution
+    "Sticking, a drift or a contradiction moves the point by more than its error.": (
+        "STICK_SLIP POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
+    ),
+    "A pattern is left, which biases what takes part of it up.": (
+        "LACKS_A_TERM DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK TORQUE_DELAYED"
+    ),
+    "Samples are wrong or missing, and what they do to the number is not in its error.": (
+        "CLIPPED LOST_SAMPLES ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
+    ),
+    "Encoder counts bias the number by about its error.": (
+        "COARSE_ACCELERATION COARSE_VELOCITY COUNT_BIAS COUNTS_BIAS FEW_COUNTS WITHIN_NOISE SIGMA_0_AT_LEAST"
+    ),
+    "Runs or parts differ by more than the errors say.": (
+        "RUNS_SCATTER OUTLIER STAGES_DIFFER STAGE_DIFFERS DISTRUST_MOVING DISTRUST_STAGE INERTIA_DOUBTED HUBER_DIFFERS RESPONSIBLE"
+    ),
+    "Methods give different intervals, and the widest is the safe one.": (
+        "INTERVALS_DIFFER COST_STAYS_LOW PROFILE_SKEWED FEW_TO_RESAMPLE UNEVEN_RESIDUALS PROFILE_LOST"
+    ),
+    "The interval is open, or one-sided.": (
+        "AT_BOUND INTERVALS_AT_BOUND NO_BOOTSTRAP_AT_BOUND PROFILE_OPEN STATIC_AT_BOUND BOUND ONE_SIDED_PROFILE ALPHA_1_OPEN V_S_OPEN_BELOW "
+        "V_S_OPEN_ABOVE CONVERGED_AT_BOUND G0_AT_LEAST"
+    ),
+    "A point far from the others may not belong, and the number is still within its error.": "STRAYS STRAYS_LEFT_OUT",
+    "The data do not show the term or the parameter, so no number is given for it.": (
+        "STATIC_NO_STRIBECK NO_STRIBECK LIKE_NOISE NO_PEAK BEND ONE_SPEED V_S_DOWN_TO_ZERO V_S_UP_TO_ANY NONE_BELOW_V_S TOO_FEW_FOR_PEAK "
+        "PEAK_LEFT_OUT PROFILE_UNSEEN UNSEEN UNSEEN_WIDE UNSEEN_FAR UNSEEN_COMPANION UNSEEN_PEAK UNSEEN_NO_PEAK UNSEEN_UNCONVERGED "
+        "UNSEEN_BELOW_COUNT UNSEEN_NO_REVERSAL UNSEEN_FAST UNSEEN_HALVES UNSEEN_BEND NOTHING_SEEN DIRECTION_UNKNOWN NONE_KEPT NOT_MEASURED "
+        "SIGMA_0_UNKNOWN NO_MODEL NOTHING_SEEN_OF NOTHING_COMPARED NOT_TOLD STILL_UNSEEN"
+    ),
+    "The number rests on few points, runs or starts.": (
+        "STATIC_STICK_SLIP PEAK_OF_STICK_SLIP FEW_BELOW_V_S SINGLE_RUN OF_ONE_BREAKAWAY FEW_STARTS DID_NOT_MOVE FEW_VELOCITIES SLOWEST_TOO_FAST"
+    ),
+    "Only a combination is determined, so that no parameter of it stands alone.": (
+        "ILL_CONDITIONED ONLY_SUM_SEEN ONLY_SUM_SEEN_OF_FIT HARDLY_SEEN ONLY_AGAINST ONLY_AS_SUM"
+    ),
+    "Another minimum is about as good.": "SECOND_MINIMUM LOWER_OUTSIDE_RANGE POLISHING_MOVES LUGRE_UNSETTLED",
+    "The fit stands, and the model or what it is used for is physically doubtful.": (
+        "NOT_PASSIVE ODD_DAMPING ABOVE_G0 SOFTENS OPEN_CYCLES OF_LARGEST_HELD"
+    ),
+    "Something is assumed that was not measured.": (
+        "PRIOR DIRECTION_TAKEN INERTIA_GUESSED GUESSED NOISE_OF_HOLDS_GUESSED NOISE_OF_MOTION_GUESSED NOISE_OF_OTHER_POINTS DEFAULT_PID "
+        "BRISTLE_FILLED PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING "
+        "PAPER_TABLE_2 ONE_DIRECTION_KNOWN BRISTLE_ASSUMED GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE BOX_HELD BOX_CUT NOISE_ASSUMED "
+        "HELD_AS_KNOWN EXTRAPOLATED LIMIT_SLOWEST_GUESSED LIMIT_HOLD_GUESSED LIMIT_POSITIONS_GUESSED LIMIT_ACCELERATION_GUESSED LIMIT_RATE "
+        "LIMIT_FREQUENCY FREQUENCY_LOWERED"
+    ),
+    "What was read may not be what was meant.": "HEADER_LINES DECIMAL_COMMA CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN",
+    "The sessions are not alike, so a change may not be one of the joint.": (
+        "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"
+    ),
+    "What was simulated shows a use of the model that does harm or fails.": (
+        "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES"
+    ),
+    # note
+    "It says why a segment, a point or a run is left out, and no number rests on it.": (
+        "TOO_SHORT TRANSIENT AT_REST ACCELERATING HUNTING UNSTEADY UNSETTLED SATURATED SETTLING POINT_AT_REST POINT_TOO_SLOW BELOW_BREAKAWAY "
+        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT"
+    ),
+    "A part of another sentence, whose severity counts.": (
+        "OR_MINIMUM_DURATION DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY OR_MINIMUM_VELOCITY "
+        "OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS STRAY_POINT "
+        "POINT_NAMED WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES "
+        "NO_STRIBECK_TERM POINTS_WITHOUT_NOISE FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE CAPPED_BY_DECIMATION "
+        "CAPPED_BY_SAMPLING PEAK_TO_LOOK_FOR AMID_THE_SPEEDS BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS RATE_OF_ZERO "
+        "DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL WITH_GUESSED_INERTIA AS_HELD TIMES_FOR_CORRELATION LOWEST_BIC "
+        "LOWEST_BIC_OF_SUPPORTED NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN "
+        "IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OPEN_IN ONE_SESSION BOTH_SESSIONS CHANGED_BY "
+        "CHANGED_BY_POWERS SETS_CHANGED_TOO MORE_NOT_COMPARABLE IN_BOTH_DIRECTIONS HEADER_LINE MORE_LINES TORQUE_REST_EXACT ENDS "
+        "OF_STATIC_FIT OF_MOVING_RUNS OF_EXPERIMENT_FILE OF_STATIC_FIT_WITHOUT_PEAK OF_MOVING_RUNS_WITHOUT_PEAK OF_BREAKAWAY CREEP_ADDED "
+        "MISSES_TOGETHER MORE_UNSEEN ONCE_SETTLED AT_EVERY_AMPLITUDE NOT_AT_THE_LARGEST FROM_AMPLITUDE SOBOL_INDEX INTERACTIONS DRAWN_SPAN "
+        "DRAWN_LOGARITHM PRINTED_IS_ANOTHER"
+    ),
+    "Its effect is in the interval already, or in no number.": (
+        "CORRELATED TORQUE_UNSURE WHOLE_COUNT REST_EXCLUDES COUNTS_HIDE COARSE_LOOPS COARSE_LOOPS_BETWEEN TORQUE_EXACT TORQUE_UNCERTAIN "
+        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH"
+    ),
+    "It says what was not computed, and why.": (
+        "NO_BOOTSTRAP NO_BLOCKS NOT_FITTED NO_STRIBECK_ASKED NO_SIGMA_1 NO_COUNTS NOTHING_BELOW_G0 STAGE_UNSEEN NONE_COMPARED NO_GRID_FIT "
+        "NOTHING_TRIED SOBOL_NOT_ASKED SOBOL_WITHOUT_INTERVALS NO_SOBOL NO_FORMULAS TOO_FEW_FOR_MODELS LUGRE_IS_ITS_CURVE NOT_COMPARABLE "
+        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS"
+    ),
+    "It says how the fit ended, or that two routes agree.": (
+        "STATIC_CONVERGED STATIC_AS_ASKED CONVERGED REFITTED_FROM_GRID REFITTED WITHOUT_STICK_SLIP GRID_LOWER ROUTES_AGREE IPOPT_AGREES "
+        "IPOPT_HIGHER STAGE_AGREES STARTS_REACHED COST_HIGHER COST_LOWER COST_EQUAL STAGES_COMPARED HELD_OUT_RUNS EACH_LEFT_OUT TRUTH_INSIDE "
+        "FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL"
+    ),
+    "It says how a signal was read, or a number made.": (
+        "RATE_DECLARED SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION ACCELERATION_FROM_VELOCITY TORQUE_FROM_CURRENT "
+        "TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED "
+        "LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE INERTIA_EXACT NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT "
+        "NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD GRIPPER_FRICTION NOISE_OF_FIT NOISE_OF_STATIC_FIT "
+        "DRAWN_FROM INDICES_SIMULATED"
+    ),
+    "It says what to measure or to write next.": (
+        "SET_UP_PAYS MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE ALPHA_2_WIDE "
+        "REPEAT_STICKING MEASURE_DIRECTION PEAK_OPEN VISCOUS_OPEN BRISTLE_OPEN INERTIA_OPEN AVOID_COUNTS HOLD_BACK"
+    ),
+    "It is a finding, and not about a number's error.": (
+        "NEVER_UNDERCUT DESIGN_VALIDATED V_S_KNOWABLE IPOPT_NEVER_LOWER POLISHING_STAYS STARTS_PART STARTS_AGREE PLAIN_GRID_ERROR FIT_TIMES "
+        "PLAIN_GRID_ENOUGH ROSE FELL NO_CHANGE PARAMETERS_CHANGED ONLY_SETS_CHANGED NONE_CHANGED TORQUE_SCALE ALPHA_0_ROSE ALPHA_0_FELL "
+        "ALPHA_2_ROSE ALPHA_2_FELL SIGMA_0_ROSE SIGMA_0_FELL INERTIA_ROSE INERTIA_FELL CLAIM_HOLDS CLAIM_FAILS OTHER_AT_FIXED_Z CLAIM_ON_MAP "
+        "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED "
+        "ADAPTATION_HELPS ADAPTATION_IDLE"
+    ),
+}
+"""Reason -> the kinds that have their severity for it, by name: each kind stands at one, and the kinds of one have one severity (a test)."""

@@ -1,4 +1,5 @@
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -188,21 +189,21 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     assert record.starts == (0, 198)
     (gap,) = of_kind(record.notes, Kind.GAPS)
     (sampling,) = of_kind(record.notes, Kind.SAMPLING)
-    assert Kind.ROWS_NOT_FINITE(rows=1, first=51) in record.notes
-    assert Kind.ROWS_REPEATED(rows=1, first=101) in record.notes
+    assert Kind.ROWS_NOT_FINITE(rows=1, first="line 52") in record.notes
+    assert Kind.ROWS_REPEATED(rows=1, first="line 102") in record.notes
     assert (gap.numbers["gaps"], gap.numbers["longest"]) == (1, pytest.approx(1.001))
     assert sampling.numbers["step"] == pytest.approx(1e-3)
-    for key, says in (("non_finite", "row 51"), ("duplicates", "repeats .* row 101")):
+    for key, says in (("non_finite", "line 52"), ("duplicates", "repeats .* line 102")):
         with pytest.raises(ValueError, match=rf"log\.csv: .*{says}"):
             _record(tmp_path, cleaning={key: "refuse"})
     assert _record(tmp_path, cleaning={"gap": 2000}).starts == (0,)
     time[300] = 0.0
     _log(tmp_path, t=time)
-    with pytest.raises(ValueError, match=r"runs backward in 1 row, first at row 301"):
+    with pytest.raises(ValueError, match=r"runs backward in 1 row, first at line 302"):
         _record(tmp_path)
     dropped = _record(tmp_path, cleaning={"backward": "drop"})
     assert dropped.dropped == 2
-    assert Kind.ROWS_BACKWARD(rows=1, first=301) in dropped.notes
+    assert Kind.ROWS_BACKWARD(rows=1, first="line 302") in dropped.notes
 
 
 def test_a_delayed_signal_is_taken_when_it_happened(tmp_path: Path) -> None:
@@ -315,3 +316,14 @@ def test_measured_logs_are_read(tmp_path: Path) -> None:
     assert (record.rows, record.dropped) == (24841, 0)
     assert record.velocity is not None
     assert 0.12 < np.abs(record.velocity).max() < 0.14
+
+
+def test_a_place_is_told_by_the_line_of_the_file(tmp_path: Path) -> None:
+    """Samples of a text file are told by its lines, the header being 1, dropped rows counted; where these are unknown by rows, from 1."""
+    tau = np.cos(9 * _T)
+    tau[50] = np.nan
+    _log(tmp_path, tau=tau)
+    record = _record(tmp_path)
+    assert record.where(0, 10) == "lines 2-11"
+    assert record.where(50, 51) == "line 53"
+    assert replace(record, lines=None).where(0, 10) == "rows 1-10"

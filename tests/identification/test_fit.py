@@ -85,7 +85,7 @@ def test_an_outlier_is_named(gripper: Lugre[float], speeds: Array) -> None:
     torque[15] += 2e-3
     fit = points(speeds, torque)
     named = [str(warning) for warning in fit.warnings if warning.kind is Kind.HUBER_DIFFERS]
-    assert "run_15.csv rows 0-100" in named[0]
+    assert "run_15.csv rows 1-100" in named[0]
     assert abs(fit.huber["alpha_0"] - gripper.alpha_0) < abs((fit.parameters["alpha_0"].value or 0.0) - gripper.alpha_0)
 
 

@@ -100,7 +100,7 @@ def segments(fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
     ]  # fmt: skip  # one point, one line
     wild = Segment(
         file="wild.csv", start=0, stop=20, velocity=30.0, torque=2.0, standard_error=0.1, accepted=False,
-        reasons=(Kind.TOO_SHORT(duration=0.02, asked=Kind.DURATION_ASKED(asked=0.2), option="0.02", alone=True),),
+        reasons=(Kind.TOO_SHORT(duration=0.02, asked=Kind.DURATION_ASKED(asked=0.2), option=Kind.OR_MINIMUM_DURATION(value="0.02"), alone=True),),
     )  # fmt: skip  # as above
     return (*kept, wild)
 
@@ -130,7 +130,7 @@ def gripper(name: str = "gripper rotation") -> Joint:
                 sha256="ab" * 32,
                 rows=1000,
                 dropped=3,
-                notes=(Kind.ROWS_NOT_FINITE(rows=3, first=7),),
+                notes=(Kind.ROWS_NOT_FINITE(rows=3, first="line 7"),),
                 labels={"load": "1 kg"},
             ),
         ),

@@ -14,10 +14,15 @@ from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
 from bristle.page.page import save_figure, symbol_html
 from bristle.page.style import inline, render_as, styled
+from bristle.page.wording import counted
 from bristle.questions.joint_report import page, static_figures
 from bristle.questions.joint_report.console import outcomes
+from bristle.questions.joint_report.dynamic_section import dynamic_summary
+from bristle.questions.joint_report.presliding_section import presliding_summary
+from bristle.questions.joint_report.text import fit_report
 
 from .conftest import HOSTILE, gripper
+from .moving import moving
 
 
 @pytest.fixture(scope="module")
@@ -228,10 +233,33 @@ def test_save_figure(tmp_path: Path, record: Record) -> None:
 
 
 def test_a_critical_sentence_stands_once_on_the_terminal(joint: Joint) -> None:
-    """What is critical about the one solve of both directions is printed below the first of them, and counted with each."""
+    """What is critical about the one solve of both directions is printed once, above all else of the joint, and counted with each."""
     warning = Kind.UNEXPLAINED(error=40.0, noise=3.0, advice=())
     static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
-    lines = list(outcomes([replace(joint, static=static)]))
-    assert lines.count(f"  critical: {warning}") == 1
-    assert lines[1] == f"  critical: {warning}"
+    lines = list(outcomes([replace(joint, static=static).with_subjects()]))
+    assert [line for line in lines if str(warning) in line] == lines[:1]
+    assert lines[0] == f"{joint.name}, critical (static +, static -): {warning}"
+    assert lines[1].startswith(f"{joint.name} +: Critical, see above.")
     assert sum(line.endswith(" 1 warning.") for line in lines) == len(static)
+
+
+def test_terminal_and_page_count_the_same_warnings(slow: Joint) -> None:
+    """A fit has as many warnings on the terminal as on the page: each once, those about its parameters among them."""
+    moved = moving()
+    for joint, summary in ((slow, presliding_summary(slow)), (moved, dynamic_summary(moved))):
+        lines = list(outcomes([joint]))
+        for fit in summary:
+            assert [line for line in lines if line.endswith(f" {counted(fit['warnings'], 'warning')}.")]
+        assert sum(fit["warnings"] for fit in summary) > 0
+    (first,) = presliding_summary(slow)[:1]
+    assert slow.presliding is not None
+    assert first["warnings"] == len(set(slow.presliding.warnings_of("+")))
+
+
+def test_what_is_critical_stands_first_and_nothing_is_said_twice(slide: Joint, joint: Joint) -> None:
+    """The first lines of a joint are its critical sentences, each whole once; a long sentence that recurs is shortened."""
+    lines = fit_report([slide]).splitlines()
+    assert lines[1].startswith("    critical: ")
+    long = [line.strip("() ") for line in lines if len(line) > 90]
+    assert len(long) == len(set(long))
+    assert "critical" not in fit_report([joint])

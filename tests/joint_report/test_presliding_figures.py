@@ -42,6 +42,15 @@ def test_curve_levels_off_at_g0() -> None:
     assert y[2] > 5.0
 
 
+def test_a_bounded_g0_is_drawn_where_the_edges_lie() -> None:
+    """Where g0 is a lower bound alone, the curve has the g0 with which its sigma_0 passes through the edges, and not the bound."""
+    fit = slow_fit("+")
+    most = max(float(x.edge_torque.max()) for x in fit.loadings)
+    bounded = replace(fit, level=1.001 * most, level_standard_error=float("inf"))
+    assert presliding_figures.level_drawn(fit) == fit.level
+    assert presliding_figures.level_drawn(bounded) == pytest.approx(fit.level, rel=0.1)
+
+
 def panels(joint: Joint) -> list[Axes]:
     """Every panel of both figures."""
     drawn = [presliding_figures.presliding_figure(joint), presliding_figures.hysteresis_figure(joint)]

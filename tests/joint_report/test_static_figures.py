@@ -1,15 +1,17 @@
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
+from bristle.identification.fits import Stray
 from bristle.identification.results import Joint
 from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
-from bristle.page.style import MOST_POINTS, render_as, thinned
+from bristle.page.style import MOST_POINTS, decimal_log, new_figure, render_as, styled, thinned
 from bristle.questions.joint_report import static_figures
 from bristle.questions.joint_report.static_figures import band
 
@@ -115,3 +117,38 @@ def test_a_held_out_point_at_a_fitted_speed_is_drawn(joint: Joint) -> None:
     (held,) = (line for line in ax.lines if line.get_label() == "held out")
     assert np.asarray(held.get_xydata()).tolist() == [[twin.velocity, twin.torque]]
     assert not [line for line in static_figures.curve_figure(joint).axes[0].lines if line.get_label() == "held out"]
+
+
+def test_a_stray_has_a_ring_of_its_own(joint: Joint) -> None:
+    """Each point that is named as a stray is ringed in both panels, and the legend says so once; without one there is no ring."""
+    strays = {
+        d: Stray(file="x.csv", where="line 3", velocity=sign * 0.2, torque=sign * 0.05, deviations=9.0, without={})
+        for d, sign in (("+", 1.0), ("-", -1.0))
+    }
+    static = {d: replace(fit, strays=(strays[d],)) for d, fit in joint.static.items()}
+    axes = static_figures.curve_figure(replace(joint, static=static)).axes
+    rings = [
+        [np.asarray(line.get_xydata()).tolist() for line in ax.lines if line.get_markersize() == 11] for ax in axes
+    ]
+    assert rings == [[[[0.2, 0.05]], [[-0.2, -0.05]]], [[[0.2, 0.05]], [[0.2, 0.05]]]]
+    assert axes[0].get_legend_handles_labels()[1].count("stray, named") == 1
+    assert "stray, named" not in static_figures.curve_figure(joint).axes[0].get_legend_handles_labels()[1]
+
+
+@pytest.mark.parametrize("ends", [(0.06, 0.075), (0.011, 0.045), (0.06, 0.19), (0.005, 1.2), (1e-3, 5.0), (1e-7, 1e4)])
+@styled
+def test_labels_of_a_logarithmic_axis_leave_room(ends: tuple[float, float]) -> None:
+    """However narrow or wide the range, there are two labels or more, and none touches the next."""
+    figure = new_figure(2.0)
+    ax = figure.subplots()
+    decimal_log(ax)
+    ax.set_xlim(*ends)
+    figure.draw_without_rendering()
+    low, high = sorted(ends)
+    boxes = [
+        label.get_window_extent()
+        for label, place in zip(ax.get_xticklabels(), ax.get_xticks(), strict=True)
+        if low <= place <= high
+    ]
+    assert len(boxes) >= 2
+    assert all(one.x1 < two.x0 for one, two in pairwise(boxes))

@@ -4,7 +4,7 @@ Each is counted and said.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,9 @@ class _Rows:
 
     data: dict[str, Array]
     number: NDArray[np.intp]
-    """Number of each row in the file, from 1."""
+    """The line of each row in the file, or the row of data, each from 1 ..."""
+    word: str
+    """... which of the two: `line` or `row`."""
     notes: list[Diagnostic]
     warnings: list[Diagnostic] = field(default_factory=list)
 
@@ -105,8 +107,7 @@ def make_points(
     _enough(rows)
     _refuse_constant(rows)
     rows.data["time"] = np.arange(rows.number.size, dtype=float)
-    lines = None if table.header is None else table.header + rows.number
-    return replace(_record(file, table, rows, (0,), labels or {}), lines=lines)
+    return _record(file, table, rows, (0,), labels or {})
 
 
 def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:
@@ -117,6 +118,7 @@ def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], la
         starts=starts,
         rows=table.rows,
         dropped=table.rows - rows.number.size,
+        lines=rows.number if rows.word == "line" else None,
         sha256=table.sha256,
         notes=tuple(rows.notes),
         warnings=tuple(rows.warnings),
@@ -139,7 +141,8 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
         )
         data[name] = table.columns[key] * times
         _refuse_absurd(name, data[name])
-    return _Rows(data=data, number=np.arange(1, table.rows + 1), notes=list(table.notes))
+    number = np.arange(1, table.rows + 1) + (table.header or 0)
+    return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
 
 
 def _refuse_absurd(name: str, values: Array) -> None:
@@ -165,11 +168,12 @@ def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
         return
     if cleaning.non_finite == "refuse":
         raise InputError(
-            f"{_count(bad.size)} (first: row {bad[0] + 1}) not finite (inf, nan or empty); correct the log, or declare cleaning: {{non_finite: drop}}"
+            f"{_count(bad.size)} (first: {rows.word} {rows.number[bad[0]]}) not finite (inf, nan or empty); correct the log, "
+            "or declare cleaning: {non_finite: drop}"
         )
     if bad.size == table.rows:
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
-    rows.notes.append(Kind.ROWS_NOT_FINITE(rows=bad.size, first=bad[0] + 1))
+    rows.notes.append(Kind.ROWS_NOT_FINITE(rows=bad.size, first=f"{rows.word} {rows.number[bad[0]]}"))
     rows.keep(finite)
 
 
@@ -187,11 +191,11 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
         if bad.any() and action == "refuse":
             k = int(np.flatnonzero(bad)[0])
             raise InputError(
-                f"{what} in {_count(int(bad.sum()))}, first at row {rows.number[k]} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); "
+                f"{what} in {_count(int(bad.sum()))}, first at {rows.word} {rows.number[k]} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); "
                 f"split the log, or declare cleaning: {{{key}: drop}}"
             )
         if bad.any():
-            rows.notes.append(kind(rows=bad.sum(), first=rows.number[np.flatnonzero(bad)[0]]))
+            rows.notes.append(kind(rows=bad.sum(), first=f"{rows.word} {rows.number[np.flatnonzero(bad)[0]]}"))
     rows.keep(~(behind | twice))
 
 
@@ -223,7 +227,7 @@ def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool
         full = np.flatnonzero(np.abs(np.abs(jumps) / _TURN - 1) < 0.1)
         if full.size:
             raise InputError(
-                f"position jumps by a full turn between samples, {full.size} times (first: row {rows.number[full[0] + 1]}); "
+                f"position jumps by a full turn between samples, {full.size} times (first: {rows.word} {rows.number[full[0] + 1]}); "
                 "declare wraps: true under signals.position, or wraps: false if the joint does move so fast"
             )
 

@@ -119,7 +119,7 @@ def _without_short_segments(record: Record) -> Record:
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     signals = {
         name: values[kept]
-        for name in ("time", "position", "velocity", "torque", "voltage", "acceleration")
+        for name in ("time", "position", "velocity", "torque", "voltage", "acceleration", "lines")
         if (values := getattr(record, name)) is not None
     }
     lost = record.time.size - kept.size

@@ -55,7 +55,7 @@ class Record:
     labels: Mapping[str, str] = field(default_factory=dict)
     """Run-level labels: temperature, load."""
     lines: NDArray[np.intp] | None = None
-    """Of velocity-torque points, the line of each in the file, from 1, (n,); None where that is not known."""
+    """Of a text file the line of each sample, from 1, (n,); None where that is not known."""
 
     def __post_init__(self) -> None:
         """Copy, freeze and check every array."""
@@ -79,6 +79,12 @@ class Record:
             object.__setattr__(self, name, array)
         shifts = {name: _frozen(values) for name, values in self.torque_shifts.items()}
         object.__setattr__(self, "torque_shifts", shifts)
+
+    def where(self, start: int, stop: int) -> str:
+        """The samples start to stop - 1 as a reader finds them: lines of a text file, else rows of data, from 1."""
+        first, last = (start + 1, stop) if self.lines is None else (int(self.lines[start]), int(self.lines[stop - 1]))
+        word = "row" if self.lines is None else "line"
+        return f"{word} {first}" if first == last else f"{word}s {first}-{last}"
 
     @property
     def step(self) -> float:

@@ -257,7 +257,10 @@ def _lost_samples(record: Record, signals: Signals) -> Diagnostic | None:
         return None
     rate = None if signals.time is None else signals.time.rate
     rows = [round(float(record.time[k + 1]) * rate) + 1 if rate else int(k) + 2 for k, _ in places]
-    where = f"{'row' if len(rows) == 1 else 'rows'} {', '.join(_shortened(list(map(str, rows))))}"
+    if record.lines is not None:
+        rows = [int(record.lines[k + 1]) for k, _ in places]
+    word = f"{'row' if record.lines is None else 'line'}{'s' * (len(rows) > 1)}"
+    where = f"{word} {', '.join(_shortened(list(map(str, rows))))}"
     return Kind.LOST_SAMPLES(files=(f"{record.file} {where} (about {sum(n for _, n in places):.1f} samples)",))
 
 

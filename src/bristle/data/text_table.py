@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_SAMPLE, _MOST = 2**18, 3 * 2**20
+_SAMPLE, _MOST, _LOOKED_THROUGH = 2**18, 3 * 2**20, 2**26
 """Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
 _DELIMITERS = (",", ";", "\t", "|", " ")
 MAX_COLUMNS = 10_000
@@ -310,7 +310,7 @@ def _read_text(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], tuple
 
 def _line_by_line(path: Path, layout: Layout, rows: int) -> bool:
     """Whether each line after the header is one row of numbers, in a file that is short enough to look."""
-    if path.stat().st_size > _SAMPLE:
+    if path.stat().st_size > _LOOKED_THROUGH:
         return False
     with path.open(encoding=layout.encoding, errors="replace") as file:
         lines = [line.strip() for line in file]

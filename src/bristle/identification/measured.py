@@ -119,7 +119,7 @@ def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segmen
         if not named:
             files = short_list([run.record.file for run in runs])
             raise InputError(
-                f"{experiment.path.name}: fit.exclude: entry {number} names no point or segment (rows {first} to {last} of "
+                f"{experiment.path.name}: fit.exclude: entry {number} names no point or segment (lines or rows {first} to {last} of "
                 f"{short(excluded.file)}); expected rows as `bristle inspect` prints them, of one of: {files}"
             )
         for candidates, k in named:

@@ -36,8 +36,8 @@ from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
 from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
 
-_STEPS = 8
-"""Of the LuGre fit that no stage has done yet: it begins where the other one ended."""
+_STEPS = 100
+"""Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
 _DEPENDENT = 1e8
 """Condition number beyond which columns are told apart by rounding alone."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
@@ -225,7 +225,7 @@ def _refitted(
     called: str,
     directions: tuple[str, ...],
 ) -> ModelCandidate:
-    """LuGre in other directions than those of the fit, from where that fit ended, by a few steps."""
+    """LuGre in other directions than those of the fit, from where that fit ended."""
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
 
     def posed(chosen: Sequence[Record]) -> DynamicProblem:

@@ -12,7 +12,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullLocator
 
 from bristle.page.wording import shortened
 
@@ -44,6 +44,9 @@ LINES = ("-", "--", ":")
 WIDTH = 5.8
 """Inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone."""
 DPI = 120
+_MOST_TICKS = 8
+_STEPS_OF_DECADE = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
+"""Where a logarithmic axis may have its labels, the closest first."""
 
 
 class Look(NamedTuple):
@@ -98,10 +101,31 @@ def title(ax: Axes, name: str, simulated: bool) -> None:
     ax.set_title(f"{shortened(name, 40)}{' (SIMULATED data)' if simulated else ''}", loc="left", pad=17)
 
 
+class _DecimalTicks(Locator):
+    """At as many steps of each decade as give no more than `_MOST_TICKS`; evenly spaced where those are fewer than two."""
+
+    def __call__(self) -> Any:
+        """The places of the ticks in view."""
+        low, high = sorted(self.axis.get_view_interval()) if self.axis else (1.0, 10.0)
+        return self.tick_values(low, high)
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        """The places of the ticks between two positive values."""
+        decades = 10.0 ** np.arange(np.floor(np.log10(vmin)), np.ceil(np.log10(vmax)) + 1)
+        for steps in _STEPS_OF_DECADE:
+            places = np.outer(decades, steps).ravel()
+            places = places[(places >= vmin) & (places <= vmax)]
+            if places.size <= _MOST_TICKS:
+                break
+        if places.size < 2:
+            return MaxNLocator(4).tick_values(vmin, vmax)
+        return places[:: -(-places.size // _MOST_TICKS)]
+
+
 def decimal_log(ax: Axes) -> None:
-    """A logarithmic x axis with plain decimal labels at 1, 2 and 5."""
+    """A logarithmic x axis with plain decimal labels that leave one another room."""
     ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12))
+    ax.xaxis.set_major_locator(_DecimalTicks())
     ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     ax.xaxis.set_minor_locator(NullLocator())
 

@@ -42,7 +42,9 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
         or _unsteady(e, t)
         or _unsettled(e)
     )
-    against = [reason for reason in (_too_short(e, usual, t), steady, _saturated(e, t)) if reason]
+    if steady and steady.kind is Kind.ACCELERATING and not steady.numbers["option"]:
+        return (Kind.TRANSIENT(duration=e.duration, drift=e.drift, velocity=e.velocity),)
+    against = [reason for reason in (_too_short(e, usual, t, steady), steady, _saturated(e, t)) if reason]
     return tuple(reason.but(alone=len(against) < 2) for reason in against)
 
 
@@ -69,7 +71,8 @@ def sticks(e: Evidence) -> bool:
     return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
 
 
-def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Diagnostic | None:
+def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Diagnostic | None) -> Diagnostic | None:
+    """Where there is another reason too, no threshold is proposed: it would let in what is no plateau."""
     if t.minimum_duration is not None:
         if e.duration >= t.minimum_duration * (1 - 1e-9):
             return None
@@ -82,7 +85,8 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Diagnostic | None:
         asked = Kind.USUAL_ASKED(duration=_SHARE * usual.duration, travel=_SHARE * usual.distance)
     else:
         return None
-    return Kind.TOO_SHORT(duration=e.duration, asked=asked, option=_rounded(e.duration, floor))
+    option = "" if other else Kind.OR_MINIMUM_DURATION(value=_rounded(e.duration, floor))
+    return Kind.TOO_SHORT(duration=e.duration, asked=asked, option=option)
 
 
 def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Diagnostic | None:

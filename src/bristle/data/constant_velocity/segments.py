@@ -62,7 +62,9 @@ class Segment:
     torque_shifts: Mapping[str, Number] = field(default_factory=dict, metadata=UNWRITTEN)
     """Change of the mean torque per standard error of each constant behind it, N*m, as in `Record`."""
     line: int | None = None
-    """Of a given point, its line in the file; None where that is not known."""
+    """Of its first sample, the line in the file; None where that is not known."""
+    last_line: int | None = None
+    """The same of its last sample."""
 
     @property
     def place(self) -> tuple[str, int, int]:
@@ -72,12 +74,18 @@ class Segment:
     @property
     def subject(self) -> tuple[str, ...]:
         """What a warning about it names."""
-        return self.file, f"rows {self.start}-{self.stop}" if self.line is None else f"line {self.line}"
+        return self.file, self.where
 
     @property
     def rows(self) -> tuple[int, int]:
-        """Its first and last row, as `fit.exclude` names them: the line of a point, else samples of the run."""
-        return (self.start, self.stop) if self.line is None else (self.line, self.line)
+        """Its first and last row, as `fit.exclude` names them: lines of a text file, else rows of data, from 1."""
+        return (self.start + 1, self.stop) if self.line is None else (self.line, self.last_line or self.line)
+
+    @property
+    def where(self) -> str:
+        """The same in words."""
+        word, (first, last) = "row" if self.line is None else "line", self.rows
+        return f"{word} {first}" if first == last else f"{word}s {first}-{last}"
 
     def __str__(self) -> str:
         return f"{' '.join(self.subject)} at {self.velocity:.3g}"
@@ -124,9 +132,7 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
     eaten = "; ".join(f"{kind.lower()}: {count}" for kind, count in counts.most_common()) or "no samples"
     message = f"No segment at constant velocity is left of {len(segments)} candidates in {len(records)} runs (rejected as {eaten})."
     longest = max((s for s in segments if s.reasons), key=lambda s: (-len(s.reasons), s.stop - s.start), default=None)
-    nearest = (
-        f" Nearest, rows {longest.start}-{longest.stop} of {longest.file}: {longest.reasons[0]}" if longest else ""
-    )
+    nearest = f" Nearest, {longest.where} of {longest.file}: {longest.reasons[0]}" if longest else ""
     hints = [hint for hint in (*map(unit_mistake, records), *(_magnitudes(r, thresholds) for r in records)) if hint]
     looks = f" It looks like {Counter(hints).most_common(1)[0][0]}." if hints else ""
     return message + nearest + looks
@@ -161,7 +167,7 @@ def _segment(
     against = reasons(e, usual, thresholds)
     if longer is not None:
         against = (
-            Kind.SETTLING(start=longer.start, stop=longer.stop),
+            Kind.SETTLING(where=record.where(longer.start, longer.stop)),
             *against,
         )
     part = slice(candidate.start, candidate.stop)
@@ -170,6 +176,8 @@ def _segment(
         file=record.file,
         start=candidate.start,
         stop=candidate.stop,
+        line=None if record.lines is None else int(record.lines[candidate.start]),
+        last_line=None if record.lines is None else int(record.lines[candidate.stop - 1]),
         velocity=e.velocity,
         torque=e.torque,
         standard_error=e.torque_error,

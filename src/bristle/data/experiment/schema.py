@@ -162,7 +162,7 @@ class ExcludedRows(StrictModel):
     file: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
     """As `bristle inspect` prints it."""
     rows: Annotated[tuple[int, int], BeforeValidator(_rows)]
-    """Of a run the rows that `bristle inspect` prints, of given points the lines of the file: 12 or 12-40; all that they touch are left out."""
+    """As `bristle inspect` prints them, lines of a text file, else rows of data, from 1: 12 or 12-40; all that they touch are left out."""
 
 
 class FitOptions(StrictModel):

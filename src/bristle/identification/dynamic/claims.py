@@ -12,7 +12,7 @@ from scipy.special import fdtrc, stdtrit
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.estimation.linear import inverse_gram
+from bristle.estimation.linear import NO_SIGN, inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
@@ -41,7 +41,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
         if not p < _LEVEL:
-            doubts[alpha_1] = Kind.UNSEEN_PEAK(percent=100 * p if np.isfinite(p) else 100.0)
+            doubts[alpha_1] = Kind.UNSEEN_PEAK(percent=100 * p) if p < NO_SIGN else Kind.UNSEEN_NO_PEAK()
     return doubts
 
 

@@ -15,7 +15,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation, lag_one
-from bristle.estimation.linear import best_column_p_value, first_order
+from bristle.estimation.linear import NO_SIGN, best_column_p_value, first_order
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.huber import huber
@@ -209,7 +209,7 @@ def _unsupported(
         speeds, why = _speeds(problem, direction), None
         fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SUPPORTED:
-            why = Kind.LIKE_NOISE(percent=100 * p)
+            why = Kind.LIKE_NOISE(percent=100 * p) if p < NO_SIGN else Kind.NO_PEAK()
         elif v_s[k] * STRIBECK_REACH > fastest:
             why = Kind.BEND(v_s=v_s[k], fastest=fastest, seen=STRIBECK_REACH)
         elif v_s[k] < UNTOUCHED * slowest:

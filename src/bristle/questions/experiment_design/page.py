@@ -110,7 +110,7 @@ def text(plan: Plan) -> str:
         )
     for load in plan.loadings:
         seen = (
-            f"expected to +/- {load.error:.2g} {stiffness} (by noise {load.noise_error:.2g} {stiffness}; the estimate "
+            f"predicted to +/- {load.error:.2g} {stiffness} at the least (by noise {load.noise_error:.2g} {stiffness}; the estimate "
             f"neglects a viscous torque of {100 * load.viscous_share:.2g} %)"
             if np.isfinite(load.error)
             else "not identifiable: too few encoder counts"
@@ -135,7 +135,8 @@ def text(plan: Plan) -> str:
 
 def _interval_lines(plan: Plan) -> Iterator[str]:
     """Half of each 95 % interval by stage, as rows."""
-    yield "  half of each 95 % interval, in percent of the value:"
+    yield "  half of each 95 % interval, in percent of the value: now as fitted; then predicted, at the least (Cramer-Rao bound)."
+    yield "  Statistical errors only: those of constants, as of the torque's scale, come on top, and no run lowers them."
     yield f"    {'':<12}{'estimate +/- standard error':<34}" + "".join(f"{stage:>17}" for stage in plan.standard_errors)
     now = plan.standard_errors["now"]
     for k in plan.free:

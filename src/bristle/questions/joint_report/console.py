@@ -3,42 +3,42 @@
 from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.diagnostics import Diagnostic, Severity
+from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Crosscheck
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.page.wording import FITS, counted
-from bristle.questions.joint_report.sentences import choice, cost_change
+from bristle.questions.joint_report.sentences import choice, cost_change, critical_lines, distinct
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """How each fit of each joint ended, how many warnings it has, and what is critical among them."""
+    """What is critical about each joint, then how each fit of it ended, and how many warnings it has."""
     for joint in joints:
-        said: set[Diagnostic] = set()
+        yield from (f"{joint.name}, {title}: {sentence}" for sentence, title in critical_lines(joint).items())
         for direction, fit in joint.static.items():
-            yield from _outcome(f"{joint.name} {direction}", str(fit.outcome), fit.warnings, said)
-        for direction, slow in (joint.presliding.fits if joint.presliding else {}).items():
-            yield from _outcome(f"{joint.name}, presliding {direction}", str(choice(slow)), slow.warnings, said)
+            yield _outcome(f"{joint.name} {direction}", str(fit.outcome), distinct(fit.all_warnings()))
+        if slow := joint.presliding:
+            for direction, fit_of_slow in slow.fits.items():
+                about = distinct(slow.warnings_of(direction))
+                yield _outcome(f"{joint.name}, presliding {direction}", str(choice(fit_of_slow)), about)
         for kind, moving in moving_fits(joint).items():
             held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
-            ended = f"{moving.outcome} Relative error {moving.relative_error:.2g} %{held}."
-            yield from _outcome(f"{joint.name}, {FITS[kind]}", ended, moving.warnings, said)
+            ended = f"{moving.outcome} Relative error of the {moving.quantity} {moving.relative_error:.2g} %{held}."
+            yield _outcome(f"{joint.name}, {FITS[kind]}", ended, distinct(moving.all_warnings()))
         if joint.torque_scale:
             yield f"{joint.name}: {joint.torque_scale}"
         whole = (*joint.warnings, *(joint.presliding.warnings if joint.presliding else ()))
         if whole:
-            yield from _outcome(joint.name, "As a whole:", whole, said)
+            yield _outcome(joint.name, "As a whole:", whole)
 
 
-def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic], said: set[Diagnostic]) -> Iterator[str]:
-    """One fit; of its critical warnings those that stand nowhere above."""
-    yield f"{what}: {ended} {counted(len(warnings), 'warning')}."
-    critical = [warning for warning in warnings if warning.severity is Severity.CRITICAL and warning not in said]
-    said.update(critical)
-    yield from (f"  critical: {warning}" for warning in critical)
+def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic]) -> str:
+    """One fit, and that what is critical about it stands above."""
+    above = "Critical, see above. " * any(warning.severity is Severity.CRITICAL for warning in warnings)
+    return f"{what}: {above}{ended} {counted(len(warnings), 'warning')}."
 
 
 def checks(joint: Joint) -> Iterator[str]:
@@ -69,13 +69,18 @@ def segment_lines(measured: Measured) -> Iterator[str]:
         yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
         yield from (f"    {note}" for note in (*record.notes, *record.warnings))
         for s in found:
-            yield from _segment(s, v, T)
+            yield from () if _passes_through(s) else _segment(s, v, T)
+        if passing := sum(map(_passes_through, found)):
+            yield f"  rejected {counted(passing, 'transient')} from one speed to another"
     kept = sum(s.accepted for found in measured.segments for s in found)
     yield f"{kept} of {sum(map(len, measured.segments))} candidates kept."
 
 
+def _passes_through(s: Segment) -> bool:
+    return any(reason.kind is Kind.TRANSIENT for reason in s.reasons)
+
+
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
     error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
-    where = f"{s.start}-{s.stop}" if s.line is None else f"line {s.line}"
-    yield f"  {'kept    ' if s.accepted else 'rejected'} {where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
+    yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
     yield from (f"           {reason}" for reason in (*s.reasons, *s.warnings))

@@ -10,7 +10,7 @@ from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
-from bristle.questions.joint_report.sentences import bias_text, biased, critical, pair, reached
+from bristle.questions.joint_report.sentences import bias_text, biased, distinct, pair, reached
 
 
 def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -21,8 +21,7 @@ def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
             "outcome": fit.outcome,
             "n": f"{fit.n} equations",
             "relative_error": fit.relative_error,
-            "warnings": len(set(fit.all_warnings())),
-            "critical": critical(fit.warnings),
+            "warnings": len(distinct(fit.all_warnings())),
             "estimates": [
                 (name, pair(e), pretty(e.unit), span(e.interval))
                 for name, e in (fit.parameters if fit is joint.moving else {}).items()

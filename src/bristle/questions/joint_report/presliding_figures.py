@@ -23,6 +23,8 @@ _CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": (
 """Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""
 _ASYMPTOTE = 1e-3
 """Of g0: how close to it the curves are drawn; they reach it nowhere."""
+_ABOVE = 1 + np.geomspace(1e-3, 20.0, 80)
+"""Times the largest torque held: the g0 that are tried where none is known, from just above it to a curve that is straight."""
 _MOST_EDGES = 90
 """Count edges marked in a panel, shared evenly by its loadings; the caption says that there may be more."""
 
@@ -32,18 +34,34 @@ def displacement(T: Array, g0: float, sigma_0: float) -> Array:
     return evaluate(loading_displacement_function(), T, g0, sigma_0)[0]
 
 
+def level_drawn(fit: PreslidingFit) -> float:
+    """g0 of the curves, N*m: where it is a lower bound alone, the one with which the recommended sigma_0 comes nearest to the count edges."""
+    sigma_0 = fit.sigma_0.value
+    if np.isfinite(fit.level_standard_error) or not sigma_0 or sigma_0 <= 0:
+        return fit.level
+
+    def cost(g0: float) -> float:
+        """Squared distance of the edges from the curve, each loading shifted to it."""
+        off = [x.edge_displacement - displacement(x.edge_torque, g0, sigma_0) for x in fit.loadings]
+        return float(sum(np.sum((y - y.mean()) ** 2) for y in off if y.size))
+
+    most = max((float(x.edge_torque.max(initial=0.0)) for x in fit.loadings), default=0.0)
+    tried: list[float] = (max(most, fit.level) * _ABOVE).tolist()
+    return min(tried, key=cost)
+
+
 def rest(loading: Loading, fit: PreslidingFit) -> float:
     """Where the joint rested, rad from the start of the loading as the encoder tells it, by the recommended sigma_0.
 
     The mean over the count edges (over the samples, where no edge was crossed) of what was travelled less what the torque there takes, each
     weighted by the inverse variance that equal noise in the torque gives it, (1 - T / g0)**2. Zero where there is no sigma_0.
     """
-    sigma_0 = fit.sigma_0.value
+    sigma_0, level = fit.sigma_0.value, level_drawn(fit)
     for y, T in ((loading.edge_displacement, loading.edge_torque), (loading.displacement, loading.torque)):
-        below = fit.level > T
+        below = level > T
         if sigma_0 and sigma_0 > 0 and below.any():
-            off = y[below] - displacement(T[below], fit.level, sigma_0)
-            return float(np.average(off, weights=(1 - T[below] / fit.level) ** 2))
+            off = y[below] - displacement(T[below], level, sigma_0)
+            return float(np.average(off, weights=(1 - T[below] / level) ** 2))
     return 0.0
 
 
@@ -103,12 +121,13 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
 def _fitted(ax: Axes, fit: PreslidingFit) -> None:
     """y(T) of the methods up to the displacement that was measured, and the level at which they slide."""
     measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
-    T = fit.level * (1 - np.geomspace(1.0, _ASYMPTOTE, 200))
+    level = level_drawn(fit)
+    T = level * (1 - np.geomspace(1.0, _ASYMPTOTE, 200))
     for name, (line, colour) in _CURVES.items():
         sigma_0 = getattr(fit, name).value
         if sigma_0 is not None and sigma_0 > 0:
             chosen = " (use this)" if name == fit.recommended else ""
-            y = displacement(T, fit.level, sigma_0)
+            y = displacement(T, level, sigma_0)
             inside = y <= measured
             ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
     at_least = np.isinf(fit.level_standard_error)
@@ -125,7 +144,7 @@ def hysteresis_figure(joint: Joint) -> Figure | None:
     figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops))
     for ax, loop in zip(axes, loops, strict=True):
         _loop(ax, loop)
-        name = f"{shortened(loop.file, 32, end=True)}\nrows {loop.start}-{loop.stop}"
+        name = f"{shortened(loop.file, 32, end=True)}\nsamples {loop.start}-{loop.stop}"
         ax.text(0.02, 0.96, name, transform=ax.transAxes, va="top", fontsize=9)
         _label(ax, axis("displacement", joint.kind), axis("torque", joint.kind))
     _legend(figure, 2)

@@ -1,5 +1,6 @@
 """What the page shows of presliding runs: results -> the values that its template names."""
 
+import math
 from typing import Any
 
 import pandas as pd
@@ -12,7 +13,7 @@ from bristle.page.columns import shown
 from bristle.page.wording import WORK, direction, in_print, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice, critical, level, median_breakaway, pair
+from bristle.questions.joint_report.sentences import bias, choice, distinct, level, median_breakaway, pair
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
@@ -23,8 +24,7 @@ def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
             "direction": f"presliding {direction(d)}",
             "outcome": in_print(choice(fit)),
             "relative_error": None,
-            "warnings": len(set(slow.warnings_of(d))),
-            "critical": critical(fit.warnings),
+            "warnings": len(distinct(slow.warnings_of(d))),
             "estimates": [
                 (name, pair(e), f"{pretty(e.unit)}{note}", span(e.interval))
                 for name, e, note in (
@@ -46,7 +46,7 @@ def presliding_section(joint: Joint) -> dict[str, Any] | None:
     frame = tables.presliding([joint])
     frame.insert(3, "recommended", frame.pop("recommended"))
     torque = pretty(unit("torque", joint.kind))
-    broken = tables.breakaway([joint]).rename(columns={"breakaway": f"torque ({torque})"})
+    broken = tables.breakaway([joint]).rename(columns={"breakaway": f"torque ({torque})", "start": "first sample"})
     return {
         "fits": [_slow(joint, fit) for fit in slow.fits.values()],
         "table": shown(frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"])),
@@ -58,6 +58,7 @@ def presliding_section(joint: Joint) -> dict[str, Any] | None:
         "hysteresis": shown(_loops(joint)),
         "loops_left_out": len(slow.loops) - len(loops_drawn(slow.loops)),
         "most_loops": MOST_LOOPS,
+        "bound": any(math.isinf(fit.level_standard_error) for fit in slow.fits.values()),
     }
 
 
@@ -73,10 +74,10 @@ def _loops(joint: Joint) -> pd.DataFrame:
     frame = tables.hysteresis([joint])
     torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
     rows = [f"{start}\u2013{stop}" for start, stop in zip(frame["start"], frame["stop"], strict=True)]
-    frame = frame.assign(rows=rows)[
+    frame = frame.assign(samples=rows)[
         [
             "file",
-            "rows",
+            "samples",
             "counts",
             "torque_amplitude",
             "displacement_amplitude",

@@ -21,7 +21,7 @@ from bristle.questions.joint_report import (
     tables,
 )
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import agreement, critical, pair
+from bristle.questions.joint_report.sentences import agreement, critical, distinct, pair
 from bristle.questions.joint_report.static_figures import band
 
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
@@ -81,8 +81,7 @@ def _summary(joint: Joint) -> dict[str, Any]:
             "outcome": str(fit.outcome),
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
-            "warnings": len(fit.warnings),
-            "critical": critical(fit.warnings),
+            "warnings": len(distinct(fit.all_warnings())),
             "estimates": [(name, pair(e), pretty(e.unit), span(e.interval)) for name, e in fit.parameters.items()],
         }
         for d, fit in joint.static.items()
@@ -91,8 +90,14 @@ def _summary(joint: Joint) -> dict[str, Any]:
     verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
     agreed = agreement(joint)
     return {
-        "fits": fits, "covered": _covered(joint), "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
+        "fits": fits, "critical": _critical(joint), "covered": _covered(joint), "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
     }  # fmt: skip  # a list of values
+
+
+def _critical(joint: Joint) -> list[tuple[str, str]]:
+    """What is critical, with what it is about."""
+    named = {x: [" ".join(map(direction, subject)) for subject in about] for x, about in critical(joint).items()}
+    return [(", ".join(where), in_print(warning)) for warning, where in named.items()]
 
 
 def _covered(joint: Joint) -> Diagnostic | None:
@@ -116,8 +121,8 @@ def _segments(joint: Joint) -> dict[str, Any]:
     units = {name: f"{name} ({pretty(unit(name, joint.kind))})" for name in ("velocity", "torque")}
     units["standard_error"] = f"its standard error ({pretty(unit('torque', joint.kind))})"
     frame = tables.segments([joint]).rename(columns=units)
-    kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip"])
-    rejected = frame[~frame["accepted"]][["file", "start", "stop", units["velocity"], units["torque"], "reasons"]]
+    kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip", "start", "stop"])
+    rejected = frame[~frame["accepted"]][["file", "where", units["velocity"], units["torque"], "reasons"]]
     return {"kept": shown(kept), "rejected": shown(rejected), "sticking": int(frame["stick_slip"].sum())}
 
 

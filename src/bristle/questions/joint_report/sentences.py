@@ -1,14 +1,14 @@
 """What is said of moving runs and of presliding, in diagnostics that page and text share."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import METHODS, in_print, measured, number, span
+from bristle.page.wording import METHODS, measured, number, span
 
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
@@ -64,9 +64,24 @@ def agreement(joint: Joint) -> Diagnostic | None:
     return Kind.STAGES_COMPARED(agreed=agreed, compared=len(known), largest=known[largest], name=largest, more=more)
 
 
-def critical(warnings: Sequence[Diagnostic]) -> list[str]:
-    """The critical ones among warnings, as a page has them."""
-    return [in_print(warning) for warning in warnings if warning.severity is Severity.CRITICAL]
+def distinct(warnings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Each once, as terminal and page count them."""
+    return tuple(dict.fromkeys(warnings))
+
+
+def critical(joint: Joint) -> dict[Diagnostic, list[tuple[str, ...]]]:
+    """What is critical about a joint, which stands first wherever it is shown: each once, with all that it is about."""
+    about: dict[Diagnostic, list[tuple[str, ...]]] = {}
+    for warning in joint.all_warnings():
+        if warning.severity is Severity.CRITICAL:
+            about.setdefault(warning, []).append(warning.subject)
+    return {warning: list(filter(None, dict.fromkeys(subjects))) for warning, subjects in about.items()}
+
+
+def critical_lines(joint: Joint) -> dict[str, str]:
+    """The same as text: sentence -> `critical`, and what it is about in brackets."""
+    named = {warning: ", ".join(" ".join(x) for x in about) for warning, about in critical(joint).items()}
+    return {str(warning): f"critical{f' ({where})' if where else ''}" for warning, where in named.items()}
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:

@@ -33,6 +33,8 @@ _SHADES: dict[str, dict[str, Any]] = {
     "rejected": {"facecolor": "none", "edgecolor": "#D55E00", "alpha": 0.5, "hatch": "//", "linewidth": 0},
 }
 """How the segments of a run are marked."""
+_STRAY = "stray, named"
+"""In the legend: a point that the warnings name."""
 
 
 @styled
@@ -65,6 +67,9 @@ def curve_figure(joint: Joint) -> Figure:
             _curve(slow, fit, look, sign, magnitude=True)
         _fitted_points(whole, fit, look, direction(d))
         _fitted_points(slow, fit, look, "", magnitude=True)
+    for _, fit in _directions(joint):
+        _strays(whole, fit)
+        _strays(slow, fit, magnitude=True)
     decimal_log(slow)
     _label(whole, axis("velocity", joint.kind), axis("torque", joint.kind, "friction"))
     _label(slow, axis("velocity", joint.kind, "magnitude of"), axis("torque", joint.kind, "magnitude of"))
@@ -113,6 +118,17 @@ def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitud
         if chosen.any():
             named = f"fitted {label}{suffix}" if label else None
             ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
+
+
+def _strays(ax: Axes, fit: StaticFit, *, magnitude: bool = False) -> None:
+    """A ring about each point that is named as a stray, fitted or left out."""
+    if not fit.strays:
+        return
+    v, torque = np.array([(s.velocity, s.torque) for s in fit.strays]).T
+    if magnitude:
+        v, torque = np.abs(v), torque * np.sign(v)
+    named = None if _STRAY in ax.get_legend_handles_labels()[1] else _STRAY
+    ax.plot(v, torque, "o", color="black", markerfacecolor="none", markersize=11, label=named)
 
 
 def _rejected(ax: Axes, joint: Joint) -> None:
@@ -215,7 +231,8 @@ def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind:
             _label(ax, axis("time", kind), axis(quantity, kind))
         row[0].set_title(shortened(record.file, 48, end=True), loc="left")
         _legend_of_shades(axes[0, 1], segments)
-        row[1].set_title(f"{sum(s.accepted for s in own)} of {len(own)} segments kept", loc="left")
+        kept = f"{sum(s.accepted for s in own)} of {len(own)} segments kept"
+        row[1].set_title(kept if own else "not a ramp run, so not cut into segments", loc="left")
     return figure
 
 

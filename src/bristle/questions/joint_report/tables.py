@@ -35,18 +35,21 @@ def inputs(joints: Sequence[Joint]) -> pd.DataFrame:
 
 
 def segments(joints: Sequence[Joint]) -> pd.DataFrame:
-    """One row per candidate segment: where, velocity, torque, standard error, accepted, stick_slip, reasons, warnings."""
+    """One row per candidate segment: where, velocity, torque, standard error, accepted, stick_slip, reasons, warnings.
+
+    `where` is its place in the file; `start` and `stop` are its first sample and one past the last, from 0.
+    """
     return pd.DataFrame(
         [
             (
-                joint.name, s.file, s.start, s.stop, s.velocity, s.torque, s.standard_error, s.accepted, s.stick_slip,
+                joint.name, s.file, s.where, s.start, s.stop, s.velocity, s.torque, s.standard_error, s.accepted, s.stick_slip,
                 " ".join(map(str, s.reasons)), " ".join(map(str, s.warnings)), _labels(s.labels),
             )
             for joint in joints
             for s in joint.segments
         ],
         columns=[
-            "joint", "file", "start", "stop", "velocity", "torque", "standard_error", "accepted", "stick_slip",
+            "joint", "file", "where", "start", "stop", "velocity", "torque", "standard_error", "accepted", "stick_slip",
             "reasons", "warnings", "labels",
         ],
     ).astype({"standard_error": float, "accepted": bool, "stick_slip": bool})  # fmt: skip  # one name per line would hide the table's shape

@@ -21,13 +21,14 @@ from bristle.identification.fits import (
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, span
+from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, shortened, span
 from bristle.questions.joint_report.sentences import (
     bias,
     bias_text,
     biased,
     choice,
     cost_change,
+    critical_lines,
     level,
     methods,
     reached,
@@ -48,61 +49,74 @@ def fit_report(joints: Sequence[Joint]) -> str:
 
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
-    yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings])
+    said: set[str] = set()
+    yield from _critical(joint, said)
+    yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings], said)
     for direction, fit in joint.static.items():
-        yield from _fit(direction, fit)
+        yield from _fit(direction, fit, said)
         if direction in joint.crosscheck:
             yield from _check(joint.crosscheck[direction])
     for direction, check in joint.crosscheck.items():
         if direction not in joint.static:
             yield from _check(check)
     if joint.presliding:
-        yield from _presliding(joint, joint.presliding)
+        yield from _presliding(joint, joint.presliding, said)
     for kind, moving in moving_fits(joint).items():
-        yield from _tracking(joint, FITS[kind], moving)
+        yield from _tracking(joint, FITS[kind], moving, said)
     if joint.consistency:
         yield from _consistency(joint)
     yield from (f"  [[models on {x.data}]] {printable(str(x.sentence))}" for x in joint.models)
 
 
-def _fit(direction: str, fit: StaticFit) -> Iterator[str]:
+def _critical(joint: Joint, said: set[str]) -> Iterator[str]:
+    """What is critical stands first, each sentence once with all that it is about."""
+    for sentence, title in critical_lines(joint).items():
+        said.add(printable(sentence))
+        yield f"    {printable(title)}: {printable(sentence)}"
+
+
+def _heading(name: str, outcome: object, warnings: Sequence[Diagnostic]) -> str:
+    """How a fit ended, and that something critical about it stands above."""
+    above = "Critical, see above. " * any(warning.severity is Severity.CRITICAL for warning in warnings)
+    return f"  [[{name}]] {above}{printable(str(outcome))}"
+
+
+def _fit(direction: str, fit: StaticFit, said: set[str]) -> Iterator[str]:
     points = f"{counted(fit.n, 'point' if fit.segments else 'sample')}, {counted(fit.degrees_of_freedom, 'degree')} of freedom"
-    critical = [warning for warning in fit.warnings if warning.severity is Severity.CRITICAL]
-    yield f"  [[{direction}]] {fit.outcome}"
-    yield from _sentences(critical)
+    yield _heading(direction, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {points}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit)}".rstrip()
     yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
-    yield from _parameters("parameters", fit.parameters)
+    yield from _parameters("parameters", fit.parameters, said)
     yield from _repeats(fit.repeats)
     yield from _correlations(fit.names, fit.covariance)
-    yield from _parameters("without the points that stick and slip", fit.without_stick_slip)
-    yield from _other_points(fit)
-    yield from _sentences([warning for warning in fit.warnings if warning not in critical])
+    yield from _parameters("without the points that stick and slip", fit.without_stick_slip, said)
+    yield from _other_points(fit, said)
+    yield from _sentences(fit.warnings, said)
 
 
-def _other_points(fit: StaticFit) -> Iterator[str]:
+def _other_points(fit: StaticFit, said: set[str]) -> Iterator[str]:
     """The fit without the strays, or with them where they are left out; and what each of them alone does."""
     other = fit.other_points
     if other is None:
         return
     how = "without" if other.n < fit.n else "with"
-    yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters)
+    yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters, said)
     yield f"      {'rms residual:':<13} {_number(other.rms)} {_torque_unit(fit)}, relative error {_percent(other.relative_error)}".rstrip()
     for x in fit.strays:
         alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
         yield f"      without {printable(x.file)} {x.where} alone: {alone}"
 
 
-def _parameters(title: str, parameters: Mapping[Any, Estimate]) -> Iterator[str]:
+def _parameters(title: str, parameters: Mapping[Any, Estimate], said: set[str]) -> Iterator[str]:
     if not parameters:
         return
     yield f"    [[{title}]]"
     for name, e in parameters.items():
         yield f"      {f'{name}:':<13}{_estimate(e)}"
-        yield from (f"        ({printable(str(warning))})" for warning in e.warnings)
+        yield from (f"        ({_once(warning, said)})" for warning in e.warnings)
 
 
 def _estimate(e: Estimate) -> str:
@@ -147,30 +161,29 @@ def _check(check: Crosscheck, of: str = "the grid") -> Iterator[str]:
         yield f"      cost: {cost_change(check, of)}"
 
 
-def _presliding(joint: Joint, slow: Presliding) -> Iterator[str]:
+def _presliding(joint: Joint, slow: Presliding, said: set[str]) -> Iterator[str]:
     for d, fit in slow.fits.items():
-        yield from _slow(joint, fit, slow.breakaway.get(d))
+        yield from _slow(joint, fit, slow.breakaway.get(d), said)
     yield from _hysteresis(joint, slow.loops)
     if slow.warnings:
         yield "  [[presliding as a whole]]"
-    yield from _sentences(slow.warnings)
+    yield from _sentences(slow.warnings, said)
 
 
-def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None) -> Iterator[str]:
-    yield f"  [[presliding {fit.direction}]] {choice(fit)}"
+def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: set[str]) -> Iterator[str]:
+    yield _heading(f"presliding {fit.direction}", choice(fit), fit.warnings)
     yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
     yield f"    {'level g0':<15}= {level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
-        yield from (f"        ({printable(str(warning))})" for warning in breakaway.warnings)
-    yield from _parameters(
-        "sigma_0", {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
-    )
+        yield from (f"        ({_once(warning, said)})" for warning in breakaway.warnings)
+    by_method = {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
+    yield from _parameters("sigma_0", by_method, said)
     yield from _repeats(fit.repeats)
-    yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1})
+    yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1}, said)
     yield from _amplitudes(joint, fit)
-    yield from _sentences(fit.warnings)
+    yield from _sentences(fit.warnings, said)
 
 
 def _amplitudes(joint: Joint, fit: PreslidingFit) -> Iterator[str]:
@@ -183,20 +196,20 @@ def _amplitudes(joint: Joint, fit: PreslidingFit) -> Iterator[str]:
         yield f"      {f'{x.kind}:':<13}{_pair(x.value, x.standard_error):<22} {stiffness} {where}; LuGre {_number(x.lugre)}"
 
 
-def _tracking(joint: Joint, name: str, fit: TrackingFit) -> Iterator[str]:
-    yield f"  [[{name}]] {printable(str(fit.outcome))}"
+def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iterator[str]:
+    yield _heading(name, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {fit.n} samples, {counted(len(fit.starts_of_runs), 'segment')}"
     yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit(fit.quantity, joint.kind)}"
-    yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
+    yield f"    {'relative error':<15}= {_percent(fit.relative_error)} of the {fit.quantity}"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
     yield f"    {'starts':<15}= {reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
-    yield from _parameters("parameters", fit.parameters)
+    yield from _parameters("parameters", fit.parameters, said)
     yield from _repeats(fit.repeats)
     yield from _count_bias(fit)
     yield from _correlations(fit.names, fit.covariance)
-    yield from _sentences(fit.warnings)
+    yield from _sentences(fit.warnings, said)
     if fit.crosscheck:
         yield from _check(fit.crosscheck, "this fit")
 
@@ -231,12 +244,29 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
         slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
         torque, position = (unit(name, joint.kind) for name in ("torque", "position"))
         reach = f"+/-{_number(x.torque_amplitude)} {torque}, +/-{_number(x.displacement_amplitude)} {position}"
-        where = f"{printable(x.file)} rows {x.start}-{x.stop}, {reach}"
+        where = f"{printable(x.file)} samples {x.start}-{x.stop}, {reach}"
         yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
 
 
-def _sentences(warnings: Sequence[Diagnostic]) -> Iterator[str]:
-    yield from (f"    {warning.severity}: {printable(str(warning))}" for warning in warnings)
+def _sentences(warnings: Sequence[Diagnostic], said: set[str]) -> Iterator[str]:
+    """Those that are not critical, which stand first of all; what stands above already by its beginning, in one line."""
+    other = [warning for warning in warnings if warning.severity is not Severity.CRITICAL]
+    again = [printable(str(warning)) for warning in other if printable(str(warning)) in said]
+    for warning in other:
+        if printable(str(warning)) not in again:
+            yield f"    {warning.severity}: {_once(warning, said)}"
+    if again:
+        yield f"    as above: {'; '.join(shortened(sentence, 32) for sentence in again)}"
+
+
+def _once(warning: Diagnostic, said: set[str]) -> str:
+    """Its sentence, or only the beginning where the joint's text has it above."""
+    sentence = printable(str(warning))
+    beginning = f"{shortened(sentence)} (as above)"
+    if sentence in said and len(beginning) < len(sentence):
+        return beginning
+    said.add(sentence)
+    return sentence
 
 
 def _torque_unit(fit: StaticFit) -> str:
