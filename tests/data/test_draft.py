@@ -91,6 +91,13 @@ def test_what_was_measured_is_taken_before_what_was_asked_for() -> None:
     assert (first.column, first.others) == ("q1", 5)
 
 
+def test_v_is_a_velocity_beside_a_torque() -> None:
+    """A bare v is a velocity where another column drives the joint, and nothing where it could be the voltage that does."""
+    assert guess_columns(["t", "q", "v", "tau"])["velocity"].column == "v"
+    assert "velocity" not in guess_columns(["t", "q", "v"])
+    assert guess_columns(["v", "dq", "tau"])["velocity"].column == "dq"
+
+
 @pytest.mark.parametrize(
     ("header", "told", "refused"),
     [

@@ -74,8 +74,8 @@ class Stretches:
 
     @property
     def steadily(self) -> bool:
-        """Whether it does hardly anything but hold velocities."""
-        return self.held >= _MOSTLY * (self.held + self.moving + self.broken)
+        """Whether it does hardly anything but hold velocities, or holds a single one, as one log of a series does."""
+        return len(self.speeds) == 1 or self.held >= _MOSTLY * (self.held + self.moving + self.broken)
 
     def unused(self, kind: str) -> float:
         """Share of the motion that a fit of this kind leaves out; a tracking run is used whole."""
@@ -116,7 +116,7 @@ def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
     for file, does in found:
         families[_family(file)].append(does)
     kinds = {family: _most(runs) for family, runs in families.items()}
-    ramps = [does for file, does in found if kinds[_family(file)] == "ramp"]
+    ramps = [does for file, does in found if kinds[_family(file)] == does.kind == "ramp"]
     if not all(does.steadily for does in ramps) and _distinct(ramps) < SPEEDS:
         kinds = {family: "tracking" if kind == "ramp" else kind for family, kind in kinds.items()}
     return [kinds[_family(file)] for file, _ in found]

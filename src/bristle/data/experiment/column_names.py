@@ -93,6 +93,9 @@ def guess_columns(names: Sequence[str]) -> dict[str, ColumnGuess]:
         if found:
             score, name, unit = max(found, key=lambda x: x[0])  # the first of those that are alike
             guesses[signal] = ColumnGuess(name, unit or None, sum(x[0] == score for x in found) - 1)
+    v = next((name for name in once if name.strip().lower() == "v"), None)
+    if v is not None and "velocity" not in guesses and guesses.keys() & {"torque", "current"}:
+        guesses["velocity"] = ColumnGuess(v, None)  # and no voltage, for what drives the joint is there
     return guesses
 
 
