@@ -5,7 +5,7 @@ import pytest
 import scipy.io
 
 from bristle.data.experiment.column_names import guess_columns
-from bristle.data.experiment.draft import Told, draft_experiment, told_by
+from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment, told_by
 from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.errors import InputError
 
@@ -15,7 +15,7 @@ _Q, _TAU = np.sin(_T), np.cos(_T)
 
 def _draft(data: Path, **told: object) -> tuple[str, tuple[str, ...]]:
     draft = draft_experiment([data], Told(**told), data.parent)  # type: ignore[arg-type]  # as the test has it
-    text = draft.text([("points" if draft.of_points else "ramp", "")])
+    text = draft.text([DraftedRun("points" if draft.of_points else "ramp")])
     (data.parent / "draft.yaml").write_text(text)
     return text, draft.guessed
 

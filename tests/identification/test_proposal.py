@@ -81,6 +81,29 @@ def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     assert "experiment: points}" in api.draft(pairs, folder=tmp_path)[0]
 
 
+def test_tracking_runs_of_another_rate_are_left_out(tmp_path: Path) -> None:
+    """Of logs sampled at different rates those of the most common one are drafted, so that the draft runs; the others are comments, and said."""
+    logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other", "third"))]
+    np.savetxt(
+        logs[1],
+        np.loadtxt(logs[1], delimiter=",", skiprows=1)[::2],
+        delimiter=",",
+        comments="",
+        header="time_s,pos_deg,motor_current_A",
+    )
+    text, said = api.draft(*logs, told=MOTOR, folder=tmp_path)
+    (tmp_path / "draft.yaml").write_text(text)
+    assert [run.files for run in load_experiment(tmp_path / "draft.yaml").runs] == ["first.csv", "third.csv"]
+    assert any(sentence.startswith("runs: other.csv is left out") for sentence in said)
+
+
+def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:
+    """A torque that opposes the motion cannot be drafted into a file that runs: the sentence has the scale that turns it."""
+    told = Told(torque_constant="0.5 N*m/A", scales={"current": "-1"})
+    with pytest.raises(InputError, match=r"the torque opposes the velocity .* scale: -1"):
+        api.draft(swung(tmp_path), told=told, folder=tmp_path)
+
+
 @pytest.mark.parametrize("runs", ["  - {files: log.csv}\n", "  - files: log.csv\n    load: none\n"])
 def test_a_half_filled_file_gets_its_kinds(tmp_path: Path, runs: str) -> None:
     """A run without `experiment` gets the one that its files are of, in the place where it belongs; all else stays as it was written."""

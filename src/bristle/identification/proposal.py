@@ -6,13 +6,13 @@ from typing import Any
 
 import yaml
 
-from bristle.data.experiment.draft import Draft, Told, draft_experiment
+from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import Experiment, Run, experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.identification.measured import Measured, measure
-from bristle.identification.moving_runs import REGRESSORS
+from bristle.identification.moving_runs import ONE_RATE, REGRESSORS, refuse_opposing_runs
 from bristle.identification.static.set_up import (
     BetterSetUp,
     better_for_motion,
@@ -45,22 +45,43 @@ def draft_of_logs(
     tell("reading the logs")
     draft = draft_experiment(files, told, folder)
     path = (folder or Path()) / "draft.yaml"
-    runs: list[tuple[RunKind, str]] = [("points", "neither time nor position is logged")] * len(files)
+    runs = [DraftedRun("points", "neither time nor position is logged")] * len(files)
     said = list(draft.guessed)
     if not draft.of_points:
-        unsorted = experiment_of(draft.text([(_ANY, "")] * len(files)), path)
-        found = _stretches(unsorted, read_runs(unsorted))
+        unsorted = experiment_of(draft.text([DraftedRun(_ANY)] * len(files)), path)
+        read = read_runs(unsorted)
         tell("constant velocities, slow loading, other motion")
-        runs = [(kind, f"{does}") for kind, (_, does) in zip(kinds_of(found), found, strict=True)]
-        said += [
-            f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
-            for file, (kind, _), (_, does) in zip(draft.files, runs, found, strict=True)
-            if does.unused(kind) > _MIXED
-        ]
-    said.append(f"experiment: {_counted([kind for kind, _ in runs])}, by what the signals do" * (not draft.of_points))
+        runs, sentences = _sorted(draft, unsorted, read)
+        said += sentences
     tell("regressors and directions")
     fit, why = _fit(draft, runs, path)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
+
+
+def _sorted(draft: Draft, experiment: Experiment, read: Sequence[Run]) -> tuple[list[DraftedRun], list[str]]:
+    """What each log is of, and sentences on that."""
+    found = _stretches(experiment, read)
+    kinds = kinds_of(found)
+    rate = _usual_rate([run.record.step for run, kind in zip(read, kinds, strict=True) if kind == "tracking"])
+    runs, said = [], []
+    for file, run, kind, (_, does) in zip(draft.files, read, kinds, found, strict=True):
+        used = kind != "tracking" or rate[0] <= run.record.step <= rate[1]
+        runs.append(DraftedRun(kind, f"{does}" if used else "another sampling rate: in an experiment of its own", used))
+        if not used:
+            said.append(
+                f"runs: {file} is left out: tracking runs of one experiment have one sampling rate; draft it by itself"
+            )
+        elif does.unused(kind) > _MIXED:
+            said.append(
+                f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
+            )
+    return runs, [f"experiment: {_counted(kinds)}, by what the signals do", *said]
+
+
+def _usual_rate(steps: Sequence[float]) -> tuple[float, float]:
+    """The shortest and the longest sampling interval of the most runs that can be fitted together, s."""
+    first = max(steps, key=lambda low: sum(low <= step <= ONE_RATE * low for step in steps), default=0.0)
+    return first, ONE_RATE * first
 
 
 def completed(path: Path) -> tuple[str, str]:
@@ -100,10 +121,12 @@ def _counted(kinds: Sequence[str]) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
 
 
-def _fit(draft: Draft, runs: Sequence[tuple[RunKind, str]], path: Path) -> tuple[str, str]:
+def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str]:
     """The lines about the fit, and a sentence that says why; both empty where nothing can be tried."""
     measured = measure(experiment_of(draft.text(runs), path))
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
+    if moving:
+        refuse_opposing_runs(measured.experiment, moving)
     proposals = [
         *([proposed_for_points(points)] if points else []),
         *([proposed_for_motion(measured.experiment, moving)] if moving else []),

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,15 @@ class Told:
     resistance: str | None = None
 
 
+class DraftedRun(NamedTuple):
+    """What a log is of."""
+
+    kind: RunKind
+    why: str = ""
+    used: bool = True
+    """Whether it goes with the others; else it is a comment."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
     """An experiment file but for what its logs are of."""
@@ -67,8 +77,8 @@ class Draft:
     guessed: tuple[str, ...]
     """A sentence each."""
 
-    def text(self, runs: Sequence[tuple[RunKind, str]], fit: str = "") -> str:
-        """The experiment file, with the kind of each file's run and why, and lines about the fit."""
+    def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
+        """The experiment file, with what each file is of, and lines about the fit."""
         lines = [f"joint: {{name: {_text(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
         lines += [f"motor: {{{self.motor}}}   # at the joint, gear included"] if self.motor else []
         lines += [
@@ -82,8 +92,9 @@ class Draft:
             "# experiment: ramp | points | presliding | tracking; hold_out: true keeps a run for validation",
             "runs:",
         ]
-        for file, (kind, why) in zip(self.files, runs, strict=True):
-            lines.append(f"  - {{files: {_text(file)}, experiment: {kind}}}{f'   # {why}' if why else ''}")
+        for file, run in zip(self.files, runs, strict=True):
+            entry = f"- {{files: {_text(file)}, experiment: {run.kind}}}{f'   # {run.why}' if run.why else ''}"
+            lines.append(f"  {'' if run.used else '# '}{entry}")
         return "\n".join([*lines, "", fit or "# fit: {directions: separate, loss: least-squares}   # all optional", ""])
 
 
