@@ -216,7 +216,6 @@ def compare(
 
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
-    from bristle import compare as run
     from bristle.page.output_folder import check_folder, resolved
 
     if output is not None:
@@ -224,7 +223,10 @@ def compare(
         for session in (first, second):
             if resolved(session).parent == resolved(output):
                 raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
-    compared = run(first, second)
+    with shown():
+        from bristle import compare as run
+
+        compared = run(first, second)
     print_lines([compared.text()])
     if output is not None:
         print_lines([f"Page: {compared.write(output)}"], done=True)
