@@ -334,7 +334,7 @@ BAD = [
     *bad("option without its value", [("report", "e.yaml", "-o")], "-o"),
     *bad("unknown command", [("fit", "e.yaml")], "'fit'"),
     *bad("missing argument", [("identify",), ("inspect",)], "EXPERIMENT"),
-    *bad("missing argument", [("new",)], "DATA"),
+    *bad("missing argument", [("new",)], "LOG..."),
     *bad("argument too many", [("identify", "e.yaml", "data.csv")], "data.csv"),
 ]  # fmt: skip  # a table
 

@@ -264,7 +264,7 @@ def draft(
     Args:
         logs: data files with the same columns; `bristle.Told` says what their names do not.
         told: columns, units, scales and constants that are not to be guessed.
-        folder: where the text will be saved, for data files are named relative to it; None: where one is.
+        folder: where the text will be saved, for data files are named relative to it; None: beside the first.
         progress: called with what is being done, how many steps are done, and how many there are.
 
     Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.

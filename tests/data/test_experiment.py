@@ -340,7 +340,7 @@ def _outcome(folder: Path, changes: dict[str, Any]) -> str:
         ("a: {b: c\nd: e", "line 2", "expected a comma or }"),
         ("a: [1, 2\nb: 3", "line 2", "expected a comma or ]"),
         ("\ta: 1", "line 1", "indent with blanks instead of tabs"),
-        ("a: 'x", "line 2", "expected the quote to be closed"),
+        ("a: 'x", "line 1", "expected the quote to be closed"),
         ("a: - b", "line 1", "begin the list"),
         ("joint: x\n runs: 2", "line 2", "expected one key"),
         ("- a\nb: c", "line 2", "as far to the right"),

@@ -36,7 +36,7 @@ def draft_of_logs(
     Args:
         files: the logs, whose columns the first one shows.
         told: what was not to be guessed.
-        folder: where the draft will be saved, as which files are named relative to it; None: where one is.
+        folder: where the draft will be saved, as which files are named relative to it; None: beside the first.
         progress: told of each step.
 
     Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
@@ -44,7 +44,7 @@ def draft_of_logs(
     tell = teller(progress, 3)
     tell("reading the logs")
     draft = draft_experiment(files, told, folder)
-    path = (folder or Path()) / "draft.yaml"
+    path = (files[0].parent if folder is None else folder) / "draft.yaml"
     runs = [DraftedRun("points", "neither time nor position is logged")] * len(files)
     said = list(draft.guessed)
     if not draft.of_points:

@@ -101,7 +101,7 @@ class Draft:
 def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Path | None = None) -> Draft:
     """The draft of an experiment file for some logs of one joint, with the columns that the first of them has.
 
-    Data files are named relative to `folder`, where the draft will be saved; None: where one is. Raises InputError
+    Data files are named relative to `folder`, where the draft will be saved; None: beside the first. Raises InputError
     where a file cannot be read, or something that is needed was neither told nor can be guessed.
     """
     told, first = told or Told(), files[0]
@@ -129,7 +129,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         motor=_motor(told),
         columns=described,
         signals=tuple(lines),
-        files=tuple(Path(os.path.relpath(f, folder or Path())).as_posix() for f in files),
+        files=tuple(Path(os.path.relpath(f, first.parent if folder is None else folder)).as_posix() for f in files),
         of_points=of_points,
         guessed=tuple(guessed),
     )
