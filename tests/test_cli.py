@@ -297,7 +297,7 @@ BAD = [
     *bad("output is a pipe", [IDENTIFY], "out.json: is a pipe; expected a file", {"out.json": PIPE}),
     *bad("output is a pipe", [INSPECT], "out.png: is a pipe; expected a file", {"out.png": PIPE}),
     *bad("output is a pipe", [(*PLAN, "-o", "next.csv")], "next.csv: is a pipe; expected a file", {"next.csv": PIPE}),
-    *bad("output is a pipe", [NEW], "draft.yaml: is there already", {"draft.yaml": PIPE}),
+    *bad("output is a pipe", [NEW], "draft.yaml: is a pipe; expected a file", {"draft.yaml": PIPE}),
     *bad("output below a pipe", [("report", "e.yaml", "-o", "out/below")], "out cannot be written", {"out": PIPE}),
     *bad("output is a folder", [(*PLAN, "-o", "next.csv")], "next.csv: is a folder; name a file", {"next.csv": FOLDER}),
     *bad("output is the page", [(*PLAN, "-o", "next", "--page", "next")], "next: is in the way of the page in next"),
@@ -334,7 +334,7 @@ BAD = [
     *bad("option without its value", [("report", "e.yaml", "-o")], "-o"),
     *bad("unknown command", [("fit", "e.yaml")], "'fit'"),
     *bad("missing argument", [("identify",), ("inspect",)], "EXPERIMENT"),
-    *bad("missing argument", [("new",)], "DATA"),
+    *bad("missing argument", [("new",)], "LOG..."),
     *bad("argument too many", [("identify", "e.yaml", "data.csv")], "data.csv"),
 ]  # fmt: skip  # a table
 
@@ -645,7 +645,7 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
     ran = run("new", data, "-o", tmp_path / "plans" / "draft.yaml")
     assert ran.code == 0
     assert ran.said
-    assert all(line.startswith("not guessed: ") for line in ran.said)
+    assert all(line.startswith("guessed: ") for line in ran.said)
     (found,) = measure(load_experiment(tmp_path / "plans" / "draft.yaml")).runs
     assert found.record.velocity is not None
     np.testing.assert_array_equal(found.record.velocity, FEW)

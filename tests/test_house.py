@@ -23,7 +23,8 @@ BELOW = {
     "questions": {*CORE, "page"},
     "api": {*CORE, "page", "questions"},
     "terminal": set[str](),
-    "cli": {*CORE, "page", "questions", "api", "terminal"},
+    "options": {"page"},
+    "cli": {*CORE, "page", "questions", "api", "terminal", "options"},
 }
 """Each floor, and those that it may import from, beside itself and the ground. The kit of pages knows no result, least squares no friction."""
 STAGES = {"static", "presliding", "dynamic"}

@@ -69,17 +69,20 @@ def test_an_output_that_cannot_be_is_refused_first(folder: Path, command: Sequen
     "command", [("identify", "e.yaml", "-o", "r.json"), ("inspect", "e.yaml", "-o", "r.svg"), ("new", "data.csv", "-o", "r.yaml")]
 )  # fmt: skip  # a table
 def test_a_file_is_never_replaced(folder: Path, command: Sequence[str]) -> None:
-    """Once edited, what bristle wrote is the user's, and so is whatever only looks like it; the very same result is no change."""
-    path = folder / command[-1]
+    """Once edited, what bristle wrote is the user's, and so is whatever only looks like it.
+
+    A figure that is the very same is no change; a result or a draft that is there is refused before anything is computed.
+    """
+    path, drawn = folder / command[-1], command[0] == "inspect"
     assert run(*command).code == 0
     made = path.read_bytes()
-    if command[0] != "new":
+    if drawn:
         assert run(*command).code == 0
     path.write_bytes(made + b"mine\n")
-    refused(folder, command, f"{path.name}: is there already; ", printed=command[0] != "new")
+    refused(folder, command, f"{path.name}: is there already; ", printed=drawn)
     for mine in (HEADER, '"schema": "bristle-results/2" is what I wrote', "<dc:title>bristle</dc:title>"):
         path.write_text(mine, encoding="utf-8")
-        refused(folder, command, f"{path.name}: is there already; ", printed=command[0] != "new")
+        refused(folder, command, f"{path.name}: is there already; ", printed=drawn)
 
 
 @pytest.mark.parametrize(

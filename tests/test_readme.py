@@ -104,15 +104,16 @@ def test_experiment_file_loads_and_reads(desk: Path) -> None:
 
 
 def test_first_step_drafts(desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first of README's five minutes drafts an experiment file of the log that it names, and says what it could not guess."""
+    """The first of README's five minutes drafts an experiment file that can be used as it is, and says what it guessed."""
     command = next(c for c in commands() if c[0] == "new")
     (tmp_path / command[1]).write_bytes((desk / command[1]).read_bytes())
     monkeypatch.chdir(tmp_path)
     ran = run(*command)
     assert ran.code == 0
-    assert "not guessed: motor" in ran.err
-    draft = (tmp_path / "wrist.yaml").read_text(encoding="utf-8")
-    (tmp_path / "wrist.yaml").write_text(draft.replace("# motor:", "motor:"), encoding="utf-8")
+    assert 'guessed: voltage: column "u"' in ran.err
+    assert "guessed: experiment: 1 ramp" in ran.err
+    drafted, written = load_experiment(tmp_path / "wrist.yaml"), load_experiment(desk / "wrist.yaml")
+    assert (drafted.motor, drafted.joint.kind) == (written.motor, written.joint.kind)
     assert run("inspect", "wrist.yaml").code == 0
 
 

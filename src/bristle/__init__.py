@@ -14,6 +14,8 @@ if TYPE_CHECKING:
         Results,
         adapt,
         compare,
+        complete,
+        draft,
         identify,
         inspect,
         plan,
@@ -21,13 +23,17 @@ if TYPE_CHECKING:
         validate,
         write_comparison,
     )
+    from bristle.data.experiment.draft import Told
 
 __version__ = "0.1.0"
 __all__ = [
     "Results",
+    "Told",
     "__version__",
     "adapt",
     "compare",
+    "complete",
+    "draft",
     "identify",
     "inspect",
     "plan",

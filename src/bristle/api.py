@@ -5,14 +5,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bristle.data.experiment.draft import Told
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured, measure
+from bristle.identification.proposal import completed, draft_of_logs
 from bristle.identification.results import Joint
-from bristle.identification.static.set_up import better_for_motion, better_for_points
-from bristle.progress import Progress
+from bristle.progress import Progress, step
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
@@ -140,8 +141,9 @@ def adapt(
     if progress:
         progress(f"identifying {loaded.joint.name}", 0, 1)
     measured = measure(loaded)
-    joint = identify_joint(measured)
+    joint = identify_joint(measured, progress=progress)
     subject = of_experiment(loaded, joint)
+    step(progress, "replaying the tracking runs")
     return study([subject], replays(subject, joint, measured), progress)
 
 
@@ -190,7 +192,7 @@ def sensitivity(
     if progress:
         progress(f"identifying {loaded.joint.name}", 0, 1)
     measured = measure(loaded)
-    joint = identify_joint(measured)
+    joint = identify_joint(measured, progress=progress)
     request = (of_gripper if experiment is None else of_joint)(measured, joint, amplitude, frequency)
     return study_sensitivity(joint, request, samples, progress)
 
@@ -243,7 +245,7 @@ def plan(
     if progress:
         progress(f"identifying {loaded.joint.name}", 0, 1)
     measured = measure(loaded)
-    return plan_next(measured, identify_joint(measured), velocities, aim, progress)
+    return plan_next(measured, identify_joint(measured, progress=progress), velocities, aim, progress)
 
 
 def inspect(experiment: Source) -> Measured:
@@ -254,27 +256,30 @@ def inspect(experiment: Source) -> Measured:
     return measure(experiment)
 
 
+def draft(
+    *logs: Path | str, told: Told | None = None, folder: Path | None = None, progress: Progress | None = None
+) -> tuple[str, tuple[str, ...]]:
+    """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
+
+    Args:
+        logs: data files with the same columns; `bristle.Told` says what their names do not.
+        told: columns, units, scales and constants that are not to be guessed.
+        folder: where the text will be saved, for data files are named relative to it; None: beside the first.
+        progress: called with what is being done, how many steps are done, and how many there are.
+
+    Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
+    """
+    return draft_of_logs([Path(log) for log in logs], told or Told(), folder, progress)
+
+
 def complete(experiment: Path | str) -> tuple[str, str]:
     """The text of an experiment file with the set-up that its runs ask for, and a sentence that says what was added, and why.
 
-    Regressors and directions are tried as `static.set_up` has it; what the file says of `fit` already is left to its
-    author, and the line to write there is a comment. Raises InputError where a file cannot be used.
+    Runs without `experiment` get one, by what their signals do; regressors and directions are tried as `static.set_up`
+    has it; what the file says of `fit` already is left to its author, and the line to write there is a comment. Raises
+    InputError where a file cannot be used.
     """
-    measured, path = measure(experiment), Path(experiment)
-    asked, points, moving = measured.experiment, measured.points(hold_out=False), measured.moving(hold_out=False)
-    better = better_for_points(asked, points) if points else None
-    if better is None and moving and asked.fit.predict == "torque":
-        better = better_for_motion(asked, moving)
-    text = path.read_text(encoding="utf-8")
-    if better is None:
-        return text, "nothing added: no regressor, nor other directions, would explain these runs clearly better"
-    has_fit = "fit" in asked.model_fields_set
-    line = f"# under fit: {better.lines}" if has_fit else f"fit: {{{better.lines}}}"
-    why = f"relative error {better.asked_error:.2g} -> {better.error:.2g} % on parts held out in turn"
-    return (
-        f"{text.rstrip()}\n\n{line}   # {why}\n",
-        f"{'to be written' if has_fit else 'added'} under fit: {better.lines}; {why}",
-    )
+    return completed(Path(experiment))
 
 
 def _load(experiments: Sequence[Source]) -> list[Experiment]:

@@ -2,11 +2,25 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bristle.errors import InputError
+from bristle.options import (
+    ExperimentFile,
+    Strict,
+    Uncertainty,
+    check_output,
+    check_output_absent,
+    lands,
+    optional,
+    output_folder,
+    output_path,
+    per_signal,
+    to,
+    write,
+)
 from bristle.progress import shown
 from bristle.terminal import complain, print_lines
 
@@ -20,40 +34,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-
-def _optional(none: str) -> Any:
-    """The argument that is an experiment file, or none, which means what is said."""
-    return typer.Argument(metavar="[EXPERIMENT]", help=f"The experiment file; none: {none}.", show_default=False)
-
-
-def _path(text: str) -> Path:
-    """Where something is to be written; an empty path, which a variable of the shell that is not set leaves, would be the folder one is in."""
-    if not text:
-        raise typer.BadParameter("got an empty path; name a file or a folder, or . for the folder you are in")
-    return Path(text)
-
-
-def _to(metavar: str, meaning: str) -> Any:
-    """The option -o that names what to write."""
-    return typer.Option("-o", "--output", parser=_path, metavar=metavar, help=meaning)
-
-
-def _lands(what: str, thing: str = "page") -> Any:
-    """The option -o that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
-    return _to("DIR", f"Where the {thing} lands [default: reports/NAME{what}].")
-
-
-_Experiment = Annotated[
-    Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
-]
-_Uncertainty = Annotated[
-    bool,
-    typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
-]
-_Strict = Annotated[
-    bool, typer.Option("--strict", help="Exit with 3 where a warning is critical or calls for caution.")
-]
 
 
 @app.callback(invoke_without_command=True)
@@ -80,21 +60,21 @@ def report(
             show_default=False,
         ),
     ] = None,
-    output: Annotated[Path | None, _lands("", "report")] = None,
-    uncertainty: _Uncertainty = False,
-    strict: _Strict = False,
+    output: Annotated[Path | None, lands("", "report")] = None,
+    uncertainty: Uncertainty = False,
+    strict: Strict = False,
 ) -> None:
     """Identify and write the report: index.html, results.json, figures, tables.
 
     Example: bristle report wrist.yaml --uncertainty -o reports/wrist
     """
-    from bristle import adapt as compensate
-    from bristle import identify
-    from bristle.questions.joint_report.console import outcomes
-
     sources = experiments or []
-    folder = _folder(output, sources[0] if sources else None)
+    folder = output_folder(output, sources[0] if sources else None)
     with shown() as progress:
+        from bristle import adapt as compensate
+        from bristle import identify
+        from bristle.questions.joint_report.console import outcomes
+
         results = identify(*sources, progress=progress, uncertainty=uncertainty)
         compensated = None if sources else compensate(identified=results, progress=progress)
     print_lines(outcomes(results.joints))
@@ -106,19 +86,19 @@ def report(
 
 @app.command()
 def identify(
-    experiment: _Experiment,
-    output: Annotated[Path | None, _to("FILE", "Write results.json here as well.")] = None,
-    uncertainty: _Uncertainty = False,
-    strict: _Strict = False,
+    experiment: ExperimentFile,
+    output: Annotated[Path | None, to("FILE", "Write results.json here as well.")] = None,
+    uncertainty: Uncertainty = False,
+    strict: Strict = False,
 ) -> None:
     """Identify one joint and print the fit report; write the JSON with -o.
 
     Example: bristle identify wrist.yaml -o results.json
     """
-    from bristle import identify as run
-
-    _check(output)
+    check_output_absent(output)
     with shown() as progress:
+        from bristle import identify as run
+
         results = run(experiment, progress=progress, uncertainty=uncertainty)
     print_lines([results.text()])
     if uncertainty:
@@ -128,26 +108,26 @@ def identify(
             f"{x.fit} {x.parameter} {x.direction}: {x.warnings}" for x in frame[frame["warnings"] != ""].itertuples()
         )
     if output is not None:
-        _write(output, results.to_json())
+        write(output, results.to_json())
         print_lines([f"Results: {output}"], done=True)
     _finish(results, strict)
 
 
 @app.command()
 def inspect(
-    experiment: _Experiment,
-    output: Annotated[Path | None, _to("FILE", "Draw the segments into this .png or .svg file.")] = None,
+    experiment: ExperimentFile,
+    output: Annotated[Path | None, to("FILE", "Draw the segments into this .png or .svg file.")] = None,
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
-    from bristle.api import inspect as run
-    from bristle.questions.joint_report.console import segment_lines
-
-    _check(output)
-    if output is not None:
+    check_output(output)
+    with shown():
+        from bristle.api import inspect as run
         from bristle.page.page import figure_kind, save_figure
+        from bristle.questions.joint_report.console import segment_lines
 
-        figure_kind(output)
-    measured = run(experiment)
+        if output is not None:
+            figure_kind(output)
+        measured = run(experiment)
     print_lines(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
@@ -162,15 +142,15 @@ def inspect(
 
 @app.command()
 def validate(
-    experiment: Annotated[Path | None, _optional("a sweep over Table 1 (simulated, some minutes)")] = None,
-    output: Annotated[Path | None, _lands("-validate")] = None,
+    experiment: Annotated[Path | None, optional("a sweep over Table 1 (simulated, some minutes)")] = None,
+    output: Annotated[Path | None, lands("-validate")] = None,
     repetitions: Annotated[int, typer.Option(metavar="N", help="Simulated data sets of each case.")] = 1000,
     starts: Annotated[int, typer.Option(metavar="N", help="Random starts of each solver on one of them.")] = 100,
     noise: Annotated[
         float | None,
         typer.Option(metavar="X", help="Noise of a point over alpha_0 [default: the fit's own].", show_default=False),
     ] = None,
-    strict: _Strict = False,
+    strict: Strict = False,
 ) -> None:
     """Check each fit against a full nonlinear one (CasADi + IPOPT), then validate the grid search where the truth is known.
 
@@ -178,11 +158,12 @@ def validate(
 
     Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
-    from bristle import validate as run
-    from bristle.questions.method_validation.run import check_request
+    folder = output_folder(output, experiment, "-validate")
+    with shown():
+        from bristle import validate as run
+        from bristle.questions.method_validation.run import check_request
 
-    folder = _folder(output, experiment, "-validate")
-    check_request(repetitions, starts, noise)
+        check_request(repetitions, starts, noise)
     results = _cross_checked(experiment) if experiment else None
     with shown() as progress:
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
@@ -195,11 +176,11 @@ def validate(
 
 def _cross_checked(experiment: Path) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
-    from bristle import identify as run
-    from bristle.questions.joint_report.console import checks
-    from bristle.questions.method_validation.cases import check_fitted
-
     with shown() as progress:
+        from bristle import identify as run
+        from bristle.questions.joint_report.console import checks
+        from bristle.questions.method_validation.cases import check_fitted
+
         results = run(experiment, crosscheck=True, progress=progress)
     for joint in results.joints:
         check_fitted(joint)
@@ -210,14 +191,14 @@ def _cross_checked(experiment: Path) -> "Results":
 
 @app.command()
 def adapt(
-    experiment: Annotated[Path | None, _optional("the embedded Ed-Ro (simulated)")] = None,
-    output: Annotated[Path | None, _lands("-adapt")] = None,
+    experiment: Annotated[Path | None, optional("the embedded Ed-Ro (simulated)")] = None,
+    output: Annotated[Path | None, lands("-adapt")] = None,
 ) -> None:
     """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
-    from bristle import adapt as run
-
-    folder = _folder(output, experiment, "-adapt")
+    folder = output_folder(output, experiment, "-adapt")
     with shown() as progress:
+        from bristle import adapt as run
+
         found = run(experiment, progress=progress)
     print_lines([found.text()])
     print_lines([f"Page: {found.write(folder)}"], done=True)
@@ -229,13 +210,12 @@ def compare(
     second: Annotated[
         Path, typer.Argument(metavar="B", help="results.json of the second session.", show_default=False)
     ],
-    output: Annotated[Path | None, _to("DIR", "Write a page with a figure and tables here.")] = None,
+    output: Annotated[Path | None, to("DIR", "Write a page with a figure and tables here.")] = None,
 ) -> None:
     """Compare two sessions: which parameters changed beyond their joint uncertainty.
 
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
-    from bristle import compare as run
     from bristle.page.output_folder import check_folder, resolved
 
     if output is not None:
@@ -243,7 +223,10 @@ def compare(
         for session in (first, second):
             if resolved(session).parent == resolved(output):
                 raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
-    compared = run(first, second)
+    with shown():
+        from bristle import compare as run
+
+        compared = run(first, second)
     print_lines([compared.text()])
     if output is not None:
         print_lines([f"Page: {compared.write(output)}"], done=True)
@@ -251,8 +234,8 @@ def compare(
 
 @app.command()
 def sensitivity(
-    experiment: Annotated[Path | None, _optional("the paper's gripper rotation (+), simulated")] = None,
-    output: Annotated[Path | None, _lands("-sensitivity")] = None,
+    experiment: Annotated[Path | None, optional("the paper's gripper rotation (+), simulated")] = None,
+    output: Annotated[Path | None, lands("-sensitivity")] = None,
     amplitude: Annotated[
         str | None,
         typer.Option(
@@ -278,10 +261,10 @@ def sensitivity(
 
         print_lines([formulas().text()])
         return
-    from bristle import sensitivity as run
-
-    folder = _folder(output, experiment, "-sensitivity")
+    folder = output_folder(output, experiment, "-sensitivity")
     with shown() as progress:
+        from bristle import sensitivity as run
+
         study = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
     print_lines([study.text()])
     print_lines([f"Page: {study.write(folder)}"], done=True)
@@ -289,11 +272,11 @@ def sensitivity(
 
 @app.command()
 def plan(
-    experiment: _Experiment,
-    output: Annotated[Path | None, _to("FILE", "Write the references that a controller plays here, CSV.")] = None,
+    experiment: ExperimentFile,
+    output: Annotated[Path | None, to("FILE", "Write the references that a controller plays here, CSV.")] = None,
     page: Annotated[
         Path | None,
-        typer.Option("--page", parser=_path, metavar="DIR", help="Write a page with figures and tables here."),
+        typer.Option("--page", parser=output_path, metavar="DIR", help="Write a page with figures and tables here."),
     ] = None,
     velocities: Annotated[
         int, typer.Option("--velocities", metavar="N", help="Runs at constant velocity in each direction.")
@@ -306,15 +289,16 @@ def plan(
 
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
-    from bristle import plan as run
     from bristle.page.output_folder import check_apart, check_folder, staged
 
-    _check(output)
+    check_output(output)
     if page is not None:
         check_folder(page)
     if page is not None and output is not None:
         check_apart(output, page)
     with shown() as progress:
+        from bristle import plan as run
+
         planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
     print_lines([planned.text()])
     with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
@@ -327,66 +311,73 @@ def plan(
 
 @app.command()
 def new(
-    data: Annotated[
-        Path,
+    logs: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="DATA",
-            help="A data file (CSV, Parquet, MAT or NPZ), or an experiment file to complete.",
+            metavar="LOG...",
+            help="Logs of one joint (CSV, Parquet, MAT or NPZ), or one half-filled experiment file to complete.",
             show_default=False,
         ),
     ],
-    output: Annotated[Path | None, _to("FILE", "Write the draft here instead of printing it.")] = None,
+    output: Annotated[Path | None, to("FILE", "Write the draft here instead of printing it.")] = None,
+    column: Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")] = None,
+    unit: Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")] = None,
+    scale: Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")] = None,
+    rate: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help="Of sampling, where no column is the time, as 1 kHz.")
+    ] = None,
+    torque_constant: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help="Of the motor, at the joint, as 0.35 N*m/A.")
+    ] = None,
+    resistance: Annotated[
+        str | None, typer.Option(metavar="QUANTITY", help="Of the motor, as 2.1 ohm, where voltage is logged.")
+    ] = None,
 ) -> None:
-    """Draft a commented experiment file from a data file; complete one, as YAML, by the set-up that its runs ask for.
+    """Draft an experiment file that runs as it is, from logs; complete a half-filled one by what its runs ask for.
 
-    Example: bristle new motion.csv -o wrist.yaml; once that is filled in, bristle new wrist.yaml -o wrist-2.yaml
+    Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """
-    if data.suffix.lower() in {".yaml", ".yml"}:
-        from bristle.api import complete
+    check_output_absent(output)
+    halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
+    with shown() as progress:
+        if halves:
+            if len(logs) > 1 or column or unit or scale or rate or torque_constant or resistance:
+                raise InputError(
+                    f"{halves[0]}: is completed by itself; give it alone, and write units and columns into it"
+                )
+            text, sentences = _completed(halves[0], output)
+        else:
+            from bristle.api import draft
+            from bristle.data.experiment.draft import Told, told_by
 
-        if output is not None and output.parent.resolve() != data.parent.resolve():
-            raise InputError(
-                f"{output}: is in another folder than {data}, whose runs are named relative to it; write it beside {data.name}"
+            told = Told(
+                columns=told_by(column or (), "--column"),
+                units=told_by(unit or (), "--unit"),
+                scales=told_by(scale or (), "--scale"),
+                rate=rate,
+                torque_constant=torque_constant,
+                resistance=resistance,
             )
-        text, said = complete(data)
-        sentences = [said]
-    else:
-        from bristle.data.experiment.draft import draft_experiment
-
-        text, unknown = draft_experiment(data, None if output is None else output.parent)
-        sentences = [f"not guessed: {sentence}" for sentence in unknown]
+            text, guessed = draft(*logs, told=told, folder=output and output.parent, progress=progress)
+            sentences = [f"guessed: {sentence}" for sentence in guessed]
     if output is None:
         print_lines([text])
-    elif output.exists():
-        raise InputError(f"{output}: is there already; name a new file with -o, or move this one")
     else:
-        _check(output)
         print_lines([f"Draft: {output}"])
-        _write(output, text)
+        write(output, text)
     for sentence in sentences:
         complain(sentence)
 
 
-def _write(path: Path, text: str) -> None:
-    from bristle.page.output_folder import write_text
+def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:
+    from bristle.api import complete
 
-    write_text(path, text)
-
-
-def _check(output: Path | None) -> None:
-    from bristle.page.output_folder import check_file
-
-    if output is not None:
-        check_file(output)
-
-
-def _folder(output: Path | None, experiment: Path | None, what: str = "") -> Path:
-    """The folder asked for, or reports/NAME and what it is of, which can be written there."""
-    from bristle.page.output_folder import check_folder
-
-    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}{what}"
-    check_folder(folder)
-    return folder
+    if output is not None and output.parent.resolve() != half.parent.resolve():
+        raise InputError(
+            f"{output}: is in another folder than {half}, whose runs are named relative to it; write it beside {half.name}"
+        )
+    text, said = complete(half)
+    return text, [said]
 
 
 def _finish(results: "Results", strict: bool) -> None:

@@ -8,6 +8,12 @@ Progress = Callable[[str, int, int], None]
 """Called with what is being done, how many steps are done, and how many there are."""
 
 
+def step(progress: Progress | None, what: str) -> None:
+    """Tell what begins, where nobody knows in how many steps."""
+    if progress:
+        progress(what, 0, 1)
+
+
 def teller(progress: Progress | None, total: int) -> Callable[[str], None]:
     """What tells that another of so many steps begins, by what it is; silent where nobody wants to know."""
     done = count()
@@ -22,18 +28,24 @@ def teller(progress: Progress | None, total: int) -> Callable[[str], None]:
 
 @contextmanager
 def shown() -> Iterator[Progress]:
-    """A progress bar on the terminal's standard error, gone at the end; nothing where that is no terminal."""
+    """A progress bar on the terminal's standard error, at once, and gone at the end; nothing where that is no terminal.
+
+    What takes seconds to import belongs inside.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    columns = (TextColumn("{task.description:<42}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:<42}", markup=False), BarColumn(20), TimeElapsedColumn())
     console = Console(stderr=True)
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("reading")
+        task = bar.add_task("starting", total=None)
 
         def update(what: str, done: int, total: int) -> None:
-            """What is being done, and how much of it."""
-            bar.update(task, description=what, completed=done, total=total)
+            """What is being done, and how much of it; a bar that only moves where that is not known."""
+            many = total > 1
+            line = f"{what} ({min(done + 1, total)} of {total})" if many else what
+            bar.tasks[0].total = total if many else None
+            bar.update(task, description=line, completed=done)
 
         yield update

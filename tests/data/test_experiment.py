@@ -1,5 +1,6 @@
 import math
 import os
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from bristle.data.constant_velocity.segments import Thresholds
 from bristle.data.experiment.load import Experiment, FitOptions, PlusMinus, load_experiment, read_runs
+from bristle.data.experiment.yaml_file import parse
 from bristle.errors import InputError
 
 _BASE: dict[str, Any] = {
@@ -329,3 +331,29 @@ def _outcome(folder: Path, changes: dict[str, Any]) -> str:
         return _experiment(folder, **changes).joint.name
     except InputError as error:
         return str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "expected"),
+    [
+        ("a: [1, , 2]", "line 1", "expected a value"),
+        ("a: 1\n  b: 2", "line 2", "expected one key and one value"),
+        ("a: {b: c\nd: e", "line 2", "expected a comma or }"),
+        ("a: [1, 2\nb: 3", "line 2", "expected a comma or ]"),
+        ("\ta: 1", "line 1", "indent with blanks instead of tabs"),
+        ("a: 'x", "line 1", "expected the quote to be closed"),
+        ("a: - b", "line 1", "begin the list"),
+        ("joint: x\n runs: 2", "line 2", "expected one key"),
+        ("- a\nb: c", "line 2", "as far to the right"),
+        ("a: !!python/object:os.system x", "line 1", "without !"),
+    ],
+)
+def test_yaml_is_told_in_plain_words(text: str, where: str, expected: str) -> None:
+    """What YAML cannot read is one sentence in a user's words: the line, what was got, what was expected, what to do; no word of the parser's."""
+    with pytest.raises(InputError) as refused:
+        parse(text, "e.yaml")
+    sentence = str(refused.value)
+    assert sentence.startswith(f"e.yaml: {where}, column ")
+    assert ": got " in sentence
+    assert expected in sentence
+    assert not re.search(r"node|token|block|scalar|stream|mapping|constructor", sentence)

@@ -1,4 +1,6 @@
+import re
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -297,3 +299,40 @@ def test_no_sentence_decides_on_measured_joints(
     first = held(identified(tmp_path, text))
     without_sentences(monkeypatch)
     assert held(identified(tmp_path, text)) == first
+
+
+@pytest.mark.parametrize(
+    ("files", "told", "kinds"),
+    [
+        ("emps/DATA_EMPS.mat", {"columns": {"torque": "vir"}, "units": {"torque": "V", "position": "m"}, "scales": {"torque": "35.15 N/V"}},
+         "tracking"),
+        ("kinova_gen3_joint7/velocity_*.csv", {"columns": {"position": "1", "velocity": "2", "current": "5"}, "rate": "999 Hz",
+         "torque_constant": "7.6 N*m/A"}, "ramp"),
+        ("servo_lugre/*_1.txt", {"columns": {"position": "0", "torque": "4"}, "rate": "1 kHz"}, "presliding tracking presliding"),
+        ("arm_static/joint_*.csv", {}, "points"),
+        ("bam_xl330/kp100_*.csv", {"columns": {"position": "1", "velocity": "2", "voltage": "3"}, "scales": {"voltage": "0.00836"},
+         "torque_constant": "0.3867 N*m/A", "resistance": "4.017 ohm"}, "tracking"),
+    ],
+)  # fmt: skip  # a table
+def test_logs_are_taken_for_what_they_are(measured_data: Path, files: str, told: dict[str, Any], kinds: str) -> None:
+    """Each measured log is drafted as the experiment that those who recorded it say it is, with units and constants told and nothing else."""
+    text, _ = bristle.draft(*sorted(measured_data.glob(files)), told=bristle.Told(**told))
+    found = re.findall(r"experiment: (\w+)\}", text)
+    assert found == (kinds.split() if " " in kinds else [kinds] * len(found))
+
+
+def test_a_draft_of_the_arm_has_gravity(measured_data: Path, tmp_path: Path) -> None:
+    """UR10e, one joint moving: the draft has gravity, its fit leaves at most 6 % of the torque, and sigma_0 and sigma_1 are not identifiable."""
+    told = bristle.Told(
+        columns={"time": "0", "position": "2", "velocity": "8", "current": "14"}, torque_constant="10.7 N*m/A"
+    )
+    text, _ = bristle.draft(measured_data / "ur10e" / "joint_2_alone.csv", told=told, folder=tmp_path)
+    (tmp_path / "arm.yaml").write_text(text)
+    (joint,) = bristle.identify(tmp_path / "arm.yaml").joints
+    assert "gravity" in text
+    assert joint.tracking is not None
+    assert joint.tracking.relative_error is not None
+    assert joint.tracking.relative_error <= 6
+    bristles = [e for name, e in joint.tracking.parameters.items() if name.name in ("sigma_0", "sigma_1")]
+    assert bristles
+    assert all(e.value is None and e.warnings for e in bristles)

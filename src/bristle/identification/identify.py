@@ -37,7 +37,7 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
-from bristle.progress import Progress
+from bristle.progress import Progress, step
 
 
 def identify_joint(
@@ -54,17 +54,18 @@ def identify_joint(
     regressors; slow runs give the presliding ones; moving runs give all, alone and with the other stages as priors.
     Seconds spent are written into `timings` by name; they are no part of the result. With `crosscheck` the fit of the
     moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its parameters get their
-    intervals by profile and bootstrap too, as static and presliding ones always do, and `progress` is told how far that
-    is.
+    intervals by profile and bootstrap too, as static and presliding ones always do. `progress` is told of every step.
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
     experiment = measured.experiment
     training = _training(measured)
     points = measured.points(hold_out=False)
+    step(progress, "fitting friction over velocity")
     static, checks, left_out = _static(measured, points, timings)
     stages = DynamicStages()
     if training:
+        step(progress, "fitting the moving runs")
         stages = _moving(
             measured,
             static,
@@ -74,9 +75,12 @@ def identify_joint(
             uncertainty=uncertainty,
             progress=progress,
         )
+        step(progress, "trying other set-ups")
         static, stages = _with_set_up(experiment, training, static, stages, from_points=bool(points))
     elif measured.slow:
+        step(progress, "fitting slow loading")
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
+    step(progress, "comparing friction models")
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,

@@ -33,6 +33,8 @@ _FEWEST = 4
 """Samples for each column, below which a relation cannot be tested."""
 _SMEARED = 0.3
 """Of v_s: noise of the velocity widens the peak to sqrt(v_s**2 + 2 noise**2), which is then 9 % more."""
+ONE_RATE = 1.05
+"""Ratio of two sampling intervals that count as one."""
 _DROWNS = 1e9
 """Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
 DIRECTIONS = {"+": 1.0, "-": -1.0}
@@ -194,7 +196,7 @@ def refuse_mixed_rates(records: Sequence[Record]) -> None:
     """Raise InputError where moving runs were sampled at different rates: one decimation filter serves them all."""
     steps = {r.file: r.step for r in records}
     first, last = min(steps, key=lambda f: steps[f]), max(steps, key=lambda f: steps[f])
-    if steps[last] > 1.05 * steps[first]:
+    if steps[last] > ONE_RATE * steps[first]:
         raise InputError(
             f"runs: tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
             "fit them in experiments of their own, or resample one"

@@ -85,6 +85,13 @@ def check_file(path: Path) -> None:
         _check_writable(path.parent, path, "file")
 
 
+def check_absent(path: Path) -> None:
+    """Whether a new file can be written there. Raises InputError as `check_file` does, and where a file is there already."""
+    check_file(path)
+    if os.path.lexists(path):
+        raise InputError(f"{path}: is there already; move it, or name another file")
+
+
 def check_folder(folder: Path) -> None:
     """Whether a report can be written there, as far as can be told before.
 

@@ -1,111 +1,138 @@
-"""A commented experiment file, drafted from a data file.
+"""A commented experiment file, drafted from logs: signals by the names of the columns, or as they were told.
 
-Columns are guessed by their usual names, and what was not guessed is said.
+What was guessed is said; what cannot be guessed, and was not told, is refused with the option that tells it.
 """
 
 import os
-import re
-from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from bristle.data.binary_tables import names_of
+from bristle.data.columns import Key
+from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
+from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import DRIVE
 from bristle.data.text_table import BINARY, naming, read_table, text_layout
-from bristle.errors import check_name
+from bristle.data.units import factor
+from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
-_NAMES = {
-    "time": ("t", "time", "timestamp", "stamp"),
-    "position": ("q", "pos", "position", "angle", "theta"),
-    "velocity": ("dq", "qd", "vel", "velocity", "speed", "omega", "qdot"),
-    "torque": ("tau", "torque", "effort", "force"),
-    "current": ("i", "current"),
-    "voltage": ("u", "v_in", "voltage"),
-}
-_UNITS = {
-    "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
-    "position": {"rad": "rad", "deg": "deg", "mrad": "mrad", "rev": "rev", "m": "m", "mm": "mm", "um": "um"},
-    "velocity": {
-        **{f"{a}{sep}s": f"{a}/s" for a in ("rad", "deg", "mrad", "rev", "m", "mm") for sep in ("", "_", "/", "_per_")},
-        "rpm": "rpm",
-    },
-    "torque": {"nm": "N*m", "n_m": "N*m", "n*m": "N*m", "mnm": "mNm", "n": "N", "kn": "kN"},
-    "current": {"a": "A", "ma": "mA"},
-    "voltage": {"v": "V", "mv": "mV"},
-}
-_LONGEST = 100
-"""Characters of a column's name that may be a usual one."""
+SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")
+"""What a column can be told to be."""
+_DRIVES = ("torque", "current", "voltage")
+"""In the order in which they are taken: each needs one constant more than the one before."""
 _SHOWN = 200
 """Columns that the draft lists."""
 _LINEAR = {"m", "mm", "um", "m/s", "mm/s", "N", "kN"}
-_KINDS = {
-    "presliding": "presliding",
-    "sigma": "presliding",
-    "track": "tracking",
-    "sine": "tracking",
-    "traj": "tracking",
-}
-_EXAMPLES = {
-    "time": "{column: t, unit: s}   # or {rate: 1 kHz}",
-    "position": "{column: q, unit: deg, wraps: true}",
-    "torque": "{column: tau, unit: N*m}   # or voltage: / current:, which need motor:",
-}
+_POINTS = 1000
+"""Rows: where time is not logged, more than so many are a log, and no velocity-torque pairs."""
+_WRAPPED = 0.1
+"""Of a full turn: a jump of the position that is as close to one is a wrap."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Guess:
-    column: str
-    unit: str | None
-    """None: not in the column's name."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """What names and data do not tell, in the words of an experiment file, by signal."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    """Name, or number from 0."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, str] = field(default_factory=dict)
+    rate: str | None = None
+    """Samples per second, with a unit, where no column is the time."""
+    torque_constant: str | None = None
+    resistance: str | None = None
 
 
-def draft_experiment(data_file: Path, folder: Path | None = None) -> tuple[str, tuple[str, ...]]:
-    """The text of an experiment file for a data file, and a sentence on each thing not guessed or only assumed.
+class DraftedRun(NamedTuple):
+    """What a log is of."""
 
-    Data files are named relative to `folder`, where the draft will be saved; None: beside the data. What is marked FILL
-    IN must be filled in before the draft can be used. Raises InputError where the data file cannot be read.
-    """
-    check_name(data_file.name, f"{data_file}: the file name")
-    names, described = _columns(data_file)
-    guesses = _guesses(names)
-    drive = next((name for name in DRIVE if name in guesses), None)
-    linear = any(g.unit in _LINEAR for g in guesses.values()) or "force" in (
-        guesses["torque"].column.lower() if "torque" in guesses else ""
-    )
-    kind: Kind = "prismatic" if linear else "revolute"
-    run, unknown = _run_kind(data_file, guesses)
-    unknown += [f"joint.kind; {kind} is assumed"]
-    lines = [f"joint: {{name: {_text(data_file.stem[:200])}, kind: {kind}}}   # revolute or prismatic"]
-    if drive in ("voltage", "current"):
+    kind: RunKind
+    why: str = ""
+    used: bool = True
+    """Whether it goes with the others; else it is a comment."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draft:
+    """An experiment file but for what its logs are of."""
+
+    name: str
+    kind: Kind
+    motor: str
+    """Empty: none."""
+    columns: str
+    """What the first file holds."""
+    signals: tuple[str, ...]
+    """A line each."""
+    files: tuple[str, ...]
+    """Relative to where the draft will be."""
+    of_points: bool
+    """Whether the files hold velocity-torque pairs."""
+    guessed: tuple[str, ...]
+    """A sentence each."""
+
+    def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
+        """The experiment file, with what each file is of, and lines about the fit."""
+        lines = [f"joint: {{name: {_text(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
+        lines += [f"motor: {{{self.motor}}}   # at the joint, gear included"] if self.motor else []
         lines += [
-            "# FILL IN, without the #; at the joint, gear included:",
-            "# motor: {torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}",
+            "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
+            "# encoder_resolution: 4096 counts/rev  # optional",
+            "",
+            f"# Columns of {_text(Path(self.files[0]).name)}: {self.columns}",
+            "signals:",
+            *(f"  {line}" for line in self.signals),
+            "",
+            "# experiment: ramp | points | presliding | tracking; hold_out: true keeps a run for validation",
+            "runs:",
         ]
-        unknown += [f"motor: torque from {drive} needs its constants; fill them in"]
-    lines += [
-        "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
-        "# encoder_resolution: 4096 counts/rev  # optional",
-    ]
-    lines += ["", f"# Columns of {_text(data_file.name)}: {described}", "signals:"]
-    for name in ("time", "position", "velocity", drive or "torque"):
-        wanted = name != "velocity" and not (run == "points" and name in ("time", "position"))
-        guess = guesses.get(name)
-        if guess is not None:
-            lines.append(_signal(name, guess, kind, unknown))
-        elif wanted and not (name == "position" and "velocity" in guesses):
-            lines.append(f"  # FILL IN, without the #: {name}: {_EXAMPLES[name]}")
-            unknown.append(f"{name}: no column has a usual name ({', '.join(_NAMES[name])}); fill it in under signals")
-    shown = os.path.relpath(data_file, folder) if folder is not None else data_file.name
-    lines += [
-        "",
-        "# experiment: ramp | points | presliding | tracking; hold_out: true keeps a run for validation",
-        "runs:",
-    ]
-    lines += [f"  - {{files: {_text(Path(shown).as_posix())}, experiment: {run}}}"]
-    lines += ["", "# fit: {directions: separate, loss: least-squares}   # all optional", ""]
-    return "\n".join(lines), tuple(unknown)
+        for file, run in zip(self.files, runs, strict=True):
+            entry = f"- {{files: {_text(file)}, experiment: {run.kind}}}{f'   # {run.why}' if run.why else ''}"
+            lines.append(f"  {'' if run.used else '# '}{entry}")
+        return "\n".join([*lines, "", fit or "# fit: {directions: separate, loss: least-squares}   # all optional", ""])
+
+
+def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Path | None = None) -> Draft:
+    """The draft of an experiment file for some logs of one joint, with the columns that the first of them has.
+
+    Data files are named relative to `folder`, where the draft will be saved; None: beside the first. Raises InputError
+    where a file cannot be read, or something that is needed was neither told nor can be guessed.
+    """
+    told, first = told or Told(), files[0]
+    for file in files:
+        check_name(file.name, f"{file}: the file name")
+    names, described = _columns(first)
+    guesses = dict(guess_columns(names)) | {signal: _told(told, signal, names) for signal in told.columns}
+    if told.rate is None and not names and "time" not in guesses and _rises(first):
+        guesses["time"] = ColumnGuess("0", None)
+    drive = _drive(first, guesses, told, described)
+    of_points = _of_points(first, guesses, told, described)
+    kind: Kind = "prismatic" if _is_linear(guesses, told, drive) else "revolute"
+    wanted = ("velocity", drive) if of_points else ("time", "position", "velocity", drive)
+    lines, guessed = [], [f"joint.kind: {kind}, by the units"]
+    if told.rate is not None:
+        lines.append(f"time: {{rate: {_text(told.rate)}}}")
+    for name in wanted:
+        if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
+            wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
+            lines.append(_signal(name, guess, kind, told, names, guessed) + f"{wraps}}}")
+            guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
+    return Draft(
+        name=first.stem[:200],
+        kind=kind,
+        motor=_motor(told),
+        columns=described,
+        signals=tuple(lines),
+        files=tuple(Path(os.path.relpath(f, first.parent if folder is None else folder)).as_posix() for f in files),
+        of_points=of_points,
+        guessed=tuple(guessed),
+    )
 
 
 def _columns(path: Path) -> tuple[tuple[str, ...], str]:
@@ -119,59 +146,115 @@ def _columns(path: Path) -> tuple[tuple[str, ...], str]:
     if layout.names:
         return layout.names, _list(layout.names)
     some = layout.first[:_SHOWN]
-    numbered = ", ".join(f"{k} (first value {_text(cell[:_LONGEST])})" for k, cell in enumerate(some) if cell)
+    numbered = ", ".join(f"{k} (first value {_text(cell[:LONGEST])})" for k, cell in enumerate(some) if cell)
     return (), f"no header; {numbered}{', ...' if len(layout.first) > _SHOWN else ''}"
 
 
 def _list(names: tuple[str, ...]) -> str:
-    return ", ".join([*(_text(name[:_LONGEST]) for name in names[:_SHOWN]), *["..."] * (len(names) > _SHOWN)])
+    return ", ".join([*(_text(name[:LONGEST]) for name in names[:_SHOWN]), *["..."] * (len(names) > _SHOWN)])
 
 
-def _guesses(names: tuple[str, ...]) -> dict[str, _Guess]:
-    """The first column with a usual name, signal by signal; a column that repeats is none."""
-    guesses: dict[str, _Guess] = {}
-    once = [name for name, count in Counter(names).items() if count == 1 and len(name) <= _LONGEST]
-    for name in once:
-        bare, unit = _split(name)
-        for signal, usual in _NAMES.items():
-            for stem, suffix in _readings(bare, unit):
-                known = _UNITS[signal].get(suffix) if suffix else None
-                if stem in usual and (known or not suffix) and signal not in guesses:
-                    guesses[signal] = _Guess(name, known)
-    return guesses
+def _told(told: Told, signal: str, names: tuple[str, ...]) -> ColumnGuess:
+    """The column that was told, with the unit that its name has."""
+    column = told.columns[signal]
+    named = guess_columns([column]).get(signal) if column in names else None
+    return ColumnGuess(column, named.unit if named else None)
 
 
-def _split(name: str) -> tuple[str, str]:
-    """`Torque [Nm]` as (torque, nm): the name after the last dot, and the unit in brackets."""
-    last = name.rsplit(".", 1)[-1] if re.fullmatch(r"[\w.{}()]+", name) else name
-    match = re.fullmatch(r"\s*(.*?)[\s_]*[\[(](.*?)[\])]\s*", last)
-    bare, unit = (match[1], match[2]) if match else (last, "")
-    return bare.strip().lower(), unit.strip().lower()
+def _key(guess: ColumnGuess, path: Path) -> Key:
+    names, _ = _columns(path)
+    return Key(int(guess.column) if guess.column.isdecimal() and guess.column not in names else guess.column)
 
 
-def _readings(bare: str, unit: str) -> list[tuple[str, str]]:
-    """Each way to part a name from a unit: `dq_rad_s` is `dq_rad_s`, or `dq_rad` in s, or `dq` in rad_s."""
-    if unit:
-        return [(bare, unit)]
-    cuts = [k for k, letter in enumerate(bare) if letter == "_"]
-    return [(bare, ""), *((bare[:k], bare[k + 1 :]) for k in cuts)]
+def _values(path: Path, guess: ColumnGuess) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+    key = _key(guess, path)
+    return np.asarray(read_table(path, [key]).columns[key], dtype=float).ravel()
 
 
-def _run_kind(path: Path, guesses: dict[str, _Guess]) -> tuple[str, list[str]]:
-    if "velocity" in guesses and "torque" in guesses and not {"time", "position"} & set(guesses):
-        return "points", ["experiment: assumed points, for there is neither time nor position"]
-    stem = path.stem.lower()
-    kind = next((kind for word, kind in _KINDS.items() if word in stem), "ramp")
-    return kind, [f"experiment: assumed {kind}; expected one of ramp, points, presliding, tracking"]
+def _rises(path: Path) -> bool:
+    """Whether the first column of a text file grows in steps that could be those of seconds."""
+    if path.suffix.lower() in BINARY:
+        return False
+    steps = np.diff(_values(path, ColumnGuess("0", None)))
+    return bool(steps.size and steps.min() > 0 and 1e-5 < np.median(steps) < 1 and steps.max() < 100 * np.median(steps))
 
 
-def _signal(name: str, guess: _Guess, kind: Kind, unknown: list[str]) -> str:
-    unit = guess.unit or (unit_of(name, kind))
-    assumed = ""
-    if guess.unit is None:
-        assumed = "   # unit assumed: check it"
-        unknown.append(f"unit of {name} (column {_text(guess.column)}): assumed {unit}")
-    return f"  {name}: {{column: {_text(guess.column)}, unit: {unit}}}{assumed}"
+def _drive(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, described: str) -> str:
+    """Which of torque, current and voltage is taken.
+
+    Raises InputError where none is known, or torque needs a constant that was not told.
+    """
+    by_name = next((name for name in _DRIVES if name in told.columns), None)
+    drive = by_name or next((name for name in _DRIVES if name in guesses and _computable(name, told)), None)
+    drive = drive or next((name for name in _DRIVES if name in guesses), None)
+    if drive is None:
+        raise InputError(
+            f"{path}: no column is named as a torque, a current or a voltage; name it, as in --column torque=NAME --unit torque=N*m "
+            f"(there are: {short(described)})"
+        )
+    if not _computable(drive, told):
+        options = "--torque-constant '0.35 N*m/A'" + (" --resistance '2.1 ohm'" if drive == "voltage" else "")
+        raise InputError(
+            f"{path}: column {short(guesses[drive].column)} is a {drive}, and the torque from it needs the motor's constants; give them as seen "
+            f"at the joint, gear included, as in {options}"
+        )
+    return drive
+
+
+def _computable(drive: str, told: Told) -> bool:
+    return drive == "torque" or bool(told.torque_constant and (drive == "current" or told.resistance))
+
+
+def _of_points(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, described: str) -> bool:
+    """Whether a file holds velocity-torque pairs. Raises InputError where a log lacks time, or position and velocity."""
+    if "position" not in guesses and "velocity" not in guesses:
+        raise InputError(
+            f"{path}: no column is named as a position or a velocity; name it, as in --column position=NAME --unit position=deg "
+            f"(there are: {short(described)})"
+        )
+    if told.rate is not None or "time" in guesses:
+        return False
+    if "velocity" in guesses and _values(path, guesses["velocity"]).size <= _POINTS:
+        return True
+    raise InputError(
+        f"{path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
+        f"(there are: {short(described)})"
+    )
+
+
+def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told, drive: str) -> bool:
+    known = {
+        told.units.get(name) or guess.unit for name, guess in guesses.items() if name in ("position", "velocity", drive)
+    }
+    return bool(known & _LINEAR) or ("torque" in guesses and "force" in guesses["torque"].column.lower())
+
+
+def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
+    """Whether a position in its unit, or else in rad, jumps by a full turn in one of the files."""
+    unit, scale = told.units.get("position") or guess.unit or "rad", told.scales.get("position", 1.0)
+    if unit.startswith("count"):  # which nothing here tells the size of
+        return False
+    turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale))
+    jumps = (np.abs(np.diff(_values(file, guess))) for file in files)
+    return any(bool((np.abs(jump / turn - 1) < _WRAPPED).any()) for jump in jumps)
+
+
+def _motor(told: Told) -> str:
+    given = {"torque_constant": told.torque_constant, "resistance": told.resistance}
+    return ", ".join(f"{name}: {_text(value)}" for name, value in given.items() if value)
+
+
+def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, names: tuple[str, ...], guessed: list[str]) -> str:
+    """The line of a signal, but for its end; says what was guessed."""
+    unit = told.units.get(name) or guess.unit or unit_of(name, kind)
+    shown = _text(guess.column) if guess.column in names or not guess.column.isdecimal() else guess.column
+    if name not in told.columns:
+        others = f", the first of {guess.others + 1} that are named so" if guess.others else ""
+        guessed.append(f"{name}: column {shown}{others}" if names else f"{name}: column {shown}, which rises steadily")
+    if not (name in told.units or guess.unit):
+        guessed.append(f"unit of {name} (column {shown}): assumed {unit}")
+    scale = f", scale: {_text(told.scales[name])}" if name in told.scales else ""
+    return f"{name}: {{column: {shown}, unit: {_text(unit)}{scale}"
 
 
 def _text(text: str) -> str:
@@ -179,3 +262,22 @@ def _text(text: str) -> str:
     import yaml
 
     return yaml.safe_dump(text, default_style='"', width=float("inf")).rstrip("\n")
+
+
+def told_by(pairs: Sequence[str], option: str) -> dict[str, str]:
+    """What an option tells of signals: `torque=i` as {torque: i}.
+
+    Raises InputError where it is no such pair, the signal is none, or is told twice.
+    """
+    told: dict[str, str] = {}
+    for pair in pairs:
+        signal, _, value = pair.partition("=")
+        if signal not in SIGNALS or not value:
+            raise InputError(f"{option}: got {short(pair)}; expected SIGNAL=..., with a signal of {', '.join(SIGNALS)}")
+        if signal in told:
+            raise InputError(f"{option}: {signal} is told twice; keep one")
+        told[signal] = value
+    drives = [name for name in DRIVE if name in told]
+    if option == "--column" and len(drives) > 1:
+        raise InputError(f"{option}: got {short_list(drives)}; expected one of them, which the torque comes from")
+    return told

@@ -52,6 +52,7 @@ __all__ = [
     "Signal",
     "Signals",
     "Time",
+    "experiment_of",
     "load_experiment",
     "read_runs",
 ]
@@ -167,8 +168,12 @@ def load_experiment(path: str | Path) -> Experiment:
 
     Raises InputError in one sentence that names the file, the key or the line, what was got and what to do.
     """
-    path = Path(path)
-    data = parse(read_text(path), str(path))
+    return experiment_of(read_text(Path(path)), Path(path))
+
+
+def experiment_of(text: str, path: Path) -> Experiment:
+    """The experiment that a YAML text describes, as if it stood at a path. Raises InputError as `load_experiment` does."""
+    data = parse(text, str(path))
     if "path" in data:
         raise InputError(f"{path}: unknown key 'path'; data files are named under runs, as files")
     data = {key: value for key, value in data.items() if value is not None}  # a heading with nothing under it

@@ -112,7 +112,8 @@ def parse(text: str, name: str) -> dict[str, Any]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
-        raise InputError(f"{name}:{where} {error.problem or error.context}") from error
+        problem = _in_words(str(error.problem or error.context), text, mark.line if mark else 0)
+        raise InputError(f"{name}:{where} {problem}") from error
     except yaml.YAMLError as error:
         raise InputError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
     except (ValueError, TypeError, LookupError, OverflowError, AttributeError) as error:  # as seen from PyYAML
@@ -120,6 +121,31 @@ def parse(text: str, name: str) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise InputError(f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs:")
     return document
+
+
+_IN_WORDS = {
+    "expected the node content": "expected a value; write one there, or take away the sign before it that asks for one more",
+    "expected <block end>": "expected a key as far to the right as those above it; indent the lines of one list or heading alike",
+    "expected ',' or ']'": "expected a comma or ]; close the list, and put text that holds one of , : [ ] in quotes",
+    "expected ',' or '}'": "expected a comma or }; close the braces, and put text that holds one of , : { } in quotes",
+    "mapping values are not allowed": "expected one key and one value; indent it like the keys above, or put text that holds ': ' in quotes",
+    "could not find expected ':'": "expected a key, a colon, a blank and a value, as in name: wrist; close the quotes above, if any are open",
+    "that cannot start any token": "expected a key or a value; indent with blanks instead of tabs, and put text that begins with a sign in quotes",
+    "unexpected end of stream": "expected the quote to be closed; close it",
+    "sequence entries are not allowed": "expected a value on this line; begin the list, each entry behind a dash, on the next one",
+    "found unknown escape": "expected no backslash in double quotes; use single ones",
+    "constructor for the tag": "expected a value without !; take it away, or put the text in quotes",
+    "expected '<document start>'": "expected keys such as joint:, signals: and runs:; begin with these",
+}
+"""What is expected, and what to do, by what PyYAML's sentence says."""
+
+
+def _in_words(problem: str, text: str, line: int) -> str:
+    """What was got, what was expected, and what to do; the sentence as it is where that is our own."""
+    lines = text.splitlines()
+    got = short(lines[line].strip()) if line < len(lines) and lines[line].strip() else "the end of the file"
+    words = next((words for fragment, words in _IN_WORDS.items() if fragment in problem), None)
+    return f"got {got}; {words}" if words else problem
 
 
 def validate(model: type[M], data: dict[str, Any], name: str, context: object) -> M:

@@ -137,7 +137,7 @@ def _settled(
     solution = solve_dynamic(problem, start, starts, seed, others, progress)
     problem, changed = _weighted(problem, solution)
     if changed:
-        solution = solve_dynamic(problem, without_deflections(solution.values), 1, seed)
+        solution = solve_dynamic(problem, without_deflections(solution.values), 1, seed, progress=progress)
     bent = _bent(problem, solution)
     problem = replace(problem, fixed={**problem.fixed, **bent}) if bent else problem
     if bent or (changed and starts > 1):

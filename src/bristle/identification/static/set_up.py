@@ -32,6 +32,8 @@ _GAIN = 0.9
 """Of the error before: one more term has to bring it below that, and be better in all parts but one."""
 _CLEARLY = 0.75
 """The same of all terms together."""
+_EXPLAINS = 15.0
+"""Percent: a set-up that leaves more shows of the directions nothing."""
 _SPARE = 2
 """Equations per column, at the least."""
 _RANK = 1e-10
@@ -78,11 +80,52 @@ class BetterSetUp:
         return f"{apart}regressors: [{', '.join(name for name in REGRESSORS if name in self.set_up.regressors)}]"
 
 
+class _Trial(NamedTuple):
+    """What can be tried on some data."""
+
+    possible: Sequence[str]
+    """Regressors that the signals allow."""
+    pose: Callable[[tuple[str, ...]], Regression]
+    """All that is possible, at once, in some directions."""
+    part: Callable[[int], NDArray[np.int_]]
+    """Of each of so many equations the part that it belongs to, (n,)."""
+
+
 def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
     """A clearly better set-up of moving runs than the one asked for; None where there is none.
 
     Parts held out are stretches. Raises InputError as the fit of moving runs does.
     """
+    asked = SetUp(directions(experiment, records), regressors(experiment))
+    return _clear(_better(asked, _of_motion(experiment, records)))
+
+
+def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
+    """The same of points at constant velocity; a part is every fifth of them in the order of speed."""
+    asked = SetUp(
+        _sides(points) if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment)
+    )
+    return _clear(_better(asked, _of_points(points)))
+
+
+def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
+    """The set-up to begin with, where nobody has asked for one, beside the plainest one; None where nothing can be tried.
+
+    Separate directions, unless one friction for both, with an offset, fits and predicts the parts held out better, in
+    all of them but one; and what clearly pays beside. Raises InputError as the fit of moving runs does.
+    """
+    velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
+    sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
+    trial = _of_motion(experiment, records)
+    return _proposed(sides, [name for name in trial.possible if name == "inertia"], trial)
+
+
+def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
+    """The same of points at constant velocity."""
+    return _proposed(_sides(points), [], _of_points(points))
+
+
+def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     fixed, _ = inertia(experiment)
     has = {
         name for name in ("position", "velocity", "acceleration") if all(getattr(r, name) is not None for r in records)
@@ -90,45 +133,58 @@ def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> Bett
     possible = [
         name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
     ]
-
-    def pose(sides: tuple[str, ...]) -> Regression:
-        """All that is possible, at once."""
-        return from_records(records, sides, possible, experiment.fit.decimation, fixed)[0]
-
-    def part(n: int) -> NDArray[np.int_]:
-        """The part of each equation, (n,)."""
-        return np.arange(n) * _BLOCKS // n % _PARTS
-
-    return _better(SetUp(directions(experiment, records), regressors(experiment)), possible, pose, part)
+    return _Trial(
+        possible,
+        lambda sides: from_records(records, sides, possible, experiment.fit.decimation, fixed)[0],
+        lambda n: np.arange(n) * _BLOCKS // n % _PARTS,
+    )
 
 
-def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
-    """The same of points at constant velocity; a part is every fifth of them in the order of speed."""
+def _of_points(points: Sequence[Segment]) -> _Trial:
     ordered = sorted(points, key=lambda s: s.velocity)
-    sides = tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
-    located = ["gravity"] if all(s.position is not None for s in points) else []
-    possible = ["offset", *located, "quadratic"]
-
-    def pose(sides: tuple[str, ...]) -> Regression:
-        """All that is possible, at once."""
-        return points_problem(ordered, sides, possible)
-
-    def part(n: int) -> NDArray[np.int_]:
-        """The part of each point, (n,)."""
-        return np.arange(n) % _PARTS
-
-    asked = SetUp(sides if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment))
-    return _better(asked, possible, pose, part)
+    possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
+    return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), lambda n: np.arange(n) % _PARTS)
 
 
-def _better(
-    asked: SetUp,
-    possible: Sequence[str],
-    pose: Callable[[tuple[str, ...]], Regression],
-    part: Callable[[int], NDArray[np.int_]],
-) -> BetterSetUp | None:
-    """Term by term, the one that brings most, while it brings enough."""
-    products = cache(lambda sides: _products(pose(sides), part))
+def _sides(points: Sequence[Segment]) -> tuple[str, ...]:
+    return tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
+
+
+def _clear(better: BetterSetUp | None) -> BetterSetUp | None:
+    return better if better and better.error < _CLEARLY * better.asked_error else None
+
+
+def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> BetterSetUp | None:
+    apart = _better(SetUp(sides, tuple(plain)), trial)
+    if len(sides) < len(DIRECTIONS):
+        return apart and (_clear(apart) or _as_asked(apart))
+    together = _better(SetUp(("both",), (*plain, "offset")), trial)
+    if apart is None or together is None:
+        return together or apart
+    apart, together = _clear(apart) or _as_asked(apart), _clear(together) or _as_asked(together)
+    errors, now = (_errors(x.set_up, trial) for x in (together, apart))
+    shown = errors is not None and now is not None and together.error < _EXPLAINS and _pays(errors, now, 1.0)
+    alike = together.set_up.directions != sides and shown
+    return together if alike else replace(apart, asked_error=together.asked_error)
+
+
+def _as_asked(better: BetterSetUp) -> BetterSetUp:
+    return replace(better, set_up=better.asked, error=better.asked_error)
+
+
+def _errors(set_up: SetUp, trial: _Trial) -> Array | None:
+    """Of each part, (k,)."""
+    return _products(trial.pose(set_up.directions), trial.part).errors(set_up.regressors)
+
+
+def _pays(errors: Array, now: Array, gain: float) -> bool:
+    """Whether the errors of all parts together are below a share of those now, and better in all parts but one."""
+    return bool(np.linalg.norm(errors) < gain * np.linalg.norm(now) and np.count_nonzero(errors < now) >= _PARTS - 1)
+
+
+def _better(asked: SetUp, trial: _Trial) -> BetterSetUp | None:
+    """Term by term, the one that brings most, while it brings enough; None where nothing can be tried."""
+    products = cache(lambda sides: _products(trial.pose(sides), trial.part))
 
     def errors_of(set_up: SetUp) -> Array | None:
         """Of each part, (k,)."""
@@ -139,16 +195,14 @@ def _better(
         return None
     best = asked
     while True:
-        tried = [(errors, more) for more in _one_more(best, possible) if (errors := errors_of(more)) is not None]
+        tried = [(errors, more) for more in _one_more(best, trial.possible) if (errors := errors_of(more)) is not None]
         if not tried:
             break
         errors, more = min(tried, key=lambda x: float(np.linalg.norm(x[0])))
-        pays = np.linalg.norm(errors) < _GAIN * np.linalg.norm(now) and np.count_nonzero(errors < now) >= _PARTS - 1
-        if not pays:
+        if not _pays(errors, now, _GAIN):
             break
         now, best = errors, more
-    before, after = float(np.linalg.norm(first)), float(np.linalg.norm(now))
-    return BetterSetUp(asked, best, before, after) if after < _CLEARLY * before else None
+    return BetterSetUp(asked, best, float(np.linalg.norm(first)), float(np.linalg.norm(now)))
 
 
 def _one_more(set_up: SetUp, possible: Sequence[str]) -> Iterator[SetUp]:

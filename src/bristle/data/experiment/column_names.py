@@ -1,0 +1,154 @@
+"""Which column is which signal, in which unit, guessed from the columns' names."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+_NAMES = {
+    "time": ("t", "time", "timestamp", "timestamps", "stamp"),
+    "position": ("q", "qm", "pos", "position", "angle", "theta", "phi"),
+    "velocity": ("dq", "qd", "vel", "velocity", "speed", "omega", "qdot"),
+    "torque": ("tau", "torque", "trq", "effort", "force", "moment"),
+    "current": ("i", "iq", "current", "curr", "amps"),
+    "voltage": ("u", "v_in", "voltage", "volt", "volts"),
+}
+_WITH_UNIT = {"position": ("x", "y", "p", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m"), "voltage": ("v",)}
+"""Names that mean a signal where a unit of it follows."""
+_UNITS = {
+    "time": {
+        **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+        **dict.fromkeys(("ms", "msec", "millis"), "ms"),
+        **dict.fromkeys(("us", "usec", "micros", "µs"), "us"),
+        **dict.fromkeys(("ns", "nsec", "nanos"), "ns"),
+    },
+    "position": {
+        **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
+        **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
+        **dict.fromkeys(("rev", "revs", "turn", "turns"), "rev"),
+        **{name: name for name in ("mrad", "m", "mm", "um")},
+    },
+    "velocity": {
+        **{
+            f"{a}{sep}s": f"{'deg' if a == '°' else a}/s"
+            for a in ("rad", "deg", "mrad", "rev", "m", "mm", "°")
+            for sep in ("", "_", "/", "_per_", "p")
+            if a != "m" or sep not in ("", "p")
+        },
+        "rads": "rad/s",
+        "rpm": "rpm",
+    },
+    "torque": {
+        **dict.fromkeys(("nm", "n_m", "n*m", "n.m", "n-m", "n·m"), "N*m"),
+        "mnm": "mNm",
+        "n": "N",
+        "kn": "kN",
+    },
+    "current": {
+        **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"),
+        **dict.fromkeys(("ma", "milliamps"), "mA"),
+    },
+    "voltage": {**dict.fromkeys(("v", "volt", "volts"), "V"), **dict.fromkeys(("mv", "millivolts"), "mV")},
+}
+LONGEST = 100
+"""Characters of a column's name that may be a usual one."""
+_SHORT = 2
+"""Letters of a name that means a signal only beside words such as `motor` or `measured`."""
+_BESIDE = frozenset((
+    "joint", "motor", "link", "axis", "drive", "actuator", "servo", "arm", "load", "output", "out", "angular", "linear",
+    "actual", "act", "meas", "measured", "m", "raw", "filt", "filtered", "sensor", "enc", "encoder",
+))  # fmt: skip  # a list of words
+"""Words that leave a short name what it is."""
+_ASKED = frozenset((
+    "ref", "reference", "des", "desired", "cmd", "command", "commanded", "target", "goal", "set", "setpoint", "sp",
+    "ff", "feedforward", "demand",
+))  # fmt: skip  # a list of words
+"""Words of what was asked for: a drive's torque, current or voltage may be that, for want of a measured one."""
+_OTHER = frozenset((
+    "err", "error", "limit", "max", "min", "std", "temp", "temperature", "status", "flag", "id", "count", "dt",
+))  # fmt: skip  # a list of words
+"""Words of a column that is no signal of the joint."""
+
+
+class ColumnGuess(NamedTuple):
+    """A column that is taken for a signal."""
+
+    column: str
+    unit: str | None
+    """None: not in the column's name."""
+    others: int = 0
+    """Columns whose names say so just as well, which come later in the file."""
+
+
+def guess_columns(names: Sequence[str]) -> dict[str, ColumnGuess]:
+    """The column whose name says most plainly that it is a signal, signal by signal; a column that repeats is none.
+
+    A name is cut into words, and perhaps a unit behind them: `motor_current_A`, `jointPosDeg`, `Torque [Nm]`.
+    """
+    once = [name for name, count in Counter(names).items() if count == 1 and len(name) <= LONGEST]
+    best = [max(_readings(name), default=None) for name in once]
+    guesses: dict[str, ColumnGuess] = {}
+    for signal in _NAMES:
+        found = [(x.score, name, x.unit) for name, x in zip(once, best, strict=True) if x and x.signal == signal]
+        if found:
+            score, name, unit = max(found, key=lambda x: x[0])  # the first of those that are alike
+            guesses[signal] = ColumnGuess(name, unit or None, sum(x[0] == score for x in found) - 1)
+    v = next((name for name in once if name.strip().lower() == "v"), None)
+    if v is not None and "velocity" not in guesses and guesses.keys() & {"torque", "current"}:
+        guesses["velocity"] = ColumnGuess(v, None)  # and no voltage, for what drives the joint is there
+    return guesses
+
+
+class _Reading(NamedTuple):
+    """A signal that a name may mean; the higher the score, the more plainly."""
+
+    score: float
+    signal: str
+    unit: str
+
+
+def _readings(name: str) -> list[_Reading]:
+    bare, bracket = _split(name)
+    words = _words(bare)
+    readings = []
+    for signal, units in _UNITS.items():
+        if bracket:
+            cuts = [(words, units[bracket])] if bracket in units else []
+        else:
+            ends = ((words[:-k], "_".join(words[-k:])) for k in (1, 2, 3) if k < len(words))
+            cuts = [(words, ""), *((stem, units[end]) for stem, end in ends if end in units)]
+        readings += [_Reading(s, signal, unit) for stem, unit in cuts if (s := _score(stem, signal, unit))]
+    return readings
+
+
+def _score(words: list[str], signal: str, unit: str) -> float:
+    """How plainly some words mean a signal; 0: not at all."""
+    usual = (*_NAMES[signal], *(_WITH_UNIT.get(signal, ()) if unit else ()))
+    at = max((k for k, word in enumerate(words) if word in usual), default=None)
+    rest = set(words) - set(usual)
+    if "_".join(words) in usual:
+        score = 3.0
+    elif at is None or rest & _OTHER:
+        return 0.0
+    elif rest & _ASKED:
+        score = 1.0 if signal in ("torque", "current", "voltage") else 0.0
+    elif len(words[at]) > _SHORT or rest <= _BESIDE:
+        score = 2.0 + 0.01 * at
+    else:
+        return 0.0
+    return score + (0.5 if unit and score else 0.0)
+
+
+def _split(name: str) -> tuple[str, str]:
+    """`Torque [Nm]` as (Torque, nm): the name after the last dot, and the unit in brackets."""
+    last = name.rsplit(".", 1)[-1] if re.fullmatch(r"[\w.{}()]+", name) else name
+    match = re.fullmatch(r"\s*(.*?)[\s_]*[\[(](.*?)[\])]\s*", last)
+    bare, unit = (match[1], match[2]) if match else (last, "")
+    return bare.strip(), unit.strip().lower()
+
+
+def _words(bare: str) -> list[str]:
+    """`jointPos_1` as [joint, pos]: in small letters, without the numbers of joints."""
+    parted = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", "_", bare).lower()
+    words = (re.sub(r"\d+$", "", word) for word in re.split(r"[^\w*/·°.-]+|_", parted))
+    return [word for word in words if word]

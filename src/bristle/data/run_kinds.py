@@ -1,0 +1,197 @@
+"""Which experiment a log is of: how long it holds constant velocities, loads the resting joint slowly, or moves otherwise."""
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Thresholds, find_segments
+from bristle.data.differentiation import smoothed
+from bristle.data.record import Record
+from bristle.data.slow_loading import Loading, find_loadings
+from bristle.errors import InputError
+from bristle.model.parameters import Kind as JointKind
+
+MovingKind = Literal["ramp", "presliding", "tracking"]
+_MOVES = 0.02
+"""Of the fastest speed: what is slower, and not held, is at rest."""
+_SMOOTH = 10.0
+"""Hz: the low pass of the speed by which rest is told from motion."""
+_SLOW = 2.0
+"""Hz: the low pass of slow loading."""
+_BEND = {"revolute": 0.1, "prismatic": 0.005}
+"""rad or m: no bristle bends further, so a longer displacement is a motion."""
+_LOADING = 0.5
+"""s: a shorter rise of the torque is the beginning of a motion."""
+_LOADED = 0.2
+"""Of a run: a presliding one loads for so long."""
+_AT_REST = 0.5
+"""Of the time below the breakaway torque: a joint that is loaded slowly rests for so long, one that moves passes."""
+_SPRING = 0.3
+"""Correlation of torque and position of a joint that rests on its bristles."""
+SPEEDS = 5
+"""In one direction: fewer are no Stribeck curve; ..."""
+_MOSTLY = 0.8
+"""... and a run that holds them for less than this of its motion then tells more as a tracking run."""
+_APART = 1.1
+"""Ratio of two speeds that are different."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stretches:
+    """How long a run does what, s."""
+
+    held: float
+    """At constant velocity, in segments that would be accepted."""
+    loaded: float
+    """Slow loading below breakaway, and unloading."""
+    broken: float
+    """Sliding that such a loading ends in."""
+    moving: float
+    """Any other motion."""
+    total: float
+    speeds: tuple[float, ...] = ()
+    """Velocities held, rad/s."""
+
+    def __str__(self) -> str:
+        whole = max(self.held + self.loaded + self.broken + self.moving, 1e-300)
+        parts = {"constant velocity": self.held, "slow loading": self.loaded, "sliding after it": self.broken}
+        shares = {name: x / whole for name, x in (parts | {"other motion": self.moving}).items()}
+        return ", ".join(f"{name} {share:.0%}" for name, share in shares.items() if share >= 0.005) or "no motion"
+
+    @property
+    def kind(self) -> MovingKind:
+        """What it does most."""
+        if self.loaded + self.broken > max(self.held, self.moving) and self.loaded >= _LOADED * self.total:
+            return "presliding"
+        return "ramp" if self.held > self.moving + self.loaded + self.broken else "tracking"
+
+    @property
+    def steadily(self) -> bool:
+        """Whether it does hardly anything but hold velocities, or holds a single one, as one log of a series does."""
+        return len(self.speeds) == 1 or self.held >= _MOSTLY * (self.held + self.moving + self.broken)
+
+    def unused(self, kind: str) -> float:
+        """Share of the motion that a fit of this kind leaves out; a tracking run is used whole."""
+        of_kind = {"ramp": self.held, "presliding": self.loaded + self.broken}
+        whole = self.held + self.loaded + self.broken + self.moving
+        return 1 - of_kind[kind] / whole if kind in of_kind and whole else 0.0
+
+
+def stretches(record: Record, joint: JointKind) -> Stretches:
+    """What a run does, of a record with velocity, rad/s, and torque, N*m.
+
+    Raises InputError where the record has neither.
+    """
+    held = [s for s in find_segments(record, Thresholds()) if s.accepted]
+    n, step = record.time.size, record.step
+    steady = _union([(s.start, s.stop) for s in held], n)
+    loadings = _slow_loadings(record, joint)
+    loaded = _union([_until_unloaded(record, x) for x in loadings], n) & ~steady
+    if not _is_spring(record, loaded):
+        loadings, loaded = [], np.zeros(n, dtype=bool)
+    moving = _moves(record) & ~steady & ~loaded
+    broken = moving & _breaks_away(record, loadings, loaded)
+    times = {"held": steady, "loaded": loaded, "broken": broken, "moving": moving & ~broken}
+    return Stretches(
+        **{name: step * float(np.count_nonzero(mask)) for name, mask in times.items()},
+        total=step * n,
+        speeds=tuple(s.velocity for s in held),
+    )
+
+
+def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
+    """The experiment of each file, by what most of them do whose names differ in numbers alone.
+
+    Constant velocities are ramps where they are at least `SPEEDS` in one direction, over all files, or there is hardly
+    anything else; else such a run is a tracking one, which uses what lies between them too.
+    """
+    families = defaultdict[str, list[Stretches]](list)
+    for file, does in found:
+        families[_family(file)].append(does)
+    kinds = {family: _most(runs) for family, runs in families.items()}
+    ramps = [does for file, does in found if kinds[_family(file)] == does.kind == "ramp"]
+    if not all(does.steadily for does in ramps) and _distinct(ramps) < SPEEDS:
+        kinds = {family: "tracking" if kind == "ramp" else kind for family, kind in kinds.items()}
+    return [kinds[_family(file)] for file, _ in found]
+
+
+def _family(file: str) -> str:
+    return re.sub(r"\d+(\.\d+)?", "#", PurePath(file).name)
+
+
+def _most(runs: Sequence[Stretches]) -> MovingKind:
+    kinds = [does.kind for does in runs]
+    return max(kinds, key=kinds.count)
+
+
+def _distinct(runs: Sequence[Stretches]) -> int:
+    """Speeds that differ, in the direction that has more of them."""
+    count = 0
+    for sign in (1, -1):
+        speeds = np.sort([sign * v for does in runs for v in does.speeds if sign * v > 0])
+        count = max(count, int(np.count_nonzero(speeds[1:] > _APART * speeds[:-1])) + min(speeds.size, 1))
+    return count
+
+
+def _union(spans: Sequence[tuple[int, int]], n: int) -> NDArray[np.bool_]:
+    mask = np.zeros(n, dtype=bool)
+    for start, stop in spans:
+        mask[start:stop] = True
+    return mask
+
+
+def _moves(record: Record) -> NDArray[np.bool_]:
+    velocity = np.zeros(record.time.size) if record.velocity is None else record.velocity
+    short = min(np.diff([*record.starts, velocity.size])) < 2
+    slow = velocity if short or _SMOOTH * record.step >= 0.5 else smoothed(record, velocity, _SMOOTH)
+    speed = np.abs(slow)
+    return np.asarray(speed > _MOVES * speed.max(initial=0.0))
+
+
+def _slow_loadings(record: Record, joint: JointKind) -> list[Loading]:
+    if record.position is None:
+        return []
+    try:
+        found = find_loadings(record, _SLOW, None, None)
+    except InputError:  # the joint slides
+        return []
+    return [
+        x for x in found if x.time.size and x.time[-1] >= _LOADING and x.displacement.max(initial=0.0) <= _BEND[joint]
+    ]
+
+
+def _until_unloaded(record: Record, loading: Loading) -> tuple[int, int]:
+    """First sample and one past the last of a loading, and where it does not break away of what follows nearby."""
+    start, stop = loading.start, loading.start + loading.time.size
+    if loading.breakaway is not None or record.position is None:
+        return start, stop
+    far = np.abs(record.position[stop:] - record.position[stop - 1]) > 2 * np.ptp(record.position[start:stop])
+    return start, stop + int(np.argmax(far)) if far.any() else record.time.size
+
+
+def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
+    if record.position is None or record.torque is None or np.count_nonzero(loaded) < 2:
+        return False
+    q, T = _centred(record.position[loaded]), _centred(record.torque[loaded])
+    return float(q @ T) > _SPRING * float(np.sqrt((q @ q) * (T @ T)))
+
+
+def _centred(x: Array) -> Array:
+    return np.asarray(x - x.mean())
+
+
+def _breaks_away(record: Record, loadings: Sequence[Loading], loaded: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Samples above the breakaway torque of a joint that mostly rests below it, (n,)."""
+    torques = [x.breakaway for x in loadings if x.breakaway is not None]
+    if not torques or record.torque is None:
+        return np.zeros(loaded.size, dtype=bool)
+    below = np.abs(record.torque) < max(torques)
+    rests = np.count_nonzero(loaded & below) >= _AT_REST * np.count_nonzero(below)
+    return np.full(loaded.size, rests) & ~loaded

@@ -1,0 +1,183 @@
+"""The set-up that logs ask for: which experiment each is of, which regressors pay, whether the directions differ."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experiment
+from bristle.data.experiment.load import Experiment, Run, experiment_of, read_runs
+from bristle.data.experiment.schema import RunKind
+from bristle.data.experiment.yaml_file import parse, read_text
+from bristle.data.run_kinds import Stretches, kinds_of, stretches
+from bristle.identification.measured import Measured, measure
+from bristle.identification.moving_runs import ONE_RATE, REGRESSORS, refuse_opposing_runs
+from bristle.identification.static.set_up import (
+    BetterSetUp,
+    better_for_motion,
+    better_for_points,
+    proposed_for_motion,
+    proposed_for_points,
+)
+from bristle.progress import Progress, teller
+
+_MIXED = 0.25
+"""Of a run's motion: more of another experiment is said."""
+_ANY: RunKind = "ramp"
+"""As which a run is read before it is known what it is: a velocity, no acceleration."""
+
+
+def draft_of_logs(
+    files: Sequence[Path], told: Told, folder: Path | None = None, progress: Progress | None = None
+) -> tuple[str, tuple[str, ...]]:
+    """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
+
+    Args:
+        files: the logs, whose columns the first one shows.
+        told: what was not to be guessed.
+        folder: where the draft will be saved, as which files are named relative to it; None: beside the first.
+        progress: told of each step.
+
+    Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
+    """
+    tell = teller(progress, 3)
+    tell("reading the logs")
+    draft = draft_experiment(files, told, folder)
+    path = (files[0].parent if folder is None else folder) / "draft.yaml"
+    runs = [DraftedRun("points", "neither time nor position is logged")] * len(files)
+    said = list(draft.guessed)
+    if not draft.of_points:
+        unsorted = experiment_of(draft.text([DraftedRun(_ANY)] * len(files)), path)
+        read = read_runs(unsorted)
+        tell("constant velocities, slow loading, other motion")
+        runs, sentences = _sorted(draft, unsorted, read)
+        said += sentences
+    tell("regressors and directions")
+    fit, why = _fit(draft, runs, path)
+    return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
+
+
+def _sorted(draft: Draft, experiment: Experiment, read: Sequence[Run]) -> tuple[list[DraftedRun], list[str]]:
+    """What each log is of, and sentences on that."""
+    found = _stretches(experiment, read)
+    kinds = kinds_of(found)
+    rate = _usual_rate([run.record.step for run, kind in zip(read, kinds, strict=True) if kind == "tracking"])
+    runs, said = [], []
+    for file, run, kind, (_, does) in zip(draft.files, read, kinds, found, strict=True):
+        used = kind != "tracking" or rate[0] <= run.record.step <= rate[1]
+        runs.append(DraftedRun(kind, f"{does}" if used else "another sampling rate: in an experiment of its own", used))
+        if not used:
+            said.append(
+                f"runs: {file} is left out: tracking runs of one experiment have one sampling rate; draft it by itself"
+            )
+        elif does.unused(kind) > _MIXED:
+            said.append(
+                f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
+            )
+    return runs, [f"experiment: {_counted(kinds)}, by what the signals do", *said]
+
+
+def _usual_rate(steps: Sequence[float]) -> tuple[float, float]:
+    """The shortest and the longest sampling interval of the most runs that can be fitted together, s."""
+    first = max(steps, key=lambda low: sum(low <= step <= ONE_RATE * low for step in steps), default=0.0)
+    return first, ONE_RATE * first
+
+
+def completed(path: Path) -> tuple[str, str]:
+    """The text of an experiment file with what its runs ask for, and a sentence that says what was added, and why.
+
+    A run without `experiment` gets the one that its files are of; regressors and directions are tried as
+    `static.set_up` has it. What the file says of `fit` already is left to its author, and the line to write there is a
+    comment. Raises InputError where a file cannot be used.
+    """
+    text, kinds = _with_kinds(read_text(path), path)
+    measured = measure(experiment_of(text, path))
+    better = _asked_for(measured)
+    if better is None:
+        return (
+            text,
+            f"{kinds or 'nothing added: '}no regressor, nor other directions, would explain these runs clearly better",
+        )
+    has_fit = "fit" in measured.experiment.model_fields_set
+    line = f"# under fit: {better.lines}" if has_fit else f"fit: {{{better.lines}}}"
+    why = f"relative error {better.asked_error:.2g} -> {better.error:.2g} % on parts held out in turn"
+    done = "to be written" if has_fit else "added"
+    return f"{text.rstrip()}\n\n{line}   # {why}\n", f"{kinds}{done} under fit: {better.lines}; {why}"
+
+
+def _asked_for(measured: Measured) -> BetterSetUp | None:
+    experiment, points = measured.experiment, measured.points(hold_out=False)
+    moving = measured.moving(hold_out=False)
+    better = better_for_points(experiment, points) if points else None
+    return better or (better_for_motion(experiment, moving) if moving and experiment.fit.predict == "torque" else None)
+
+
+def _stretches(experiment: Experiment, runs: Sequence[Run]) -> list[tuple[str, Stretches]]:
+    return [(run.record.file, stretches(run.record, experiment.joint.kind)) for run in runs]
+
+
+def _counted(kinds: Sequence[str]) -> str:
+    return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+
+
+def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str]:
+    """The lines about the fit, and a sentence that says why; both empty where nothing can be tried."""
+    measured = measure(experiment_of(draft.text(runs), path))
+    points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
+    if moving:
+        refuse_opposing_runs(measured.experiment, moving)
+    proposals = [
+        *([proposed_for_points(points)] if points else []),
+        *([proposed_for_motion(measured.experiment, moving)] if moving else []),
+    ]
+    known = [proposal for proposal in proposals if proposal is not None]
+    if not known:
+        return "", ""
+    apart = any(x.set_up.directions != ("both",) for x in known)
+    pays = {name for x in known for name in x.set_up.regressors} - ({"offset"} if apart else set())
+    names = [name for name in REGRESSORS if name in pays]
+    lines = f"directions: {'separate' if apart else 'symmetric'}"
+    lines += f", regressors: [{', '.join(names)}]" if names or moving else ""
+    errors = ", ".join(f"{x.error:.2g} % (plainest set-up: {x.asked_error:.2g} %)" for x in known)
+    why = f"relative error on parts held out in turn {errors}"
+    return f"fit: {{{lines}}}   # {why}", f"fit: {lines}; {why}"
+
+
+def _with_kinds(text: str, path: Path) -> tuple[str, str]:
+    """The text with `experiment` in each run that lacks it, and a sentence on them, empty where none does."""
+    data = parse(text, str(path))
+    entries = data.get("runs")
+    runs = entries if isinstance(entries, list) else []
+    lacking = [k for k, run in enumerate(runs) if isinstance(run, dict) and run and "experiment" not in run]
+    if not lacking:
+        return text, ""
+    places = _places(text)
+    kinds = {k: _kind_of_entry({**data, "runs": [runs[k]]}, path) for k in lacking}
+    for k in reversed(lacking):
+        at, after = places[k]
+        text = f"{text[:at]}experiment: {kinds[k]}{after}{text[at:]}"
+    return text, f"experiment: {_counted(list(kinds.values()))}, by what the signals do; "
+
+
+def _kind_of_entry(data: dict[str, Any], path: Path) -> RunKind:
+    """What most files of one entry under runs are of."""
+    (entry,) = data["runs"]
+    signals = (x for x in (data.get("signals"), entry.get("signals")) if isinstance(x, dict))
+    kind: RunKind = _ANY if any(x.get("time") for x in signals) else "points"
+    given = yaml.safe_dump({**data, "runs": [{**entry, "experiment": kind}]}, sort_keys=False)
+    experiment = experiment_of(given, path)
+    if kind == "points":
+        return kind
+    kinds = kinds_of(_stretches(experiment, read_runs(experiment)))
+    return max(kinds, key=kinds.count)
+
+
+def _places(text: str) -> list[tuple[int, str]]:
+    """Where the first key of each run stands in the text, and what follows a key that is put before it."""
+    root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    (runs,) = (value for key, value in root.value if key.value == "runs")
+    return [
+        (run.value[0][0].start_mark.index, ", " if run.flow_style else "\n" + " " * run.value[0][0].start_mark.column)
+        for run in runs.value
+    ]

@@ -1,0 +1,77 @@
+"""What commands of the command line have in common: arguments, options, and where their outputs go."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def optional(none: str) -> Any:
+    """The argument that is an experiment file, or none, which means what is said."""
+    return typer.Argument(metavar="[EXPERIMENT]", help=f"The experiment file; none: {none}.", show_default=False)
+
+
+def output_path(text: str) -> Path:
+    """Where something is to be written; an empty path, which a variable of the shell that is not set leaves, would be the folder one is in."""
+    if not text:
+        raise typer.BadParameter("got an empty path; name a file or a folder, or . for the folder you are in")
+    return Path(text)
+
+
+def to(metavar: str, meaning: str) -> Any:
+    """The option -o that names what to write."""
+    return typer.Option("-o", "--output", parser=output_path, metavar=metavar, help=meaning)
+
+
+def lands(what: str, thing: str = "page") -> Any:
+    """The option -o that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
+    return to("DIR", f"Where the {thing} lands [default: reports/NAME{what}].")
+
+
+def per_signal(metavar: str, what: str) -> Any:
+    """An option that tells something of one signal, and may be given for several."""
+    return typer.Option(
+        metavar=f"SIGNAL={metavar}", help=f"{what}; SIGNAL: time, position, velocity, torque, current or voltage."
+    )
+
+
+ExperimentFile = Annotated[
+    Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
+]
+Uncertainty = Annotated[
+    bool,
+    typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
+]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a warning is critical or calls for caution.")]
+
+
+def write(path: Path, text: str) -> None:
+    """Write a text file whole, or nothing. Raises InputError where it cannot be."""
+    from bristle.page.output_folder import write_text
+
+    write_text(path, text)
+
+
+def check_output(output: Path | None) -> None:
+    """Whether a file can be written there. Raises InputError where it cannot."""
+    from bristle.page.output_folder import check_file
+
+    if output is not None:
+        check_file(output)
+
+
+def check_output_absent(output: Path | None) -> None:
+    """Whether a file can be written there, and none is there yet: what takes minutes is not computed to be refused."""
+    from bristle.page.output_folder import check_absent
+
+    if output is not None:
+        check_absent(output)
+
+
+def output_folder(output: Path | None, experiment: Path | None, what: str = "") -> Path:
+    """The folder asked for, or reports/NAME and what it is of, which can be written there."""
+    from bristle.page.output_folder import check_folder
+
+    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}{what}"
+    check_folder(folder)
+    return folder

@@ -1,0 +1,98 @@
+"""Which experiment a log is of: velocities held, slow loading, any other motion, and mixtures of them."""
+
+import numpy as np
+import pytest
+
+from bristle.arrays import Array
+from bristle.data.differentiation import estimate_motion
+from bristle.data.record import Record
+from bristle.data.run_kinds import Stretches, kinds_of, stretches
+
+G0, STIFFNESS, J = 0.5, 100.0, 0.05
+"""N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth."""
+
+
+def log(rate: float, v: Array, q: Array | None = None, T: Array | None = None, *, velocity: bool = True) -> Record:
+    """A motion with Coulomb and viscous friction and an inertia, or with the torque given, with noise and counts."""
+    rng, q = np.random.default_rng(0), np.cumsum(v) / rate if q is None else q
+    T = G0 * np.tanh(v / 0.003) + 0.2 * v + J * np.gradient(v) * rate if T is None else T
+    record = Record(
+        file="log.csv",
+        time=np.arange(q.size) / rate,
+        position=5e-5 * np.round(q / 5e-5),
+        torque=T + 0.01 * G0 * rng.standard_normal(q.size),
+        velocity=v + 1e-3 * rng.standard_normal(v.size) if velocity else None,
+    )
+    return record if velocity else estimate_motion(record, 10.0)
+
+
+def held(rate: float, speeds: Array) -> Array:
+    """Each speed forth and back for 2 s, with a rest and a tenth of a second to speed up."""
+    rise = np.linspace(0, 1, int(0.1 * rate))
+    shape = np.concatenate([rise, np.ones(int(2 * rate)), rise[::-1], np.zeros(int(0.3 * rate))])
+    return np.concatenate([sign * v * shape for v in speeds for sign in (1, -1)])
+
+
+def swung(rate: float, seconds: float) -> Array:
+    """The velocity of two sines, rad/s."""
+    t = np.arange(int(seconds * rate)) / rate
+    return 1.0 * np.sin(2 * np.pi * 0.3 * t) + 0.6 * np.sin(2 * np.pi * 0.8 * t)
+
+
+def loaded(rate: float, share: float) -> Record:
+    """Three slow cycles of torque up to a share of breakaway, with the bristles' own softening."""
+    quarter = np.linspace(0, share * G0, int(1.5 * rate))
+    T = np.tile(np.concatenate([quarter, quarter[::-1], -quarter, -quarter[::-1]]), 3)
+    dT = np.gradient(T)
+    q = np.cumsum(dT / (STIFFNESS * (1 - np.sign(dT) * T / G0)))
+    return log(rate, np.gradient(q) * rate, q, T)
+
+
+def kind(record: Record) -> str:
+    """What a log alone is taken for."""
+    return kinds_of([(record.file, stretches(record, "revolute"))])[0]
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("velocity", [True, False])
+def test_held_velocities_are_ramps_and_swings_are_tracking(rate: float, velocity: bool) -> None:
+    """At 100 and 1000 Hz, with a logged velocity and without: six speeds held are a ramp run, two sines a tracking one."""
+    assert kind(log(rate, held(rate, np.geomspace(0.05, 1.5, 6)), velocity=velocity)) == "ramp"
+    assert kind(log(rate, swung(rate, 20), velocity=velocity)) == "tracking"
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_slow_loading_is_presliding(rate: float) -> None:
+    """Cycles of torque below breakaway are slow loading, whole; a small but sliding motion of the same travel is not."""
+    record = loaded(rate, 0.8)
+    assert kind(record) == "presliding"
+    assert stretches(record, "revolute").loaded > 0.8 * record.time[-1]
+    small = 0.02 * np.sin(2 * np.pi * np.arange(int(10 * rate)) / rate)
+    assert kind(log(rate, small)) == "tracking"
+
+
+def test_few_speeds_tell_more_as_tracking() -> None:
+    """Three speeds are no Stribeck curve: with a third of the time between them such a run is tracking; six over several logs are ramps."""
+    few = Stretches(held=10, loaded=0, broken=0, moving=5, total=16, speeds=(0.1, 0.2, 0.4, -0.1, -0.2, -0.4))
+    more = Stretches(held=10, loaded=0, broken=0, moving=5, total=16, speeds=(0.05, 0.8, 1.6, -0.8))
+    assert kinds_of([("a.csv", few)]) == ["tracking"]
+    assert kinds_of([("a.csv", few), ("b.csv", more)]) == ["ramp", "ramp"]
+    assert kinds_of([("a.csv", Stretches(held=3, loaded=0, broken=0, moving=1.5, total=5, speeds=(0.1,)))]) == ["ramp"]
+
+
+def test_logs_of_one_family_are_of_one_kind() -> None:
+    """Logs whose names differ in numbers alone are what most of them are: one that sticks and slips does not leave its series."""
+    steady = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(0.5,))
+    sticks = Stretches(held=0, loaded=0, broken=0, moving=10, total=10)
+    logs = [("v_0.01.csv", sticks), ("v_0.1.csv", steady), ("v_0.5.csv", steady), ("swing.csv", sticks)]
+    assert kinds_of(logs) == ["ramp", "ramp", "ramp", "tracking"]
+
+
+def test_what_a_mixture_leaves_out_is_told() -> None:
+    """Of velocities held and two sines after them, the share that a ramp run leaves out is that of the sines; a tracking run leaves out nothing."""
+    record = log(250.0, np.concatenate([held(250.0, np.geomspace(0.05, 1.5, 6)), swung(250.0, 13)]))
+    does = stretches(record, "revolute")
+    assert does.kind == "ramp"
+    assert does.unused("ramp") == pytest.approx(13 / (13 + 26.4), abs=0.1)
+    assert does.unused("tracking") == 0
+    assert str(does) == "constant velocity 59%, other motion 41%"

@@ -1,0 +1,137 @@
+"""What `bristle new` drafts from logs, and what it adds to a half-filled experiment file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bristle import api
+from bristle.arrays import Array
+from bristle.data.experiment.draft import Told
+from bristle.data.experiment.load import load_experiment
+from bristle.errors import InputError
+from bristle.identification.measured import measure
+
+RATE = 250.0
+
+
+def swung(folder: Path, name: str = "log.csv", gravity: float = 0.0, apart: float = 1.0, seed: int = 0) -> Path:
+    """A log of ten seconds of two sines with Coulomb and viscous friction, in degrees and amperes of 0.5 N*m each."""
+    t = np.arange(int(10 * RATE)) / RATE
+    q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    T = np.where(v > 0, apart, 1.0) * (2 * np.tanh(v / 0.01) + v) + 0.05 * a + gravity * np.sin(q)
+    T += 0.05 * np.random.default_rng(seed).standard_normal(t.size)
+    return written(folder / name, "time_s,pos_deg,motor_current_A", t, np.degrees(q), T / 0.5)
+
+
+def written(path: Path, header: str, *columns: Array) -> Path:
+    """A CSV file."""
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.8g")
+    return path
+
+
+MOTOR = Told(torque_constant="0.5 N*m/A")
+
+
+@pytest.mark.parametrize(
+    ("gravity", "apart", "lines"),
+    [
+        (3.0, 1.0, "directions: symmetric, regressors: [inertia, offset, gravity]"),
+        (0.0, 1.6, "directions: separate, regressors: [inertia]"),
+        (3.0, 1.6, "directions: separate, regressors: [inertia, gravity]"),
+    ],
+)
+def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, apart: float, lines: str) -> None:
+    """Gravity is drafted where it is there, and separate directions where these differ; the draft loads as it is."""
+    text, said = api.draft(swung(tmp_path, gravity=gravity, apart=apart), told=MOTOR, folder=tmp_path)
+    (tmp_path / "draft.yaml").write_text(text)
+    experiment = load_experiment(tmp_path / "draft.yaml")
+    assert f"fit: {{{lines}}}" in text
+    assert any(sentence.startswith(f"fit: {lines}; relative error") for sentence in said)
+    assert [run.kind for run in measure(experiment).runs] == ["tracking"]
+
+
+def test_a_draft_of_a_gravity_joint_identifies(tmp_path: Path) -> None:
+    """A draft made from a log and a torque constant alone is identified: gravity, inertia and friction come back within 10 %."""
+    text, _ = api.draft(swung(tmp_path, gravity=3.0, apart=1.6), told=MOTOR, folder=tmp_path)
+    (tmp_path / "draft.yaml").write_text(text)
+    found = api.identify(tmp_path / "draft.yaml").joints[0].static
+    truth = {"+": 3.2, "-": 2.0}
+    for direction, alpha_0 in truth.items():
+        assert found[direction].parameters["alpha_0"].value == pytest.approx(alpha_0, rel=0.1)
+    assert found["shared"].parameters["gravity_sin"].value == pytest.approx(3.0, rel=0.1)
+
+
+def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
+    """Each log gets its own kind and the reason; velocity-torque pairs need neither time nor position."""
+    rise = np.linspace(0, 1, 25)
+    shape = np.concatenate([rise, np.ones(500), rise[::-1], np.zeros(75)])
+    v = np.concatenate([s * x * shape for x in np.geomspace(0.05, 1, 6) for s in (1, -1)])
+    T = 2 * np.tanh(v / 0.01) + v + 0.02 * np.random.default_rng(0).standard_normal(v.size)
+    t = np.arange(v.size) / RATE
+    holds = written(
+        tmp_path / "holds.csv", "time_s,pos_deg,motor_current_A", t, np.degrees(np.cumsum(v) / RATE), T / 0.5
+    )
+    text, said = api.draft(holds, swung(tmp_path), told=MOTOR, folder=tmp_path)
+    assert "experiment: ramp}   # constant velocity " in text
+    assert "experiment: tracking}   # other motion 100%" in text
+    assert "experiment: 1 ramp, 1 tracking, by what the signals do" in said
+    pairs = written(tmp_path / "pairs.csv", "velocity,torque", v[::300][1:9], T[::300][1:9])
+    assert "experiment: points}" in api.draft(pairs, folder=tmp_path)[0]
+
+
+def test_tracking_runs_of_another_rate_are_left_out(tmp_path: Path) -> None:
+    """Of logs sampled at different rates those of the most common one are drafted, so that the draft runs; the others are comments, and said."""
+    logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other", "third"))]
+    np.savetxt(
+        logs[1],
+        np.loadtxt(logs[1], delimiter=",", skiprows=1)[::2],
+        delimiter=",",
+        comments="",
+        header="time_s,pos_deg,motor_current_A",
+    )
+    text, said = api.draft(*logs, told=MOTOR, folder=tmp_path)
+    (tmp_path / "draft.yaml").write_text(text)
+    assert [run.files for run in load_experiment(tmp_path / "draft.yaml").runs] == ["first.csv", "third.csv"]
+    assert any(sentence.startswith("runs: other.csv is left out") for sentence in said)
+
+
+def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:
+    """A torque that opposes the motion cannot be drafted into a file that runs: the sentence has the scale that turns it."""
+    told = Told(torque_constant="0.5 N*m/A", scales={"current": "-1"})
+    with pytest.raises(InputError, match=r"the torque opposes the velocity .* scale: -1"):
+        api.draft(swung(tmp_path), told=told, folder=tmp_path)
+
+
+@pytest.mark.parametrize("runs", ["  - {files: log.csv}\n", "  - files: log.csv\n    load: none\n"])
+def test_a_half_filled_file_gets_its_kinds(tmp_path: Path, runs: str) -> None:
+    """A run without `experiment` gets the one that its files are of, in the place where it belongs; all else stays as it was written."""
+    swung(tmp_path, gravity=3.0)
+    half = tmp_path / "half.yaml"
+    half.write_text(
+        "joint: {name: wrist}   # mine\nmotor: {torque_constant: 0.5 N*m/A}\nsignals:\n  time: {column: time_s, unit: s}\n"
+        "  position: {column: pos_deg, unit: deg}\n  current: {column: motor_current_A, unit: A}\nruns:\n" + runs
+    )
+    text, said = api.complete(half)
+    (tmp_path / "full.yaml").write_text(text)
+    assert load_experiment(tmp_path / "full.yaml").runs[0].experiment == "tracking"
+    assert said.startswith(
+        "experiment: 1 tracking, by what the signals do; added under fit: regressors: [inertia, gravity]; "
+    )
+    assert (
+        text.replace("experiment: tracking, ", "")
+        .replace("experiment: tracking\n    ", "")
+        .startswith(half.read_text())
+    )
+
+
+@pytest.mark.parametrize(
+    "runs", ["  - {}\n", "  - 3\n", "  {a: 1}\n", "  - {files: log.csv}\nsignals: 3\n", "  - {files: [1]}\n"]
+)
+def test_a_file_that_is_no_experiment_is_refused(tmp_path: Path, runs: str) -> None:
+    """Whatever stands under runs and signals, what cannot be used is refused in one sentence."""
+    half = tmp_path / "half.yaml"
+    half.write_text("joint: {name: a}\nruns:\n" + runs)
+    with pytest.raises(InputError):
+        api.complete(half)
