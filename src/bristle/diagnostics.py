@@ -523,8 +523,8 @@ class Kind(Enum):
     MISFIT = (
         _CRITICAL,
         (
-            "The law does not fit{direction!d}: more than one point in {share} would have to be left out, {points!m} first. "
-            "Look at the residuals for what is missing."
+            "The law does not fit{direction!d}: more than {most} of {count} points would have to be left out, {points!m} first. "
+            "Look at the residuals for what is missing; `exclude` under fit leaves out points that you know to be faulty."
         ),
     )
     RESTING_LEFT_OUT = (
@@ -583,6 +583,10 @@ class Kind(Enum):
         ("Stribeck term not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted.{asked}"),
     )
     LIKE_NOISE = _CAUTION, "noise alone would look as much like a Stribeck peak in {percent:.0f} % of cases"
+    OF_FEW_POINTS = (
+        _CAUTION,
+        "without the {count} points that speak most for it, noise alone would look as much like it",
+    )
     BEND = (
         _CAUTION,
         (
@@ -931,6 +935,10 @@ class Kind(Enum):
     OFFSET_LEFT_OUT = (
         _NOTE,
         "With separate directions an offset cannot be separated from the two Coulomb terms; it is not fitted.",
+    )
+    LOSS_OF_STATIC_FIT = (
+        _NOTE,
+        "`loss: huber` is the static fit's; all parameters of the moving runs, and their models, are fitted by least squares.",
     )
     HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
     TRUTH_UNDECLARED = _CAUTION, "True parameters are given (truth), but the data are not declared simulated."
