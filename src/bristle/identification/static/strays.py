@@ -75,21 +75,18 @@ def most_strays(problem: Regression) -> int:
 
 def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> list[int]:
     """The point, or else the two or three, without which the refitted cost is lower by more than chance; none otherwise."""
-    n, p = problem.torque.size, len(problem.names)
-    if n < p + 2:
+    n, parameters = problem.torque.size, len(problem.names)
+    if n < parameters + 2:
         return []
     base = refit(problem, v_s_range).cost
     noise = 1e-20 * float(problem.torque @ problem.torque)
     for chosen, tried in _candidates(problem, v_s_range):
-        freedom = n - p - len(chosen[0])
+        freedom = n - parameters - len(chosen[0])
         costs = [refit(problem.rows(all_but(n, rows)), v_s_range).cost for rows in chosen]
         least = int(np.argmin(costs))
         fall = (base - costs[least]) / len(chosen[0])
-        if (
-            fall > noise
-            and fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried
-            < _LEVELS[len(chosen[0])]
-        ):
+        p = fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried
+        if fall > noise and p < _LEVELS[len(chosen[0])]:
             return list(chosen[least])
     return []
 
