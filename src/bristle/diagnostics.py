@@ -384,6 +384,14 @@ class Kind(Enum):
             "the speeds in random order."
         ),
     )
+    DRIFT_OF_ROWS = (
+        _CAUTION,
+        (
+            "Beside what speed explains, the torque of the points{direction!d} goes with their rows in {file}: {across:+.3g} from "
+            "first to last, {share:.0%} of it. If they stand there as they were measured, it drifts: warm up, or measure each "
+            "speed going up and coming down."
+        ),
+    )
     OFFSET_OR_FRICTION = (
         _CAUTION,
         (
@@ -583,10 +591,7 @@ class Kind(Enum):
         ("Stribeck term not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted.{asked}"),
     )
     LIKE_NOISE = _CAUTION, "noise alone would look as much like a Stribeck peak in {percent:.0f} % of cases"
-    OF_FEW_POINTS = (
-        _CAUTION,
-        "without the {count} points that speak most for it, noise alone would look as much like it",
-    )
+    STRAYS_AS_WELL = _CAUTION, "{count} stray{count!e} from Coulomb and viscous friction would explain it as well"
     BEND = (
         _CAUTION,
         (

@@ -20,7 +20,7 @@ from bristle.identification.static.grid import Projected, Solution, default_rang
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
-from bristle.identification.static.strays import all_but, most_strays
+from bristle.identification.static.strays import all_but, find_strays
 from bristle.identification.systematic import all_shifted
 from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
@@ -30,7 +30,15 @@ SUPPORTED = 0.01
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
-_THERE = {Kind.PEAK_LEFT_OUT, Kind.BEND, Kind.ONE_SPEED, Kind.V_S_DOWN_TO_ZERO, Kind.V_S_UP_TO_ANY, Kind.NONE_BELOW_V_S}
+_THERE = {
+    Kind.STRAYS_AS_WELL,
+    Kind.PEAK_LEFT_OUT,
+    Kind.BEND,
+    Kind.ONE_SPEED,
+    Kind.V_S_DOWN_TO_ZERO,
+    Kind.V_S_UP_TO_ANY,
+    Kind.NONE_BELOW_V_S,
+}
 """Reasons to drop a term that is more than noise."""
 
 
@@ -157,31 +165,31 @@ def _without_peak(
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
         return dict.fromkeys(problem.peaks, reason), None
-    few = dict[Direction, Diagnostic]()
     if options.loss == "huber":
-        measured = problem
-        problem, solution, _ = huber(problem, v_s_range, options.grid)
-        few = _of_few(measured, problem, solution, options, v_s_range)
+        measured, (problem, solution, _) = problem, huber(problem, v_s_range, options.grid)
     else:
-        solution = solve(problem, v_s_range, options.grid)
+        measured, solution = problem, solve(problem, v_s_range, options.grid)
+    none = _unsupported(problem, solution, options, v_s_range)
     if asked:
-        none = _unsupported(problem, solution, options, v_s_range)
         return {d: (Kind.NO_STRIBECK_ASKED if d in none else Kind.PEAK_LEFT_OUT)() for d in problem.peaks}, None
-    return {} if options.model == "stribeck" else few | _unsupported(problem, solution, options, v_s_range), solution
+    if options.model == "auto" and options.loss == "huber":
+        none = _of_strays(measured, options, v_s_range) | none
+    return {} if options.model == "stribeck" else none, solution
 
 
-def _of_few(
-    measured: Regression, problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
+def _of_strays(
+    measured: Regression, options: FitOptions, v_s_range: tuple[float, float]
 ) -> dict[Direction, Diagnostic]:
-    """Directions whose Stribeck term is noise without the points that speak most for it, as many as can be strays; what Huber's loss does not see."""
-    few, projected, most = dict[Direction, Diagnostic](), Projected(problem), most_strays(problem)
-    for k, direction in enumerate(problem.peaks if problem.smooth is None and most else ()):
-        off, _ = projected.off(problem.split(solution.theta)[1][k : k + 1], k)
-        rest = measured.rows(all_but(problem.torque.size, np.argsort(-off[:, 0] * projected.rest)[:most].tolist()))
-        if rest.torque.size > len(rest.names):
-            why = _unsupported(*huber(rest, v_s_range, options.grid)[:2], options, v_s_range).get(direction)
-            if why and why.numbers["why"].kind is Kind.LIKE_NOISE:
-                few[direction] = _refused(direction, Kind.OF_FEW_POINTS(count=most), options, v_s_range)
+    """Directions whose Stribeck term may as well be a few strays from the law without it, which Huber's loss does not tell."""
+    few = dict[Direction, Diagnostic]()
+    for direction in measured.peaks if measured.smooth is None else ():
+        search = find_strays(replace(measured, peaks=tuple(d for d in measured.peaks if d != direction)), v_s_range)
+        rest = measured.rows(all_but(measured.torque.size, search.rows))
+        if search.rows and not search.misfit and rest.torque.size > len(rest.names):
+            robust = huber(rest, v_s_range, options.grid)
+            if direction in _unsupported(robust.problem, robust.solution, options, v_s_range):
+                why = Kind.STRAYS_AS_WELL(count=len(search.rows))
+                few[direction] = _refused(direction, why, options, v_s_range)
     return few
 
 

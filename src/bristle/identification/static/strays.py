@@ -53,7 +53,7 @@ def find_strays(problem: Regression, v_s_range: tuple[float, float] | None = Non
     """The points of a problem that do not belong to its law; none where there are too few to tell.
 
     Args:
-        problem: n points, not moving data; a peak in every direction.
+        problem: n points, not moving data.
         v_s_range: where v_s is searched, rad/s; None: from the speeds of the points that are left.
     """
     n, most, out = problem.torque.size, most_strays(problem), list[int]()
@@ -85,9 +85,10 @@ def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> 
         costs = [refit(problem.rows(all_but(n, rows)), v_s_range).cost for rows in chosen]
         least = int(np.argmin(costs))
         fall = (base - costs[least]) / len(chosen[0])
-        p = fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried
-        if fall > noise and p < _LEVELS[len(chosen[0])]:
-            return list(chosen[least])
+        if fall > noise:
+            p = fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried
+            if p < _LEVELS[len(chosen[0])]:
+                return list(chosen[least])
     return []
 
 
@@ -154,6 +155,9 @@ def _nodes(problem: Regression, v_s_range: tuple[float, float]) -> Iterator[_Nod
     """The problem at each v_s of a grid, without the Stribeck terms that would be negative there; bounds on the others are left to the refit."""
     projected = Projected(problem)
     peaks = len(problem.peaks)
+    if not peaks:
+        yield _Node(projected.rest_cost, projected.rest, projected.q)
+        return
     values = log_grid(v_s_range, _GRIDS[peaks])
     columns = []
     for k in range(peaks):
