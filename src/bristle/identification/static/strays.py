@@ -11,6 +11,7 @@ Residuals and Influence in Regression, 1982).
 """
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from itertools import combinations, product
 from math import comb
 from typing import NamedTuple
@@ -115,7 +116,7 @@ def _candidates(
         if n - len(problem.names) - size < 1:
             return
         sets = np.array(list(combinations(np.sort(order[:most]).tolist(), size)))
-        costs = np.min([node.cost - node.falls(sets) for node in nodes], axis=0)
+        costs = reduce(np.minimum, (node.cost - node.falls(sets) for node in nodes))
         best = np.argsort(costs)
         order = sets[best, 0] if size == 1 else order
         yield [tuple(rows) for rows in sets[best[:_REFITTED]].tolist()], comb(n, size)
