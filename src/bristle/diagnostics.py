@@ -392,6 +392,14 @@ class Kind(Enum):
             "the speeds in random order."
         ),
     )
+    DRIFT_OF_ROWS = (
+        _CAUTION,
+        (
+            "Beside what speed explains, the torque of the points{direction!d} goes with their rows in {file}: {across:+.3g} from "
+            "first to last, {share:.0%} of it. If they stand there as they were measured, it drifts: warm up, or measure each "
+            "speed going up and coming down."
+        ),
+    )
     OFFSET_OR_FRICTION = (
         _CAUTION,
         (
@@ -531,8 +539,8 @@ class Kind(Enum):
     MISFIT = (
         _CRITICAL,
         (
-            "The law does not fit{direction!d}: more than one point in {share} would have to be left out, {points!m} first. "
-            "Look at the residuals for what is missing."
+            "The law does not fit{direction!d}: more than {most} of {count} points would have to be left out, {points!m} first. "
+            "Look at the residuals for what is missing; `exclude` under fit leaves out points that you know to be faulty."
         ),
     )
     RESTING_LEFT_OUT = (
@@ -592,6 +600,7 @@ class Kind(Enum):
     )
     NO_PEAK = _CAUTION, "no sign of a Stribeck peak"
     LIKE_NOISE = _CAUTION, "noise alone would look as much like a Stribeck peak in {percent:.0f} % of cases"
+    STRAYS_AS_WELL = _CAUTION, "{count} stray{count!e} from Coulomb and viscous friction would explain it as well"
     BEND = (
         _CAUTION,
         (
@@ -941,6 +950,10 @@ class Kind(Enum):
     OFFSET_LEFT_OUT = (
         _NOTE,
         "With separate directions an offset cannot be separated from the two Coulomb terms; it is not fitted.",
+    )
+    LOSS_OF_STATIC_FIT = (
+        _NOTE,
+        "`loss: huber` is the static fit's; all parameters of the moving runs, and their models, are fitted by least squares.",
     )
     HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
     TRUTH_UNDECLARED = _CAUTION, "True parameters are given (truth), but the data are not declared simulated."

@@ -81,6 +81,34 @@ def test_no_drift_is_said_without_one(tmp_path: Path) -> None:
     assert sum(bool(drifts(tmp_path, ramps(seed, SPEEDS, 0.0))) for seed in range(100)) <= 1
 
 
+def rows(folder: Path, order: Array, drift: float, seed: int) -> list[Diagnostic]:
+    """What is said of the rows of given points, forth and back at each of these speeds, while friction drifts by a share of itself."""
+    v = np.stack([order, -order], axis=1).ravel()
+    (torque,) = steady_points(TRUTH, v, NOISE, np.random.default_rng(seed), 1)
+    torque *= 1 + drift * np.arange(v.size) / (v.size - 1)
+    points = tuple(
+        Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
+        for k, (x, t) in enumerate(zip(v.tolist(), torque.tolist(), strict=True))
+    )
+    record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=torque)
+    given = measured(folder, (Run(kind="points", record=record),), (points,))
+    return [d for d in point_warnings(given, points, fits(NOISE)) if d.kind is Kind.DRIFT_OF_ROWS]
+
+
+def test_a_drift_over_the_rows_of_points_is_said(tmp_path: Path) -> None:
+    """Where speeds go up and down, or in any order: with direction, sign and size; none where they only rise, and of 100 clean sets at most one."""
+    both = np.concatenate([SPEEDS, SPEEDS[::-1]])
+    for drift in (-0.1, 0.3):
+        for order in (both, np.random.default_rng(1).permutation(both)):
+            found = rows(tmp_path, order, drift, 2)
+            assert [d.numbers["direction"] for d in found] == ["+", "-"]
+            for d in found:
+                assert np.sign(d.numbers["across"]) == np.sign(drift)
+                assert d.numbers["share"] == pytest.approx(abs(drift), rel=0.6)
+        assert rows(tmp_path, np.sort(both), drift, 2) == []
+    assert sum(bool(rows(tmp_path, both, 0.0, seed)) for seed in range(100)) <= 1
+
+
 def directions(folder: Path, seed: int, offset: float, negative: Lugre[float] = TRUTH) -> list[Diagnostic]:
     """What is said of points in both directions with an offset, or with another friction backward."""
     rng, v, noise = np.random.default_rng(seed), speeds(both=False), 1e-4
@@ -206,6 +234,16 @@ def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
     assert first.kind is Kind.VELOCITY_FACTOR
     assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
     assert "`unit: deg/s` under signals.velocity" in str(first)
+
+
+def test_hubers_loss_is_said_to_be_the_static_fits(tmp_path: Path) -> None:
+    """Where moving runs are fitted too, a note says that all their parameters are by least squares; by default there is none."""
+    path = logged(tmp_path, 1.0)
+    for loss in ("least-squares", "huber"):
+        text = path.read_text().replace("{directions: symmetric}", f"{{directions: symmetric, loss: {loss}}}")
+        (tmp_path / "loss.yaml").write_text(text)
+        (joint,) = bristle.identify(tmp_path / "loss.yaml").joints
+        assert (Kind.LOSS_OF_STATIC_FIT in {w.kind for w in joint.warnings}) == (loss == "huber")
 
 
 @pytest.mark.parametrize("factor", [-1.0, -60.0])

@@ -101,6 +101,34 @@ def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
     assert [reason.kind for reason in left_out.reasons] == [Kind.STRAY_DROPPED]
 
 
+def test_hubers_loss_reaches_every_later_step(tmp_path: Path) -> None:
+    """Estimates, intervals, cross-check, models and a plan are those of least squares on the torques that it gives; residuals are measured ones."""
+    T = torques()
+    T[[6, 15]] += 15 * NOISE
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    path = experiment(tmp_path / "a", SPEEDS, T, "fit: {loss: huber}\n")
+    robust = bristle.identify(path).joints[0]
+    fit = robust.static["+"]
+    given = experiment(tmp_path / "b", fit.velocity, fit.torque - fit.pulled)
+    other = bristle.identify(given).joints[0]
+    for name, e in other.static["+"].parameters.items():
+        assert fit.parameters[name].value == pytest.approx(e.value, rel=1e-6)
+        assert fit.parameters[name].interval == pytest.approx(e.interval, rel=1e-4)
+        assert fit.uncertainty[name].bootstrap == pytest.approx(other.static["+"].uncertainty[name].bootstrap, rel=1e-3)
+    for parameter, x in other.crosscheck["+"].parameters.items():
+        assert robust.crosscheck["+"].parameters[parameter] == pytest.approx(x, rel=1e-5)
+    assert robust.crosscheck["+"].agrees
+    for a, b in zip(robust.models[0].rows, other.models[0].rows, strict=True):
+        assert (a.model, a.recommended) == (b.model, b.recommended)
+        assert a.rms == pytest.approx(b.rms, rel=1e-5)
+    known = [bristle.plan(x, velocities=4).velocities[0].problem.prior_information for x in (path, given)]
+    assert known[0] == pytest.approx(known[1], rel=1e-4)
+    assert fit.torque == pytest.approx(T)
+    assert fit.rms == pytest.approx(np.sqrt(np.mean((T - (fit.torque - fit.residuals)) ** 2)))
+    assert {stray.where for stray in fit.strays} == {"line 8", "line 17"}
+
+
 def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
     """At vanishing speed with half the friction a point did not slide: left out by default, with the reason; at ordinary speed it is a stray."""
     slow = np.concatenate([[1e-5], SPEEDS])

@@ -193,6 +193,8 @@ class StaticFit:
     """Measured torque, N*m, shape (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
     """Measured minus fitted torque, N*m, shape (n,)."""
+    pulled: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    """What Huber's loss took off each torque, N*m, shape (n,); zero under least squares."""
     segments: tuple[Segment, ...] = field(default=(), metadata=UNWRITTEN)
     """Where each point comes from, (n,); empty for moving data."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
@@ -203,6 +205,11 @@ class StaticFit:
     def all_warnings(self) -> Iterator[Diagnostic]:
         """Those about the fit, then those about one parameter."""
         return _and_of(self.warnings, self.parameters.values())
+
+    @property
+    def noise(self) -> Array:
+        """The residuals of the torques as the fit's loss takes them, N*m, (n,)."""
+        return self.residuals - self.pulled if self.pulled.size else self.residuals
 
     def values(self) -> Stribeck[float] | None:
         """The fitted law, or None where nothing was fitted; a law without a peak is `WITHOUT_PEAK`."""

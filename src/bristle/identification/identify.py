@@ -34,7 +34,7 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, ModelComparison
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import fit_moving, fit_points
+from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress, step
@@ -63,6 +63,7 @@ def identify_joint(
     points = measured.points(hold_out=False)
     step(progress, "fitting friction over velocity")
     static, checks, left_out = _static(measured, points, timings)
+    points = pulled_points(points, static)
     stages = DynamicStages()
     if training:
         step(progress, "fitting the moving runs")
@@ -186,7 +187,7 @@ def _static(
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
         fits, checks = fit_points(measured, points, timings)
-        better = better_for_points(measured.experiment, points)
+        better = better_for_points(measured.experiment, pulled_points(points, fits))
         return {d: better.warned(fit) if better else fit for d, fit in fits.items()}, checks, ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
@@ -294,6 +295,8 @@ def _joint_warnings(
     if experiment.truth and not experiment.simulated:
         warnings.append(Kind.TRUTH_UNDECLARED())
     warnings += point_warnings(measured, points, static)
+    if experiment.fit.loss == "huber" and alone is not None:
+        warnings.append(Kind.LOSS_OF_STATIC_FIT())
     warnings += smeared_by_counts(experiment, measured.moving(hold_out=False), alone.parameters if alone else {})
     return tuple(warnings)
 

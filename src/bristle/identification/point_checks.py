@@ -1,6 +1,8 @@
 """What the points of constant velocity cannot tell apart: drift from speed, an offset from friction that differs."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +17,16 @@ from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.strays import refit
-from bristle.model.parameters import unit
+from bristle.model.parameters import Direction, ParameterName, unit
 
 _RARE = 5e-4
 """Of clean experiments, in which a test finds something all the same."""
 _ENOUGH = 5
 """Points of a direction that show an order, or a drift."""
+_MANY = 10
+"""Points of a direction whose torque may go with their rows ..."""
+_MIXED = 0.5
+"""... and the rank correlation of speed and row up to which that is no matter of speed."""
 _IN_ORDER = 0.9
 """Rank correlation of speed and order from which they cannot be told apart."""
 
@@ -44,6 +50,7 @@ def point_warnings(
     scatter = [fit.rms for fit in static.values() if fit.rms is not None]
     if scatter:
         yield from _drift([s for s in points if s.file in records], records, max(scatter))
+    yield from _drift_by_row(measured, points)
     yield from _offset(measured, points)
 
 
@@ -71,6 +78,34 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
         across=across,
         share=across / level,
     )
+
+
+def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:
+    """A torque that goes with the rows of given points whose speeds go up and down in them: an F test of a slope over the rows, beside the law."""
+    stray = _strays(measured)
+    given = [run.record.file for run in measured.runs if run.kind == "points" and not run.hold_out]
+    for file, (d, sign) in product(given, DIRECTIONS.items()):
+        own = [s for s in points if s.file == file and s.velocity * sign > 0 and s.place not in stray]
+        if len(own) < _MANY or abs(_order([abs(s.velocity) for s in own])) > _MIXED:
+            continue
+        rows = np.array([s.start for s in own], dtype=float)
+        law = points_problem(own, (d,), ())
+        column = sign * (rows - rows[0])[:, None] / np.ptp(rows)
+        names = (*law.linear_names, ParameterName("drift", Direction.SHARED))
+        drifting = replace(law, linear=np.hstack([law.linear, column]), linear_names=names)
+        plain, free = refit(law, measured.experiment.fit.v_s_range), refit(drifting, measured.experiment.fit.v_s_range)
+        rounding, freedom = 1e-20 * float(law.torque @ law.torque), len(own) - len(names) - 2
+        if _p(plain.cost - free.cost, 1, free.cost + rounding, freedom) > _RARE / 2:
+            continue
+        across = float(free.theta[2])
+        if abs(across) > 2 * np.sqrt(free.cost / freedom):
+            share = abs(across) / float(np.median(np.abs(law.torque)))
+            yield Kind.DRIFT_OF_ROWS(direction=d, file=file, across=across, share=share)
+
+
+def _strays(measured: Measured) -> set[tuple[str, int, int]]:
+    """Where the points are that do not belong to the law."""
+    return {search.points[k].place for search in measured.searches for k in search.strays}
 
 
 def _order(speeds: Sequence[float]) -> float:
@@ -102,7 +137,7 @@ def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnosti
     F tests of one law with an offset: against the same without, and of a law for each direction against it.
     """
     experiment = measured.experiment
-    stray = {search.points[k].place for search in measured.searches for k in search.strays}
+    stray = _strays(measured)
     sides = {d: tuple(s for s in points if s.velocity * x > 0 and s.place not in stray) for d, x in DIRECTIONS.items()}
     if (
         point_regressors(experiment)

@@ -172,6 +172,7 @@ class FitOptions(StrictModel):
     model: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
     """Whether the Stribeck term is fitted: where the data support it, never, or always."""
     loss: Literal["least-squares", "huber"] = "least-squares"
+    """Of the static fit, and all that rests on it: Huber's counts what is far off less."""
     stray: Literal["report", "drop"] = "report"
     """Points that do not belong to the law of the others: name them, or leave them out as well."""
     exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()

@@ -59,7 +59,7 @@ class Batch:
     """Sets of torques at the same velocities, solved as `solve` does; one peak.
 
     Args:
-        problem: one of the sets; its torque is not looked at, nor its weights.
+        problem: one of the sets; its torque is not looked at.
         torques: N*m, (n, sets).
         v_s_range: as in `solve`.
         grid: as in `solve`, >= 8.

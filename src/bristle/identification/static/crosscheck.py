@@ -102,8 +102,7 @@ def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[flo
         if len(few.directions) == 2:
             moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
         if few.smooth is None:
-            weight = np.ones(few.torque.size) if few.root_weight is None else few.root_weight
-            residual -= ca.DM(weight * moving) * law.steady_torque(ca.DM(few.velocity), p)
+            residual -= ca.DM(np.where(moving, 1.0, 0.0)) * law.steady_torque(ca.DM(few.velocity), p)
         else:
             shares = ca.DM(few.smooth[:, moving].toarray())
             residual -= ca.mtimes(shares, law.steady_torque(ca.DM(few.velocity[moving]), p))

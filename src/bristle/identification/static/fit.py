@@ -94,6 +94,9 @@ def fit_static(
     if not checked.agrees:
         comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
     fits = {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}
+    if options.loss == "huber":
+        peaks = core.problem.peaks
+        runs = [(file, huber(replace(one, peaks=peaks), v_s_range, options.grid).problem) for file, one in runs]
     return _finished(core, fits, run_fits(core, runs, v_s_range)), {label: checked}
 
 
@@ -157,12 +160,12 @@ def _huber_warnings(
     core: StaticSolution,
     robust: Mapping[ParameterName, float],
     errors: Mapping[ParameterName, float],
-    weight: Array,
+    pulled: Array,
     where: PointInfo,
 ) -> list[Diagnostic]:
     """Where least squares and Huber (with its standard errors) differ by over two combined ones, and the points responsible.
 
-    `weight` is each point's Huber weight, (n,).
+    `pulled` is how far each point's torque is pulled in, (n,); of those within the limit nothing.
     """
     moved = []
     for name, estimate in core.parameters.items():
@@ -173,7 +176,7 @@ def _huber_warnings(
     if not moved:
         return []
     points = where.segments
-    responsible = [str(points[k]) for k in np.argsort(weight)[:5] if weight[k] < 0.7] if points else []
+    responsible = [str(points[k]) for k in np.argsort(-pulled)[:5] if pulled[k]] if points else []
     by = Kind.RESPONSIBLE(points=tuple(responsible)) if responsible else ""
     return [Kind.HUBER_DIFFERS(moved=tuple(moved), points=by)]
 
@@ -203,13 +206,13 @@ def _comparisons(
         plain = dict(
             zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range, options.plain_grid)[2]), strict=True)
         )
-    unweighted = replace(problem, peaks=core.problem.peaks)
-    refit, weight = huber(unweighted, v_s_range, options.grid)
+    pulled, refit, far = huber(core.measured, v_s_range, options.grid)
+    distance = np.where(far, np.abs(pulled.torque - problem.torque), 0.0)
     robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
     spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
     errors = dict(zip(core.problem.names, map(float, spread), strict=True))
     strays = report_strays(core, where.search, options, kind)
-    warnings = [*strays.warnings, *_huber_warnings(core, robust, errors, weight, where), *core.warnings]
+    warnings = [*strays.warnings, *_huber_warnings(core, robust, errors, distance, where), *core.warnings]
     without: Mapping[ParameterName, Estimate] = {}
     if (sticks := where.stick_slip).any():
         rest = problem.rows(np.logical_not(sticks))
@@ -221,8 +224,9 @@ def _comparisons(
             without = alone.estimates
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
-    residuals, velocity = core.problem.residuals(core.solution.theta)[measured], problem.equation_velocity[measured]
-    warnings += residual_warnings(residuals, velocity, where.time, where.position)
+    velocity = problem.equation_velocity[measured]
+    warnings += residual_warnings(core.solution.residuals[measured], velocity, where.time, where.position)
+    residuals = core.measured.residuals(core.solution.theta)[measured]
     in_order = residuals[np.argsort(velocity)] if where.segments else residuals
     warnings = [*unexplained(in_order, float(np.linalg.norm(problem.measured[measured]))), *warnings]
     three = three_ways(core, v_s_range)
@@ -235,7 +239,7 @@ def _static_fit(
     core: StaticSolution, part: Direction, where: PointInfo, comparisons: _Comparisons, errors: tuple[HoldOut, ...]
 ) -> StaticFit:
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
-    problem, theta = core.problem, core.solution.theta
+    problem, theta = core.measured, core.solution.theta
     two = len(problem.directions) == 2
     velocity = problem.equation_velocity
     residuals = problem.residuals(theta)
@@ -276,6 +280,7 @@ def _static_fit(
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],
+        pulled=(problem.torque - core.problem.torque)[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
         time=where.time[rows[: where.time.size]],
         position=where.position[rows[: where.position.size]],

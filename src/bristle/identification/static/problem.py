@@ -40,15 +40,13 @@ class Regression:
     velocity: Array
     """rad/s, shape (N,); no element is zero in a direction's set of points."""
     torque: Array
-    """N*m, shape (n,), smoothed and weighted like the columns."""
+    """N*m, shape (n,), smoothed like the columns."""
     linear: Array
     """Columns that multiply the linear parameters but alpha_1, shape (n, m)."""
     linear_names: tuple[ParameterName, ...]
     """alpha_0 and alpha_2 per direction, then the extra regressors."""
     smooth: sparse.csr_array | None = None
     """The decimation filter as a matrix, shape (n, N)."""
-    root_weight: Array | None = None
-    """Square root of each equation's weight, shape (n,)."""
     memory: dict[tuple[object, str, bytes], Tables] = field(default_factory=dict, repr=False)
     """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same
     grid."""
@@ -124,7 +122,7 @@ class Regression:
         return np.concatenate([design, slopes * linear[self.linear.shape[1] :]], axis=1)
 
     def residuals(self, theta: Array) -> Array:
-        """Measured minus modelled torque (weighted, where there are weights), shape (n,)."""
+        """Measured minus modelled torque, shape (n,)."""
         linear, v_s = self.split(theta)
         modelled: Array = self.design(v_s) @ linear
         return self.torque - modelled
@@ -145,17 +143,6 @@ class Regression:
         m = self.linear.shape[1]
         return self.torque - self.linear[:, known:] @ theta[known:m]
 
-    def weighted(self, weight: Array) -> "Regression":
-        """The same problem with each equation multiplied by the square root of its weight, (n,)."""
-        root = np.sqrt(weight)
-        return replace(
-            self,
-            torque=self.torque * root,
-            linear=self.linear * root[:, None],
-            root_weight=root,
-            shifts={name: shift * root for name, shift in self.shifts.items()},
-        )
-
     def with_torque(self, torque: Array) -> "Regression":
         """The same velocities with another torque, N*m, (n,)."""
         return replace(self, torque=torque.copy(), memory={})
@@ -175,10 +162,9 @@ class Regression:
 
     def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Tables:
         direction, smooth = self.peaks[peak], self.smooth
-        tables = (
+        return (
             self._raw(function, v_s, direction) if smooth is None else self._smoothed(function, v_s, direction, smooth)
         )
-        return tables if self.root_weight is None else tuple(t * self.root_weight[:, None] for t in tables)
 
     def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Tables:
         key = (function, direction, v_s.tobytes())

@@ -17,9 +17,10 @@ from scipy.interpolate import BSpline
 from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
+from bristle.identification.fits import Profile
 from bristle.identification.static.grid import GRID, Projected, Solution, subsets
 from bristle.identification.static.problem import Regression, log_grid
-from bristle.model.parameters import ParameterName
+from bristle.model.parameters import Direction, ParameterName
 
 _LOOKS = (
     Looks(first=1, near=2, again=0, drawn=1),
@@ -29,6 +30,8 @@ _LOOKS = (
 """Over how many v_s extremes are looked for, by the number of peaks."""
 _DRAWN = 61
 """Values of a parameter at which its profile is drawn."""
+_NEAR = 40
+"""Values of v_s around the minimum at which its profile is drawn."""
 _BEYOND = 0.5
 """How far beyond its interval, in widths of it."""
 _AROUND = (0.5, 2.0, 101)
@@ -110,6 +113,42 @@ def profiled(problem: Regression, solution: Solution, variance_inflation: float 
     return StaticProfiles(intervals | v_s, threshold, few, linear)
 
 
+def drawn_profiles(
+    problem: Regression, solution: Solution, plain_grid: int, v_s_range: tuple[float, float], threshold: float
+) -> dict[Direction, Profile]:
+    """The profile over v_s of each peak, as it is drawn, with `plain_grid` values of the paper's grid."""
+    profiles = {}
+    projected = Projected(problem)
+    for k, direction in enumerate(problem.peaks):
+        best = float(solution.theta[k - len(problem.peaks)])
+        costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
+        plain_v_s = (
+            np.linspace(*v_s_range, plain_grid) if len(problem.peaks) == 1 and problem.smooth is None else solution.grid
+        )
+        around = _around(solution.grid, solution.profiles[k], best, solution.cost, threshold)
+        profiles[direction] = Profile(
+            v_s=solution.grid,
+            cost=solution.profiles[k],
+            near_v_s=around,
+            near_cost=costs(around),
+            plain_v_s=plain_v_s,
+            plain_cost=costs(plain_v_s) if plain_v_s is not solution.grid else solution.profiles[k],
+            best=best,
+            best_cost=solution.cost,
+            threshold=threshold,
+        )
+    return profiles
+
+
+def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
+    """Values of v_s, even in log(v_s), where the profile is below ten times the threshold's height."""
+    low = np.flatnonzero(cost <= best_cost + 10 * (threshold - best_cost))
+    near = np.append(low, np.searchsorted(grid, best))
+    first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
+    values: Array = np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR)
+    return np.sort(np.append(values, best))
+
+
 def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     """The problem in fewer equations and velocities.
 
@@ -120,12 +159,11 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     if problem.smooth is None:
         return problem
     basis = _basis(problem, v_s_range)
-    weight = np.ones(problem.torque.size) if problem.root_weight is None else problem.root_weight
     two = len(problem.directions) == 2
     velocities, shares = [], []
     for sign in (1.0, -1.0) if two else (1.0,):
         moving = problem.velocity * sign > 0 if two else problem.velocity != 0
-        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ (basis * weight[:, None])).T)
+        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ basis).T)
         velocities.append(sign * nodes)
         shares.append(sign * sums)
     return replace(
@@ -134,7 +172,6 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
         torque=basis.T @ problem.torque,
         linear=basis.T @ problem.linear,
         smooth=sparse.csr_array(np.concatenate(shares, axis=1)),
-        root_weight=None,
         known=None,
         memory={},
     )

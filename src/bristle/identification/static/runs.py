@@ -4,6 +4,7 @@ From points at constant velocity, direction by direction or of both, or from mov
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,12 @@ def fit_points(
         static |= fits
         checks |= checked
     return static, checks
+
+
+def pulled_points(points: Sequence[Segment], fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
+    """The points with the torques that Huber's loss gave them in their fits; as they are under least squares."""
+    pulled = {s.place: x for f in fits.values() for s, x in zip(f.segments, f.pulled.tolist(), strict=False)}
+    return tuple(replace(s, torque=s.torque - pulled.get(s.place, 0.0)) for s in points)
 
 
 def _whole_curves(

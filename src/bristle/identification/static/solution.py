@@ -5,7 +5,6 @@ Which Stribeck terms the data support, and an interval and its warnings on each 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import compress
 
 import numpy as np
@@ -20,7 +19,8 @@ from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.profiles import StaticProfiles, others, profiled
+from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
+from bristle.identification.static.strays import all_but, find_strays
 from bristle.identification.systematic import all_shifted
 from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
@@ -30,10 +30,16 @@ SUPPORTED = 0.01
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
-_THERE = {Kind.PEAK_LEFT_OUT, Kind.BEND, Kind.ONE_SPEED, Kind.V_S_DOWN_TO_ZERO, Kind.V_S_UP_TO_ANY, Kind.NONE_BELOW_V_S}
+_THERE = {
+    Kind.STRAYS_AS_WELL,
+    Kind.PEAK_LEFT_OUT,
+    Kind.BEND,
+    Kind.ONE_SPEED,
+    Kind.V_S_DOWN_TO_ZERO,
+    Kind.V_S_UP_TO_ANY,
+    Kind.NONE_BELOW_V_S,
+}
 """Reasons to drop a term that is more than noise."""
-_NEAR = 40
-"""Values of v_s around the minimum at which the profile is drawn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +47,9 @@ class StaticSolution:
     """A solved and judged problem."""
 
     problem: Regression
+    """As it is fitted: under Huber's loss with torques that are pulled in."""
+    measured: Regression
+    """The same with the torques that were measured."""
     solution: Solution
     parameters: Mapping[ParameterName, Estimate]
     """With the statistical error alone."""
@@ -73,13 +82,14 @@ def solve_static(
     """
     v_s_range = v_s_range or options.v_s_range or default_range(problem.velocity)
     dropped, solution = _without_peak(problem, options, v_s_range)
+    measured = problem
     problem, solution, likelihood, again = _settled(problem, solution, dropped, options, v_s_range)
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
     covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, variance_inflation)
     full, _ = uncertainty.covariance(jacobian, solution.cost, variance_inflation)
-    profiles = _profiles(problem, solution, options, v_s_range, likelihood.threshold)
+    profiles = drawn_profiles(problem, solution, options.plain_grid, v_s_range, likelihood.threshold)
     parameters = _estimates(problem, solution, covariance, free, likelihood.intervals, kind)
     parameters |= _as_far_as_measured(parameters, dropped)
     v_s = {
@@ -90,6 +100,7 @@ def solve_static(
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
         problem=problem,
+        measured=replace(measured, peaks=problem.peaks),
         solution=solution,
         parameters=parameters,
         shifts=_shifts(problem, jacobian, free),
@@ -120,8 +131,8 @@ def _settled(
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
         again = tuple[Diagnostic, ...]()
         if options.loss == "huber":
-            kept = kept.weighted(huber(kept, v_s_range, options.grid)[1])
-        if solution is None or dropped or options.loss == "huber":
+            kept, solution, _ = huber(kept, v_s_range, options.grid)
+        elif solution is None or dropped:
             solution = solve(kept, v_s_range, options.grid)
         likelihood = profiled(kept, solution, _inflation(kept, solution))
         if likelihood.better is not None:
@@ -154,11 +165,32 @@ def _without_peak(
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
         return dict.fromkeys(problem.peaks, reason), None
-    solution = solve(problem, v_s_range, options.grid)
+    if options.loss == "huber":
+        measured, (problem, solution, _) = problem, huber(problem, v_s_range, options.grid)
+    else:
+        measured, solution = problem, solve(problem, v_s_range, options.grid)
+    none = _unsupported(problem, solution, options, v_s_range)
     if asked:
-        none = _unsupported(problem, solution, options, v_s_range)
         return {d: (Kind.NO_STRIBECK_ASKED if d in none else Kind.PEAK_LEFT_OUT)() for d in problem.peaks}, None
-    return ({} if options.model == "stribeck" else _unsupported(problem, solution, options, v_s_range)), solution
+    if options.model == "auto" and options.loss == "huber":
+        none = _of_strays(measured, options, v_s_range) | none
+    return {} if options.model == "stribeck" else none, solution
+
+
+def _of_strays(
+    measured: Regression, options: FitOptions, v_s_range: tuple[float, float]
+) -> dict[Direction, Diagnostic]:
+    """Directions whose Stribeck term may as well be a few strays from the law without it, which Huber's loss does not tell."""
+    few = dict[Direction, Diagnostic]()
+    for direction in measured.peaks if measured.smooth is None else ():
+        search = find_strays(replace(measured, peaks=tuple(d for d in measured.peaks if d != direction)), v_s_range)
+        rest = measured.rows(all_but(measured.torque.size, search.rows))
+        if search.rows and not search.misfit and rest.torque.size > len(rest.names):
+            robust = huber(rest, v_s_range, options.grid)
+            if direction in _unsupported(robust.problem, robust.solution, options, v_s_range):
+                why = Kind.STRAYS_AS_WELL(count=len(search.rows))
+                few[direction] = _refused(direction, why, options, v_s_range)
+    return few
 
 
 def _unbounded(
@@ -228,44 +260,6 @@ def _speeds(problem: Regression, direction: str) -> Array:
     moving = {"+": problem.velocity > 0, "-": problem.velocity < 0}.get(direction, problem.velocity != 0)
     speeds: Array = np.abs(problem.velocity[moving])
     return speeds
-
-
-def _profiles(
-    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float], threshold: float
-) -> dict[Direction, Profile]:
-    """The profile over v_s of each peak, as it is drawn."""
-    profiles = {}
-    projected = Projected(problem)
-    for k, direction in enumerate(problem.peaks):
-        best = float(solution.theta[k - len(problem.peaks)])
-        costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
-        plain_v_s = (
-            np.linspace(*v_s_range, options.plain_grid)
-            if len(problem.peaks) == 1 and problem.smooth is None
-            else solution.grid
-        )
-        around = _around(solution.grid, solution.profiles[k], best, solution.cost, threshold)
-        profiles[direction] = Profile(
-            v_s=solution.grid,
-            cost=solution.profiles[k],
-            near_v_s=around,
-            near_cost=costs(around),
-            plain_v_s=plain_v_s,
-            plain_cost=costs(plain_v_s) if plain_v_s is not solution.grid else solution.profiles[k],
-            best=best,
-            best_cost=solution.cost,
-            threshold=threshold,
-        )
-    return profiles
-
-
-def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
-    """Values of v_s, even in log(v_s), where the profile is below ten times the threshold's height."""
-    low = np.flatnonzero(cost <= best_cost + 10 * (threshold - best_cost))
-    near = np.append(low, np.searchsorted(grid, best))
-    first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
-    values: Array = np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR)
-    return np.sort(np.append(values, best))
 
 
 def _estimates(

@@ -11,7 +11,7 @@ from bristle.identification.fits import Estimate, OtherPoints, Stray
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, solve_static
-from bristle.identification.static.strays import SHARE
+from bristle.identification.static.strays import most_strays
 from bristle.model.parameters import Direction, ParameterName
 from bristle.model.parameters import Kind as JointKind
 
@@ -54,7 +54,9 @@ def report_strays(
         )
     named = tuple(_named(search, k) for k in search.strays)
     if search.misfit:
-        warnings.append(Kind.MISFIT(direction=side, share=SHARE, points=named))
+        warnings.append(
+            Kind.MISFIT(direction=side, most=most_strays(search.problem), count=len(search.points), points=named)
+        )
     if search.misfit or not named:
         return StrayReport(warnings=tuple(warnings))
     dropped = options.stray == "drop"
@@ -102,7 +104,7 @@ def _is_of(name: ParameterName, velocity: float) -> bool:
 
 
 def _relative_error(solved: StaticSolution) -> float:
-    return solved.problem.relative_error(solved.solution.theta)
+    return solved.measured.relative_error(solved.solution.theta)
 
 
 def _values(core: StaticSolution, second: StaticSolution) -> tuple[Diagnostic, ...]:
@@ -130,7 +132,7 @@ def _differ(one: Estimate | None, other: Estimate | None) -> bool:
 
 def _other_points(solved: StaticSolution, part: Direction) -> OtherPoints:
     """The second fit's part of one direction."""
-    problem, theta = solved.problem, solved.solution.theta
+    problem, theta = solved.measured, solved.solution.theta
     one = len(problem.directions) == 1
     rows = np.ones(problem.torque.size, bool) if one else problem.velocity * DIRECTIONS[part] > 0
     residuals = problem.residuals(theta)[rows]

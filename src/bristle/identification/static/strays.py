@@ -1,17 +1,19 @@
 """Points that do not belong to the law: which ones, left out, lower the refitted cost by more than chance.
 
 One after another the point is left out whose absence lowers the cost of the refit (10) most, while an F test says that
-this is no chance; where no point alone is, pairs are tried, for two strays can hide each other. At most an eighth of
-the points are strays: where one more would be, it is the law that does not fit.
+this is no chance; where no point alone is, pairs are tried, then threes, for strays can hide each other. At most an
+eighth of the points are strays: where one more would be, it is the law that does not fit.
 
 To leave a point out is to give it a parameter of its own. So at a given v_s the cost falls by r**2 / (1 - h), with r
-the point's residual and h its leverage, and by a quadratic form in two residuals for a pair: every point and every pair
-is tried at every v_s of a grid in a few array operations, and the best few are refitted exactly (Cook and Weisberg,
+the point's residual and h its leverage, and by a quadratic form in their residuals for two or three: all of them are
+tried at every v_s of a grid in a few array operations, and the best few are refitted exactly (Cook and Weisberg,
 Residuals and Influence in Regression, 1982).
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import product
+from functools import reduce
+from itertools import combinations, product
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -25,13 +27,16 @@ from bristle.identification.static.problem import Regression, log_grid
 LEVEL = 0.01
 """Of the F test, over all the points or pairs that it was chosen from (Bonferroni)."""
 SHARE = 8
-"""At most one point in so many is a stray."""
+"""At most one point in so many is a stray; of few points two, for such as hide each other, where the rest has as many
+degrees of freedom as the law has parameters."""
 _GRIDS = {1: 96, 2: 24}
 """Values of v_s for each of so many peaks."""
-_PAIRED = 200
-"""Of more points only those that lower the cost most by themselves are tried in pairs."""
+_LEVELS = {1: LEVEL, 2: LEVEL, 3: LEVEL / 10}
+"""By how many are left out at once: threes, of which there are so many, only where there is no doubt."""
+_TRIED = {1: 10_000, 2: 200, 3: 24}
+"""By how many are left out at once: of more points only those that lower the cost most by themselves are tried."""
 _REFITTED = 5
-"""Of the points or pairs that lower the cost most on the grid, so many are refitted."""
+"""Of the points, pairs or threes that lower the cost most on the grid, so many are refitted."""
 _VANISHED = 1e-9
 """A point with less than this share of itself off the fit's columns is fitted whatever its torque is."""
 
@@ -49,36 +54,42 @@ def find_strays(problem: Regression, v_s_range: tuple[float, float] | None = Non
     """The points of a problem that do not belong to its law; none where there are too few to tell.
 
     Args:
-        problem: n points, not moving data; a peak in every direction.
+        problem: n points, not moving data.
         v_s_range: where v_s is searched, rad/s; None: from the speeds of the points that are left.
     """
-    n, out = problem.torque.size, list[int]()
+    n, most, out = problem.torque.size, most_strays(problem), list[int]()
     while True:
         kept = np.delete(np.arange(n), out)
         more = _significant(problem.rows(all_but(n, out)), v_s_range)
         if not more:
             return StraySearch(tuple(out), False)
         out += kept[more].tolist()
-        if len(out) > n // SHARE:
+        if len(out) > most:
             return StraySearch(tuple(out), True)
 
 
+def most_strays(problem: Regression) -> int:
+    """How many points of a problem can be strays."""
+    n = problem.torque.size
+    return max(n // SHARE, 2 if n >= 2 * len(problem.names) + 2 else 0)
+
+
 def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> list[int]:
-    """The point, or else the two, without which the refitted cost is lower by more than chance; none otherwise."""
-    n, p = problem.torque.size, len(problem.names)
-    if n < p + 2:
+    """The point, or else the two or three, without which the refitted cost is lower by more than chance; none otherwise."""
+    n, parameters = problem.torque.size, len(problem.names)
+    if n < parameters + 2:
         return []
     base = refit(problem, v_s_range).cost
     noise = 1e-20 * float(problem.torque @ problem.torque)
     for chosen, tried in _candidates(problem, v_s_range):
-        freedom = n - p - len(chosen[0])
-        if freedom < 1:
-            continue
+        freedom = n - parameters - len(chosen[0])
         costs = [refit(problem.rows(all_but(n, rows)), v_s_range).cost for rows in chosen]
         least = int(np.argmin(costs))
         fall = (base - costs[least]) / len(chosen[0])
-        if fall > noise and fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried < LEVEL:
-            return list(chosen[least])
+        if fall > noise:
+            p = fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried
+            if p < _LEVELS[len(chosen[0])]:
+                return list(chosen[least])
     return []
 
 
@@ -97,19 +108,18 @@ def all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
 def _candidates(
     problem: Regression, v_s_range: tuple[float, float] | None
 ) -> Iterator[tuple[list[tuple[int, ...]], int]]:
-    """The single points that lower the cost most on the grid, then the pairs; each with how many they were chosen from."""
+    """The single points that lower the cost most on the grid, then the pairs and the threes; each with how many there are."""
     n = problem.torque.size
     nodes = list(_nodes(problem, v_s_range or default_range(problem.velocity)))
-    alone = np.min([node.cost - node.residuals**2 / node.own for node in nodes], axis=0)
-    order = np.argsort(alone)
-    yield [(int(k),) for k in order[:_REFITTED]], n
-    tried = np.sort(order[:_PAIRED])
-    pairs = np.full((tried.size, tried.size), np.inf)
-    for node in nodes:
-        np.minimum(pairs, node.cost - node.falls(tried), out=pairs)
-    first, second = np.triu_indices(tried.size, 1)
-    best = np.argsort(pairs[first, second])[:_REFITTED]
-    yield [(int(tried[first[k]]), int(tried[second[k]])) for k in best], first.size
+    order = np.arange(n)
+    for size, most in _TRIED.items():
+        if n - len(problem.names) - size < 1:
+            return
+        sets = np.array(list(combinations(np.sort(order[:most]).tolist(), size)))
+        costs = reduce(np.minimum, (node.cost - node.falls(sets) for node in nodes))
+        best = np.argsort(costs)
+        order = sets[best, 0] if size == 1 else order
+        yield [tuple(rows) for rows in sets[best[:_REFITTED]].tolist()], comb(n, size)
 
 
 class _Node(NamedTuple):
@@ -121,29 +131,34 @@ class _Node(NamedTuple):
     basis: Array
     """Orthonormal columns of the fit, (n, p)."""
 
-    @property
-    def own(self) -> Array:
-        """One less the leverage of each point, (n,)."""
-        own: Array = np.maximum(1 - np.einsum("np,np->n", self.basis, self.basis), _VANISHED)
-        return own
-
-    def falls(self, rows: NDArray[np.intp]) -> Array:
-        """By how much the cost falls without two of these points, (k, k); without one of them on the diagonal."""
-        r, own, basis = self.residuals[rows], self.own[rows], self.basis[rows]
-        across = -basis @ basis.T
-        determinant = np.outer(own, own) - across**2
-        square = np.outer(r**2, own)
-        both = square + square.T - 2 * np.outer(r, r) * across
-        apart = determinant > _VANISHED * np.outer(own, own)
-        falls: Array = np.divide(both, determinant, out=np.zeros_like(both), where=apart)
-        np.fill_diagonal(falls, r**2 / own)
-        return falls
+    def falls(self, sets: NDArray[np.intp]) -> Array:
+        """By how much the cost falls without each of some sets of points, (k,) for (k, size): r' (I - H)**-1 r of their own, by elimination."""
+        size = sets.shape[1]
+        r = [self.residuals[sets[:, i]] for i in range(size)]
+        rows = [self.basis[sets[:, i]] for i in range(size)]
+        left = {
+            (i, j): float(i == j) - np.einsum("kp,kp->k", rows[i], rows[j]) for i in range(size) for j in range(i + 1)
+        }
+        own = [left[i, i] for i in range(size)]
+        falls, apart = np.zeros(sets.shape[0]), np.ones(sets.shape[0], dtype=bool)
+        for j in range(size):
+            apart &= left[j, j] > _VANISHED * np.maximum(own[j], _VANISHED)
+            pivot = np.where(apart, left[j, j], 1.0)
+            falls += r[j] ** 2 / pivot
+            for i in range(j + 1, size):
+                ratio = left[i, j] / pivot
+                r[i] = r[i] - ratio * r[j]
+                left |= {(i, k): left[i, k] - ratio * left[k, j] for k in range(j + 1, i + 1)}
+        return np.where(apart, falls, 0.0)
 
 
 def _nodes(problem: Regression, v_s_range: tuple[float, float]) -> Iterator[_Node]:
     """The problem at each v_s of a grid, without the Stribeck terms that would be negative there; bounds on the others are left to the refit."""
     projected = Projected(problem)
     peaks = len(problem.peaks)
+    if not peaks:
+        yield _Node(projected.rest_cost, projected.rest, projected.q)
+        return
     values = log_grid(v_s_range, _GRIDS[peaks])
     columns = []
     for k in range(peaks):
