@@ -346,6 +346,51 @@ class Kind(Enum):
             "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
         ),
     )
+    WHOLE_DEGREES = (
+        _CAUTION,
+        (
+            "Every position of {files!l} is a whole number of deg: encoder counts (then write `unit: counts` under "
+            "signals.position, and give encoder_resolution), or a sensor with steps of 1 deg, which hides inertia and v_s."
+        ),
+    )
+    COUNT_UNIT = (
+        _CRITICAL,
+        (
+            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution: a wrong unit. Write {remedy} under signals.position; where the position is right, write "
+            "`encoder_resolution: {step:.4g} {unit}`."
+        ),
+    )
+    COUNT_CONTRADICTS = (
+        _CRITICAL,
+        (
+            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution: one of the two is wrong. Where the position is right, write `encoder_resolution: "
+            "{step:.4g} {unit}`; else correct the unit or scale of signals.position, the gear included."
+        ),
+    )
+    COUNT_BITS = (
+        _NOTE,
+        (
+            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution, a power of two: quadrature, or a different number of bits. Write `encoder_resolution: "
+            "{step:.4g} {unit}`."
+        ),
+    )
+    COUNT_ROUNDED = (
+        _CAUTION,
+        (
+            "The position of {files!l} is rounded to steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution: log more digits, or write `encoder_resolution: {step:.4g} {unit}`."
+        ),
+    )
+    COUNTS_OF_A_TURN = (
+        _CAUTION,
+        (
+            "A turn of {files!l} has {declared:.6g} counts as declared, and {counts} with {remedy} under "
+            "signals.position: a power of two, as encoders have. Check the unit."
+        ),
+    )
     CLIPPED = (
         _CAUTION,
         (
