@@ -825,9 +825,16 @@ class Kind(Enum):
         _CAUTION,
         (
             "The torque fits better when taken {seconds:.2g} s ({samples:.2g} samples) {when}, which would "
-            "explain {share:.0%} of the residuals: check the time stamps, or add {delay:.2g} s to the delay of "
+            "explain {share:.0%} of the residuals far from reversals: check the time stamps, or add {delay:.2g} s to the delay of "
             "its signal and fit again (a voltage held until the next sample is half a sample early: its delay is "
             "negative)."
+        ),
+    )
+    DELAY_OR_PRESLIDING = (
+        _NOTE,
+        (
+            "At reversals the torque looks as if taken {seconds:.2g} s ({samples:.2g} samples) {when}: a delay, or presliding "
+            "that these data do not resolve, and they do not tell which. Check the time stamps; longer strokes would tell."
         ),
     )
     INERTIA_DOUBTED = (

@@ -185,7 +185,8 @@ def _equation_error_problem(
     known, _ = inertia(experiment)
     options = experiment.fit
     posed = dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
-    return replace(posed, count=_count(experiment, records), stribeck=options.model)
+    count = _count(experiment, records)
+    return replace(posed, count=count, cutoff=options.position_cutoff, stribeck=options.model)
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:
