@@ -852,6 +852,14 @@ class Kind(Enum):
         ),
     )
     STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
+    STATIC_WITHOUT_PRESLIDING = (
+        _CAUTION,
+        (
+            "The fit of all parameters, which knows presliding, finds {value:.4g} +/- {error:.2g} {unit} in the same runs, "
+            "which is more than chance: believe that one. The standard error here is multiplied by {factor:.2g} to reach "
+            "it."
+        ),
+    )
     STAGES_DO_NOT_FIT = (
         _CRITICAL,
         (
