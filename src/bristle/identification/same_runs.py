@@ -43,19 +43,18 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
 
 
 def _other(name: str, direction: str, fit: StaticFit, moving: TrackingFit) -> Estimate | None:
-    """The same parameter from all together; None where one of the two has none, or another meaning."""
+    """The same parameter from all together; None where one of the two has none, or the static law is the fuller one."""
     own = fit.parameters[name]
     shared = direction == Direction.SHARED or name not in {"alpha_0", "alpha_1", "alpha_2", "v_s"}
     key = ParameterName(name, Direction.SHARED if shared else Direction(direction))
     other = moving.parameters.get(key)
     if other is None or not (own.value is not None and own.standard_error and other.value and other.standard_error):
         return None
-    peak = [
-        e.value is not None
-        for e in (fit.parameters.get("alpha_1"), moving.parameters.get(key._replace(name="alpha_1")))
-        if e
-    ]
-    return other if shared or len(set(peak)) == 1 else None
+    if shared:
+        return other
+    has_peak, peak = fit.parameters.get("alpha_1"), moving.parameters.get(key._replace(name="alpha_1"))
+    own_alone = has_peak is not None and has_peak.value is not None and (peak is None or peak.value is None)
+    return None if own_alone else other  # with a peak on one side only, the law with it is the fuller one
 
 
 def _spanning(fit: StaticFit, name: str, own: Estimate, other: Estimate) -> StaticFit:
