@@ -354,6 +354,51 @@ class Kind(Enum):
             "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
         ),
     )
+    WHOLE_DEGREES = (
+        _CAUTION,
+        (
+            "Every position of {files!l} is a whole number of deg: encoder counts (then write `unit: counts` under "
+            "signals.position, and give encoder_resolution), or a sensor with steps of 1 deg, which hides inertia and v_s."
+        ),
+    )
+    COUNT_UNIT = (
+        _CRITICAL,
+        (
+            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution: a wrong unit. Write {remedy} under signals.position; where the position is right, write "
+            "`encoder_resolution: {step:.4g} {unit}`."
+        ),
+    )
+    COUNT_CONTRADICTS = (
+        _CRITICAL,
+        (
+            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution: one of the two is wrong. Where the position is right, write `encoder_resolution: "
+            "{step:.4g} {unit}`; else correct the unit or scale of signals.position, the gear included."
+        ),
+    )
+    COUNT_BITS = (
+        _NOTE,
+        (
+            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution, a power of two: quadrature, or a different number of bits. Write `encoder_resolution: "
+            "{step:.4g} {unit}`."
+        ),
+    )
+    COUNT_ROUNDED = (
+        _CAUTION,
+        (
+            "The position of {files!l} is rounded to steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
+            "encoder_resolution: log more digits, or write `encoder_resolution: {step:.4g} {unit}`."
+        ),
+    )
+    COUNTS_OF_A_TURN = (
+        _CAUTION,
+        (
+            "A turn of {files!l} has {declared:.6g} counts as declared, and {counts} with {remedy} under "
+            "signals.position: a power of two, as encoders have. Check the unit."
+        ),
+    )
     CLIPPED = (
         _CAUTION,
         (
@@ -799,9 +844,16 @@ class Kind(Enum):
         _CAUTION,
         (
             "The torque fits better when taken {seconds:.2g} s ({samples:.2g} samples) {when}, which would "
-            "explain {share:.0%} of the residuals: check the time stamps, or add {delay:.2g} s to the delay of "
+            "explain {share:.0%} of the residuals far from reversals: check the time stamps, or add {delay:.2g} s to the delay of "
             "its signal and fit again (a voltage held until the next sample is half a sample early: its delay is "
             "negative)."
+        ),
+    )
+    DELAY_OR_PRESLIDING = (
+        _NOTE,
+        (
+            "At reversals the torque looks as if taken {seconds:.2g} s ({samples:.2g} samples) {when}: a delay, or presliding "
+            "that these data do not resolve, and they do not tell which. Check the time stamps; longer strokes would tell."
         ),
     )
     INERTIA_DOUBTED = (
@@ -819,6 +871,14 @@ class Kind(Enum):
         ),
     )
     STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
+    STATIC_WITHOUT_PRESLIDING = (
+        _CAUTION,
+        (
+            "The fit of all parameters, which knows presliding, finds {value:.4g} +/- {error:.2g} {unit} in the same runs, "
+            "which is more than chance: believe that one. The standard error here is multiplied by {factor:.2g} to reach "
+            "it."
+        ),
+    )
     STAGES_DO_NOT_FIT = (
         _CRITICAL,
         (

@@ -11,9 +11,10 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Thresholds, find_segments
 from bristle.data.differentiation import estimate_motion, smoothed
+from bristle.data.encoder import count_mismatch
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.data.experiment.schema import FitOptions, RunKind
-from bristle.data.experiment.signals import Context, Signals
+from bristle.data.experiment.signals import Context, Position, Signals
 from bristle.data.record import Record
 from bristle.data.signal_checks import Counts, check_signals, count_noise, merged, travel_ratio
 from bristle.diagnostics import Diagnostic, Kind, Severity
@@ -309,3 +310,71 @@ def test_files_with_one_fault_are_one_warning() -> None:
     assert [d.kind for d in found] == [Kind.VELOCITY_FACTOR, Kind.VELOCITY_FACTOR, Kind.LOST_SAMPLES]
     assert found[0].numbers["files"] == ("0.csv", "1.csv", "2.csv", "3.csv", "and 5 more")
     assert found[0].numbers["ratio"] == 57.0
+
+
+def test_a_unit_that_contradicts_the_encoder(tmp_path: Path) -> None:
+    """Positions whose steps are not the declared count: the unit that explains it, bits, rounding, or the factor; none where they agree."""
+    t = np.arange(4000) / 1000
+    count = 2 * np.pi / 4096
+    q, torque = np.round(np.sin(3 * t) * np.exp(-t / 9) / count) * count, np.sin(3 * t) + 0.1 * np.cos(3 * t)
+    cases = (
+        (q, "unit: rad", None),
+        (np.rad2deg(q), "unit: deg", None),
+        (np.rad2deg(q), "unit: rad", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: deg` under")),
+        (q, "unit: deg", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: rad` under")),
+        (q / (2 * np.pi), "unit: rad", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: rev` under")),
+        (1e3 * q, "unit: rad", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: mrad` under")),
+        (51 * q, "unit: rad", ("COUNT_CONTRADICTS", Severity.CRITICAL, "51 times")),
+        (q / 4, "unit: rad", ("COUNT_BITS", Severity.NOTE, "0.25 times")),
+        (np.round(q, 2), "unit: rad", ("COUNT_ROUNDED", Severity.CAUTION, "rounded to steps of 0.01 rad")),
+        (np.round(np.rad2deg(q)), "unit: deg", ("WHOLE_DEGREES", Severity.CAUTION, "`unit: counts`")),
+    )
+    for logged, position, wanted in cases:
+        found = [
+            d
+            for d in written(tmp_path, position, np.column_stack([t, logged, torque]))
+            if d.kind.name.startswith(("COUNT", "WHOLE"))
+        ]
+        assert [(d.kind.name, d.severity) for d in found] == ([] if wanted is None else [wanted[:2]])
+        assert wanted is None or wanted[2] in str(found[0])
+
+
+def counted(seed: int) -> tuple[Array, float]:
+    """A position behind an encoder of any count, moving, resting or creeping, and that count."""
+    rng = np.random.default_rng(seed)
+    n = int(10 ** rng.uniform(2.3, 4))
+    t = np.arange(n) / n
+    q = (
+        np.sin(rng.uniform(3, 60) * t) + np.sin(rng.uniform(3, 60) * t),
+        np.cumsum(np.repeat(rng.uniform(-1, 1, 8), n // 8 + 1)[:n]) / n,
+        2e-3 * np.cumsum(rng.standard_normal(n)) / np.sqrt(n),
+        np.repeat(rng.uniform(-2, 2, 30), n // 30 + 1)[:n],
+    )[seed % 4]
+    count = 2 * np.pi / 2 ** int(rng.integers(8, 22)) if rng.integers(2) else 10 ** rng.uniform(-6, -2)
+    return np.round((q + rng.uniform(0, count)) / count) * count, count
+
+
+def test_encoders_are_left_alone() -> None:
+    """Of 400 positions behind encoders of any count, in any unit, at most one is said to contradict its encoder or its unit, declared or not."""
+    found = []
+    for seed in range(400):
+        q, count = counted(seed)
+        signal = Position(column="q", unit=("rad", "deg", "rev", "mrad")[seed % 3])
+        record = Record(file="run.csv", time=np.arange(q.size) / RATE, position=q)
+        found += [count_mismatch(record, signal, Context(resolution=r)) for r in (count, None)]
+    assert len([d for d in found if d is not None]) <= 1
+
+
+def test_a_turn_of_a_power_of_two_in_another_unit() -> None:
+    """Without a declared count, degrees given as rad and rad given as degrees are told by a turn of 2**n counts; so declared, nothing is said."""
+    count = 2 * np.pi / 4096
+    turns = np.round(np.sin(np.arange(4000) / 300) / count) * count
+    for unit, other, factor in (("rad", "deg", 180 / np.pi), ("deg", "rad", np.pi / 180), ("rad", "rev", 0.5 / np.pi)):
+        record = Record(file="run.csv", time=np.arange(4000.0), position=turns * factor)
+        found = count_mismatch(record, Position(column="q", unit=unit), Context())
+        assert found is not None
+        assert found.kind is Kind.COUNTS_OF_A_TURN
+        assert found.severity is Severity.CAUTION
+        assert "4096 with `unit: " + other + "`" in str(found)
+    right = Record(file="run.csv", time=np.arange(4000.0), position=turns)
+    assert count_mismatch(right, Position(column="q", unit="rad"), Context()) is None

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
-from bristle.diagnostics import NOT_IDENTIFIABLE, Kind
+from bristle.diagnostics import NOT_IDENTIFIABLE, Kind, Severity
 from bristle.estimation.nonlinear import minimise
 from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.crosscheck import check_tracking
@@ -321,6 +321,39 @@ def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
     (sentence,) = said[1]
     assert float(re.findall(r"add (\S+) s to the delay", sentence)[0]) == pytest.approx(samples * STEP, rel=0.2)
     assert ("earlier" if samples > 0 else "later") in sentence
+
+
+@pytest.mark.parametrize(
+    ("bits", "delay", "named"), [(12, 0.0, False), (14, 0.0, False), (24, 0.0, False), (24, 3e-3, True)]
+)
+def test_counts_and_presliding_are_no_delay(bits: int, delay: float, named: bool) -> None:
+    """Behind encoders that hide presliding, and behind fine ones, no delay is named where there is none; a true one behind a fine one is."""
+    t, v = motion()
+    count, run = 2 * np.pi / 2**bits, record(GRIPPER, noise=2e-4)
+    assert run.torque is not None
+    position = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)])
+    late = np.interp(t - delay, t, run.torque)
+    counted = Record(file="run.csv", time=t, position=count * np.floor(position / count), torque=late)
+    problem = dynamic_problem([estimate_motion(counted, 40.0)], ("both",), ("inertia",), 5, None)
+    found = fit_tracking(replace(problem, count=count, cutoff=40.0), values_of(GRIPPER), "revolute", starts=1).fit
+    said = [d.numbers["delay"] for d in found.warnings if d.kind is Kind.TORQUE_DELAYED]
+    assert bool(said) is named
+    assert said == pytest.approx([delay] * named, rel=0.2)
+
+
+def test_a_motion_without_sliding_cannot_tell_a_delay_from_presliding() -> None:
+    """Where a joint hardly slides between reversals, a late torque is a note that names both causes, and no line to change."""
+    soft = GRIPPER._replace(sigma_0=GRIPPER.sigma_0 / 10)
+    t, _ = motion()
+    run = record(soft, noise=2e-5, velocity=0.3 * motion()[1])
+    assert run.torque is not None
+    late = replace(run, torque=np.interp(t - 5e-3, t, run.torque))
+    found = fit_tracking(posed(late, decimation=5), values_of(soft), "revolute", starts=1).fit
+    (said,) = [d for d in found.warnings if d.kind in {Kind.TORQUE_DELAYED, Kind.DELAY_OR_PRESLIDING}]
+    assert said.kind is Kind.DELAY_OR_PRESLIDING
+    assert said.severity is Severity.NOTE
+    assert "presliding" in str(said)
+    assert "to the delay of" not in str(said)
 
 
 def test_a_wrong_inertia_that_was_given_is_named() -> None:

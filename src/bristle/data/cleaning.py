@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.columns import Key
+from bristle.data.encoder import whole_positions
 from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
-from bristle.data.signal_checks import whole_positions
 from bristle.data.text_table import RawTable
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError

@@ -1,19 +1,36 @@
-"""The encoder's count: as an experiment declares it, or as the readings show it."""
+"""The encoder's count: as an experiment declares it, or as the readings show it, and whether the two are one."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.data import units
+from bristle.data.experiment.signals import Context, Position, si
 from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
 
 if TYPE_CHECKING:
     from bristle.data.experiment.load import Experiment
 
+POSITION_UNITS = {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", "mm", "cm")}
+"""In which positions are logged."""
 _NEAR, _ENOUGH = 50.0, 8
 """Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid
 by chance."""
+_DIFFERENT = 3
+"""Multiples of a count among the steps, beyond which a grid is no constant speed, where readings hardly repeat."""
+_WHOLE = 0.5
+"""SI: no encoder has a count so large, rad or m."""
+_FACTOR = 0.05
+"""Declared and seen counts differ by less: an encoder is known better than that."""
+_NAMED = 0.01
+"""... and where they do not, a factor that is this near to a known one is that one."""
+_POWER, _COARSEST = 5e-5, 256
+"""Counts a turn are a power of two where they differ by less, and are so many; a number drawn at random is, in one of
+the three other units, once in 2000 times."""
 
 
 def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
@@ -28,11 +45,90 @@ def smallest_step(position: Array) -> float:
     0 where they keep to no grid.
     """
     levels = np.unique(position)
+    step, multiples = _grid(levels)
+    return step if multiples.size >= _ENOUGH or levels.size <= position.size / 2 else 0.0
+
+
+def _grid(levels: Array) -> tuple[float, Array]:
+    """The step of the grid that readings in rising order lie on, 0 where there is none, and the small multiples of it that tell it."""
     if levels.size < 2:
-        return 0.0
+        return 0.0, np.zeros(0)
     steps = np.diff(levels)
     steps = steps[steps > 1e-3 * np.median(steps)]
     near = steps[steps < _NEAR * steps.min()]
     step = float(near.sum() / np.round(near / np.median(near[near < 1.5 * near.min()])).sum())
-    on_grid = bool(np.abs(near / step - np.round(near / step)).max() < 0.1)
-    return step if on_grid and (near.size >= _ENOUGH or levels.size <= position.size / 2) else 0.0
+    multiples = np.round(near / step)
+    return (step if np.abs(near / step - multiples).max() < 0.1 else 0.0), multiples
+
+
+def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Diagnostic | None:
+    """Positions as logged, (n,), that are whole numbers of a unit in which no encoder counts, or hardly one."""
+    if signal.unit.strip().startswith("count"):
+        return None
+    seen = logged[np.isfinite(logged)]
+    if not (seen == np.round(seen)).all() or np.unique(seen).size < 3:
+        return None
+    size = abs(signal.factor("position", context))
+    if size >= _WHOLE:
+        return Kind.WHOLE_POSITIONS(files=(file,), unit=signal.unit)
+    declared = context.resolution is not None and _apart(size / context.resolution, 1.0) < _FACTOR
+    degrees = context.kind == "revolute" and _apart(size, units.factor("deg", "rad")) < _NAMED
+    return Kind.WHOLE_DEGREES(files=(file,)) if degrees and not declared else None
+
+
+def count_mismatch(record: Record, signal: Position | None, context: Context) -> Diagnostic | None:
+    """Positions of a run whose steps are not those of the declared encoder, or that are a power of two in another unit."""
+    told_before = any(d.kind in {Kind.WHOLE_POSITIONS, Kind.WHOLE_DEGREES} for d in record.warnings)
+    if record.position is None or signal is None or signal.unit.strip().startswith("count") or told_before:
+        return None
+    levels = np.unique(record.position)
+    step, multiples = _grid(levels)
+    repeats = levels.size <= record.position.size / 2
+    if not step or multiples.size < _ENOUGH or not (repeats or np.unique(multiples).size > _DIFFERENT):
+        return None
+    if context.resolution is None:
+        return _turn_of_another_unit(record.file, step, signal, context)
+    ratio = step / context.resolution
+    if _apart(ratio, 1.0) < _FACTOR:
+        return None
+    kind = Kind.COUNT_ROUNDED if _is_round(step / abs(signal.factor("position", context))) else Kind.COUNT_CONTRADICTS
+    kind = Kind.COUNT_BITS if _power_of_two(ratio, _NAMED) else kind
+    line = next((f"`unit: {u}`" for u, by in _other_units(signal, context) if _apart(ratio * by, 1.0) < _NAMED), None)
+    numbers = {"files": (record.file,), "step": step, "ratio": ratio, "unit": si("position", context)}
+    return kind(**numbers) if line is None else Kind.COUNT_UNIT(**numbers, remedy=line)
+
+
+def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Diagnostic | None:
+    """A turn of so many counts that it is a power of two in another unit than the declared one."""
+    turn = 2 * np.pi / step
+    if context.kind != "revolute" or _power_of_two(turn, _POWER):
+        return None
+    for unit, by in _other_units(signal, context):
+        if turn / by > _COARSEST and _power_of_two(turn / by, _POWER):
+            return Kind.COUNTS_OF_A_TURN(
+                files=(file,), declared=turn, counts=round(turn / by), remedy=f"`unit: {unit}`"
+            )
+    return None
+
+
+def _other_units(signal: Position, context: Context) -> Iterator[tuple[str, float]]:
+    """Each unit that the column may have been logged in, and what it multiplies the position by, as declared."""
+    now = signal.factor("position", context)
+    for unit in (*POSITION_UNITS[context.kind], *(["counts"] if context.resolution else [])):
+        with suppress(ValueError):  # where the scale converts the unit
+            by = units.factor(unit, si("position", context), scale=signal.scale, resolution=context.resolution) / now
+            if _apart(by, 1.0) > _NAMED:
+                yield unit, by
+
+
+def _apart(x: float, wanted: float) -> float:
+    return abs(float(np.log(abs(x) / wanted)))
+
+
+def _power_of_two(x: float, within: float) -> bool:
+    return _apart(x, 2.0 ** round(np.log2(x))) < within
+
+
+def _is_round(x: float) -> bool:
+    """Whether a step is that of a number printed with a few digits: 1, 2 or 5 in one of them."""
+    return any(_apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < 1e-3 for digit in (1, 2, 5))

@@ -13,7 +13,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data import units
 from bristle.data.differentiation import ORDER, between_gaps, smoothed, usable
-from bristle.data.encoder import smallest_step
+from bristle.data.encoder import POSITION_UNITS, count_mismatch, smallest_step
 from bristle.data.experiment.schema import FitOptions, RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
 from bristle.data.record import Record
@@ -36,11 +36,9 @@ _UNITS = {
         "revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"),
         "prismatic": ("m/s", "mm/s", "cm/s"),
     },
-    "position": {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", "mm", "cm")},
+    "position": POSITION_UNITS,
 }
 _TIMES = ("s", "ms", "us")
-_WHOLE = 0.5
-"""SI: no encoder has a count so large, rad or m."""
 _LEVELS = 20
 """A signal has more levels than this, or nothing can be said of how often it takes one."""
 _PILED, _NEXT = 4.0, 3
@@ -104,6 +102,7 @@ def check_signals(
     found = [_clipped(record) if kind in {"tracking", "points"} else None]
     if kind != "points":
         found += [_velocity_factor(record, signals, context), _lost_samples(record, signals)]
+        found.append(count_mismatch(record, signals.position, context))
     if kind == "tracking":
         found.append(_coarse(record, context, options))
     return tuple(d for d in found if d is not None)
@@ -209,16 +208,6 @@ def _factors(signals: Signals, size: float) -> list[str]:
 
 def _near(x: float, wanted: float) -> bool:
     return abs(float(np.log(abs(x) / wanted))) < _FACTOR
-
-
-def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Diagnostic | None:
-    """Positions as logged, (n,), that are whole numbers of a unit in which no encoder counts."""
-    if signal.unit.strip().startswith("count") or abs(signal.factor("position", context)) < _WHOLE:
-        return None
-    seen = logged[np.isfinite(logged)]
-    if not (seen == np.round(seen)).all() or np.unique(seen).size < 3:
-        return None
-    return Kind.WHOLE_POSITIONS(files=(file,), unit=signal.unit)
 
 
 def _clipped(record: Record) -> Diagnostic | None:

@@ -32,6 +32,7 @@ from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, ModelComparison
+from bristle.identification.same_runs import beside_moving
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
@@ -78,6 +79,7 @@ def identify_joint(
         )
         step(progress, "trying other set-ups")
         static, stages = _with_set_up(experiment, training, static, stages, from_points=bool(points))
+        static = static if points else beside_moving(static, stages.alone)
     elif measured.slow:
         step(progress, "fitting slow loading")
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))

@@ -3,24 +3,40 @@
 A torque logged earlier or later, another inertia than the one given.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.control.plant import quantise
+from bristle.data.differentiation import derivative, smoothed, usable
+from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, modelled
-from bristle.model.parameters import INERTIA, unit
+from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, modelled, parameters
+from bristle.model.parameters import INERTIA, Lugre, unit
 from bristle.model.parameters import Kind as JointKind
 
 _SURE = 4.0
 """Standard errors from zero, beyond which it is said."""
 _SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
+_SLID = 5.0
+"""Deflections g0 / sigma_0 that a joint travels after a reversal until it slides: exp(-5) is left of the way."""
+_FILTERED = 2.0
+"""Periods of the position's cut-off before and after a reversal in which the low pass rounds it off."""
+_REACHED = 0.02
+"""An equation whose decimation filter gives less than this weight to what is near a reversal is far from it."""
+_LOST = 1e-9
+"""A column that keeps less of its length far from reversals is not seen there."""
+_LEAST = 1e-100
+"""Of sigma_0: no division by zero."""
+_PHASE = 0.37
+"""Where in a count the joint rests in a draw of what counting does."""
 
 
 def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
@@ -31,21 +47,36 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
     """
     if problem.quantity != "torque":
         return []
-    warnings, motions = [], problem.motions
-    torque = modelled(problem, solution.values)
-    wanted = {"delay": [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]}
-    if INERTIA not in problem.names:
-        wanted["inertia"] = [np.gradient(m.velocity, m.time) for m in motions]
-    missing = {name: more for name, more in _wanted(problem, solution, wanted).items() if more.counts}
-    if more := missing.get("delay"):
-        samples = abs(more.value) / float(np.median(np.concatenate([m.step for m in motions])))
-        when = "earlier" if more.value > 0 else "later"
-        warnings.append(
-            Kind.TORQUE_DELAYED(seconds=abs(more.value), samples=samples, when=when, share=more.share, delay=more.value)
-        )
-    if more := missing.get("inertia"):
+    motions = problem.motions
+    torque = zip(modelled(problem, solution.values), motions, strict=True)
+    late = _equations(motions, [-np.gradient(T, m.time) for T, m in torque])
+    inert = _equations(motions, [np.gradient(m.velocity, m.time) for m in motions])
+    given = INERTIA not in problem.names
+    warnings = _delay(problem, solution, late, inert[:, None] if given else np.zeros((inert.size, 0)))
+    more = _wanted(solution, inert, late[:, None], np.ones(inert.size, dtype=bool))
+    if given and more.counts:
         warnings.append(Kind.INERTIA_DOUBTED(more=more.value, error=more.error, unit=unit("inertia", kind)))
     return warnings
+
+
+def _delay(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], column: Array, others: Array
+) -> list[Diagnostic]:
+    """Whether the torque was logged early or late, told far from reversals.
+
+    At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
+    well.
+    """
+    whole = _counted(problem, solution, column, others, np.ones(column.size, dtype=bool))
+    far = _counted(problem, solution, column, others, _far_from_reversals(problem, solution))
+    kind, more = (Kind.TORQUE_DELAYED, far) if far.counts else (Kind.DELAY_OR_PRESLIDING, whole)
+    if not more.counts or (whole is more and _SURE * far.error < abs(whole.value)):
+        return []  # sliding would have shown it
+    step = float(np.median(np.concatenate([m.step for m in problem.motions])))
+    when = "earlier" if more.value > 0 else "later"
+    numbers = {"seconds": abs(more.value), "samples": abs(more.value) / step, "when": when}
+    further = {"share": more.share, "delay": more.value} if kind is Kind.TORQUE_DELAYED else {}
+    return [kind(**numbers, **further)]
 
 
 class _More(NamedTuple):
@@ -54,6 +85,8 @@ class _More(NamedTuple):
     value: float
     error: float
     share: float
+    rest: float = np.inf
+    """Squared length of the column beside all others."""
 
     @property
     def counts(self) -> bool:
@@ -61,22 +94,89 @@ class _More(NamedTuple):
         return abs(self.value) > _SURE * self.error and self.share > _SHARE
 
 
-def _wanted(
-    problem: DynamicProblem, solution: MultistartSolution[Unknown], wanted: Mapping[str, Sequence[Array]]
-) -> dict[str, _More]:
-    """Each column, given per motion as (N,), beside all the others and the Jacobian's."""
-    jacobian, rest = solution.minimum.jacobian, solution.minimum.residuals
-    known = jacobian[:, solution.scaled_errors < np.inf]
-    columns = np.zeros((rest.size, len(wanted)))
-    for k, by_motion in enumerate(wanted.values()):
-        rows = [m.weight * m.smoothed(c) for m, c in zip(problem.motions, by_motion, strict=True)]
-        columns[: sum(r.size for r in rows), k] = np.concatenate(rows)
-    beside = columns - known @ (inverse_gram(known) @ (known.T @ columns))
-    weights = beside @ inverse_gram(beside)
-    out = {}
-    for name, weight in zip(wanted, weights.T, strict=True):
-        score = weight * rest
-        value, square = float(score.sum()), float(weight @ weight)
-        error = float(np.sqrt(score @ score * inflation(score)))
-        out[name] = _More(value, error, value**2 / square / solution.minimum.cost if square else 0.0)
-    return out
+def _wanted(solution: MultistartSolution[Unknown], column: Array, others: Array, rows: NDArray[np.bool_]) -> _More:
+    """A column of the equations, (n,), beside others, (n, k), and the Jacobian's, in some of them.
+
+    Nothing for sure where these are too few.
+    """
+    n = column.size
+    jacobian = np.hstack([solution.minimum.jacobian[:n, solution.scaled_errors < np.inf], others])
+    length = np.linalg.norm(jacobian, axis=0)
+    seen = np.linalg.norm(jacobian[rows], axis=0) > _LOST * length
+    known, rest, more = jacobian[rows][:, seen] / length[seen], solution.minimum.residuals[:n][rows], column[rows]
+    if rest.size < 2 * known.shape[1] + 2:
+        return _More(0.0, np.inf, 0.0)
+    inverse = inverse_gram(known)
+    beside, left = (x - known @ (inverse @ (known.T @ x)) for x in (more, rest))
+    square, cost = float(beside @ beside), float(left @ left)
+    if not (square > 0 and cost > 0):
+        return _More(0.0, np.inf, 0.0)
+    value = float(beside @ left) / square
+    score = beside * (left - value * beside) / square
+    return _More(value, float(np.sqrt(score @ score * inflation(score))), value**2 * square / cost, square)
+
+
+def _counted(
+    problem: DynamicProblem,
+    solution: MultistartSolution[Unknown],
+    column: Array,
+    others: Array,
+    rows: NDArray[np.bool_],
+) -> _More:
+    """The delay that some equations ask for, less the one that counts of the encoder make, half of which is its error.
+
+    Counts make noise in the acceleration, a, which is in the residuals, -J a, and in what a delay multiplies,
+    -alpha_2 a - J da/dt: the regression finds a delay of -J alpha_2 sum(a**2) / (squares of the column beside all
+    others), which is none (errors in variables).
+    """
+    more = _wanted(solution, column, others, rows)
+    inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
+    if not (problem.count and problem.cutoff and inertia and np.isfinite(more.error)):
+        return more
+    noise = _equations(problem.motions, [_count_noise(m, problem.count, problem.cutoff) for m in problem.motions])[rows]
+    known = parameters(problem, solution.values)
+    alpha_2 = known.alpha_2 if isinstance(known, Lugre) else sum(p.alpha_2 for p in known) / 2
+    made = -inertia * alpha_2 * float(noise @ noise) / more.rest
+    return more._replace(value=more.value - made, error=float(np.hypot(more.error, made / 2)))
+
+
+def _count_noise(motion: Motion, count: float, cutoff: float) -> Array:
+    """Acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2, (N,)."""
+    if not motion.position.size:
+        return np.zeros(motion.time.size)
+    record = Record(file=motion.file, time=motion.time)
+    cutoff = usable(record, cutoff)
+    path = smoothed(record, motion.position, cutoff) + _PHASE * count
+    off = np.asarray(quantise(path, count)).ravel() - path
+    return derivative(record, smoothed(record, off, cutoff), 2)
+
+
+def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
+    """A column per motion, (N,) each, as the fit's equations see it, (n,)."""
+    return np.concatenate([m.weight * m.smoothed(c) for m, c in zip(motions, columns, strict=True)])
+
+
+def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
+    """Which equations see only samples at which the joint slides, (n,)."""
+    known = parameters(problem, solution.values)
+    reach = _SLID * max(
+        (p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in ([known] if isinstance(known, Lugre) else known)
+    )
+    filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
+    far = []
+    for m in problem.motions:
+        near = _near_reversals(m, reach, filtered).astype(float)
+        far.append((near if m.smooth is None else abs(m.smooth) @ near) < _REACHED)
+    return np.concatenate(far)
+
+
+def _near_reversals(motion: Motion, reach: float, filtered: float) -> NDArray[np.bool_]:
+    """Samples less than a way after a reversal, or after the start, or a time before or after one, (N,)."""
+    v, t = motion.velocity, motion.time
+    way = np.concatenate([[0.0], np.cumsum(np.abs(v[1:] + v[:-1]) / 2 * motion.step)])
+    turns = np.append(np.insert(np.flatnonzero(np.diff(np.sign(v))) + 1, 0, 0), t.size)
+    interval = np.searchsorted(turns, np.arange(t.size), side="right") - 1
+    before, after = turns[interval], turns[interval + 1]
+    until = np.where(after < t.size, t[np.minimum(after, t.size - 1)] - t, np.inf)
+    near: NDArray[np.bool_] = (way - way[before] < reach) | (t - t[before] < filtered) | (until < filtered)
+    return near

@@ -7,6 +7,7 @@ from math import hypot
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
@@ -33,8 +34,8 @@ from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_APART = 2.6
-"""Combined standard errors by which two stages differ in one of a hundred cases."""
+_CHANCE = 0.01
+"""Probability, by chance, that any of the parameters differs between two stages."""
 _SURER = 1.5
 """Times: one stage knows a parameter better than another if its error is smaller by this."""
 _SURE = 3
@@ -185,7 +186,8 @@ def _equation_error_problem(
     known, _ = inertia(experiment)
     options = experiment.fit
     posed = dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
-    return replace(posed, count=_count(experiment, records), stribeck=options.model)
+    count = _count(experiment, records)
+    return replace(posed, count=count, cutoff=options.position_cutoff, stribeck=options.model)
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:
@@ -313,6 +315,7 @@ def _single(stage: str, name: ParameterName, value: float, error: float) -> Prio
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
     """Each parameter of each stage beside the moving data alone and the joint fit."""
     rows = []
+    limit = _limit(sum(alone.parameters[name].value is not None for prior in priors for name in prior.names))
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
         for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):
@@ -323,7 +326,10 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                 apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
                 difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
                 verdict = _verdict(
-                    prior.stage, difference, error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
+                    prior.stage,
+                    abs(difference) > limit,
+                    error / abs(value or 1.0),
+                    moving.standard_error / abs(moving.value or 1.0),
                 )
             rows.append(
                 Consistency(
@@ -345,7 +351,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
 def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Diagnostic]:
     """What the stages' disagreement warns of in the joint fit."""
     warnings = []
-    apart = [c.parameter for c in agree if c.difference_in_se is not None and abs(c.difference_in_se) > _APART]
+    apart = [c.parameter for c in agree if c.verdict.kind not in {Kind.STAGE_AGREES, Kind.STAGE_UNSEEN}]
     if apart:
         warnings.append(Kind.STAGES_DIFFER(names=tuple(apart)))
     if joint.relative_error > _WORSE * alone.relative_error:
@@ -353,8 +359,13 @@ def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: Trac
     return warnings
 
 
-def _verdict(stage: str, difference: float, stage_share: float, own_share: float) -> Diagnostic:
-    if abs(difference) <= _APART:
+def _limit(count: int) -> float:
+    """Combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)."""
+    return float(ndtri(1 - _CHANCE / (2 * max(count, 1))))
+
+
+def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Diagnostic:
+    if not differ:
         return Kind.STAGE_AGREES()
     if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
         return Kind.STAGE_DIFFERS()

@@ -119,6 +119,8 @@ class DynamicProblem:
     """What each motion begins with, unknown."""
     count: float = 0.0
     """Encoder count where the velocity is made of positions, rad; 0 where none is seen."""
+    cutoff: float = 0.0
+    """Of the low pass through which motion is estimated, Hz; 0: none."""
     stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
     """As `fit.model`."""
     equations: "Equations" = field(default_factory=lambda: equation_error)
