@@ -130,7 +130,7 @@ def test_a_stray_has_a_ring_of_its_own(joint: Joint) -> None:
     rings = [
         [np.asarray(line.get_xydata()).tolist() for line in ax.lines if line.get_markersize() == 11] for ax in axes
     ]
-    assert rings == [[[[0.2, 0.05]], [[-0.2, -0.05]]], [[[0.2, 0.05]], [[0.2, 0.05]]]]
+    assert rings == [[[[0.2, 0.05], [-0.2, -0.05]]], [[[0.2, 0.05], [0.2, 0.05]]]]
     assert axes[0].get_legend_handles_labels()[1].count("stray, named") == 1
     assert "stray, named" not in static_figures.curve_figure(joint).axes[0].get_legend_handles_labels()[1]
 

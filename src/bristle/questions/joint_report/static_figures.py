@@ -33,8 +33,6 @@ _SHADES: dict[str, dict[str, Any]] = {
     "rejected": {"facecolor": "none", "edgecolor": "#D55E00", "alpha": 0.5, "hatch": "//", "linewidth": 0},
 }
 """How the segments of a run are marked."""
-_STRAY = "stray, named"
-"""In the legend: a point that the warnings name."""
 
 
 @styled
@@ -67,9 +65,8 @@ def curve_figure(joint: Joint) -> Figure:
             _curve(slow, fit, look, sign, magnitude=True)
         _fitted_points(whole, fit, look, direction(d))
         _fitted_points(slow, fit, look, "", magnitude=True)
-    for _, fit in _directions(joint):
-        _strays(whole, fit)
-        _strays(slow, fit, magnitude=True)
+    _strays(whole, joint)
+    _strays(slow, joint, magnitude=True)
     decimal_log(slow)
     _label(whole, axis("velocity", joint.kind), axis("torque", joint.kind, "friction"))
     _label(slow, axis("velocity", joint.kind, "magnitude of"), axis("torque", joint.kind, "magnitude of"))
@@ -120,15 +117,13 @@ def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitud
             ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
 
 
-def _strays(ax: Axes, fit: StaticFit, *, magnitude: bool = False) -> None:
-    """A ring about each point that is named as a stray, fitted or left out."""
-    if not fit.strays:
-        return
-    v, torque = np.array([(s.velocity, s.torque) for s in fit.strays]).T
-    if magnitude:
-        v, torque = np.abs(v), torque * np.sign(v)
-    named = None if _STRAY in ax.get_legend_handles_labels()[1] else _STRAY
-    ax.plot(v, torque, "o", color="black", markerfacecolor="none", markersize=11, label=named)
+def _strays(ax: Axes, joint: Joint, *, magnitude: bool = False) -> None:
+    """A ring about each point that the warnings name as a stray, fitted or left out."""
+    found = [(x.velocity, x.torque) for _, fit in _directions(joint) for x in fit.strays]
+    if found:
+        v, torque = np.array(found).T
+        x, y = (np.abs(v), torque * np.sign(v)) if magnitude else (v, torque)
+        ax.plot(x, y, "o", color="black", markerfacecolor="none", markersize=11, label="stray, named")
 
 
 def _rejected(ax: Axes, joint: Joint) -> None:
