@@ -1,12 +1,13 @@
 """What the residuals of moving runs would like to have been otherwise.
 
-A torque logged earlier or later, another inertia than the one given.
+A torque logged earlier or later, another inertia than the one given, a Stribeck term that was left out.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtr
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
@@ -14,13 +15,20 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, modelled
-from bristle.model.parameters import INERTIA, unit
+from bristle.model.functions import stribeck_shape_function
+from bristle.model.parameters import INERTIA, STRIBECK_REACH, Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
+from bristle.model.vectorize import evaluate
 
 _SURE = 4.0
 """Standard errors from zero, beyond which it is said."""
 _SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
+_SPEEDS = 24
+"""Values of v_s at which a term that was left out is looked for, from this share of the fastest speed on."""
+_SLOWEST = 1e-3
+_CHANCE = 1e-3
+"""A term is found where there is none at most this often."""
 
 
 def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
@@ -80,3 +88,44 @@ def _wanted(
         error = float(np.sqrt(score @ score * inflation(score)))
         out[name] = _More(value, error, value**2 / square / solution.minimum.cost if square else 0.0)
     return out
+
+
+def takes_up_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
+    """alpha_0 and alpha_2 of a direction without a Stribeck term that the residuals ask for, moved by it by more than a standard error.
+
+    The term is that of steady sliding at the v_s that the residuals like best; a t test, Bonferroni over these.
+    """
+    if problem.quantity != "torque":
+        return []
+    seen = solution.scaled_errors < np.inf
+    known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
+    fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    order = {name: k for k, name in enumerate(np.array(solution.names, dtype=object)[seen].tolist())}
+    names = list[ParameterName]()
+    for direction in problem.directions:
+        if problem.fixed.get(problem.key("alpha_1", direction)) != 0:
+            continue
+        grid = np.geomspace(_SLOWEST, 1 / STRIBECK_REACH, _SPEEDS) * fastest
+        columns = np.zeros((rest.size, _SPEEDS))
+        rows = [m.weight * m.smoothed(_peak(m.velocity, direction, grid)) for m in problem.motions]
+        columns[: sum(r.shape[0] for r in rows)] = np.concatenate(rows)
+        taken = inverse_gram(known) @ (known.T @ columns)
+        beside = columns - known @ taken
+        scores = beside / np.maximum(np.einsum("nk,nk->k", beside, beside), 1e-300) * rest[:, None]
+        size = scores.sum(axis=0)
+        errors = np.sqrt([float(s @ s) * inflation(s) for s in scores.T])
+        best = int(np.argmax(size / np.maximum(errors, 1e-300)))
+        if size[best] > 0 and _SPEEDS * stdtr(solution.freedom, -size[best] / errors[best]) < _CHANCE:
+            moved = np.abs(taken[:, best] * size[best]) > solution.scaled_errors[seen]
+            own = (problem.key(name, direction) for name in ("alpha_0", "alpha_2"))
+            names += [name for name in own if name in order and moved[order[name]]]
+    return names
+
+
+def _peak(velocity: Array, direction: Direction, v_s: Array) -> Array:
+    """The Stribeck term of steady sliding in a direction for alpha_1 = 1 and each v_s, (N, k)."""
+    sign = np.sign(velocity) * {"+": velocity > 0, "-": velocity < 0}.get(direction, velocity != 0)
+    v, scale = np.broadcast_arrays(velocity[:, None], v_s)
+    shape = evaluate(stribeck_shape_function(), v.ravel(), scale.ravel())[0].reshape(v.shape)
+    peak: Array = sign[:, None] * shape
+    return peak
