@@ -693,7 +693,7 @@ class Kind(Enum):
     # all parameters from a motion
     CONVERGED = _NOTE, "The fit converged."
     CONVERGED_AT_BOUND = _CAUTION, "The fit converged, with {names!l} at a bound."
-    NOT_CONVERGED = _CRITICAL, "The fit did not converge; do not use its numbers."
+    NOT_CONVERGED = _CRITICAL, "The fit did not converge; it gives no estimates."
     UNSEEN_WIDE = _CAUTION, "Not identifiable from this motion: its standard error is {share:.0%} of its value."
     UNSEEN_FAR = _CAUTION, "Not identifiable from this motion: its standard error is more than ten times its value."
     UNSEEN_COMPANION = (
@@ -707,7 +707,7 @@ class Kind(Enum):
             "cases."
         ),
     )
-    UNSEEN_UNCONVERGED = _CAUTION, "Not identifiable from this motion: the fit did not converge."
+    UNSEEN_UNCONVERGED = _CAUTION, "Not estimated: the fit did not converge."
     UNSEEN_BELOW_COUNT = (
         _CAUTION,
         (

@@ -55,8 +55,7 @@ def bristle_doubts(
 
     The deflection g0 / sigma_0 has to be larger than an encoder count, for every sigma_0 of its interval and with no
     alpha_1 that is none itself, and to be passed in five samples after a reversal, as a median over those after which
-    it is passed at all; the two halves of the record have to agree on both parameters at 1 %, to first order; and the
-    fit has to have converged.
+    it is passed at all; the two halves of the record have to agree on both parameters at 1 %, to first order.
     """
     differ = _halves_differ(problem, solution)
     doubts: dict[ParameterName, Diagnostic] = {}
@@ -77,8 +76,6 @@ def _unresolved(
     estimates: Mapping[ParameterName, Estimate],
 ) -> Diagnostic | None:
     known: Values = {**problem.fixed, **solution.values}
-    if not solution.minimum.converged:
-        return Kind.UNSEEN_UNCONVERGED()
     alpha_0, alpha_1, sigma_0 = (problem.key(name, direction) for name in ("alpha_0", "alpha_1", "sigma_0"))
     peak = estimates.get(alpha_1)
     g0 = known[alpha_0] + (0.0 if peak is not None and _is_weak(peak) else known[alpha_1])
@@ -106,7 +103,7 @@ def warned(
 def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Estimate]) -> dict[ParameterName, Estimate]:
     """The estimates, of which those that the motion does not show have no value, nor what means nothing without them.
 
-    A peak that is asked for by hand stays.
+    A peak that is asked for by hand stays, if the fit converged.
     """
     asked = {"alpha_1", "v_s"} if problem.stribeck == "stribeck" else set[str]()
     weak = {name for name, e in estimates.items() if _is_weak(e)}
@@ -116,7 +113,8 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
         alone = first is not None and not weak.isdisjoint(
             (name._replace(name=first), ParameterName(first, Direction.BOTH))
         )
-        if name.name not in asked and (alone or name in weak):
+        unconverged = any(warning.kind is Kind.UNSEEN_UNCONVERGED for warning in e.warnings)
+        if unconverged or (name.name not in asked and (alone or name in weak)):
             out[name] = _without(e, Kind.UNSEEN_COMPANION() if alone else None)
     return out
 

@@ -63,7 +63,7 @@ def without_count_bias(
     if any(r.position is None for r in records):
         return solved.fit
     rng = np.random.default_rng(_SEED)
-    true = [_between_counts(r, cutoff, resolution) for r in records]
+    true = [between_counts(r, cutoff, resolution) for r in records]
     smooth = pose(true, solved.problem.fixed)
     ratio = _worse(solved, smooth)
     if ratio > _LOST:
@@ -91,8 +91,15 @@ def without_count_bias(
     return _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name))
 
 
-def _between_counts(record: Record, cutoff: float, resolution: float) -> Record:
-    """The record with the smoothest motion that leaves of its positions no more than counts of this size do."""
+def between_counts(record: Record, cutoff: float, resolution: float) -> Record:
+    """The record with the smoothest motion that leaves of its positions, (n,), no more than counts of this size do.
+
+    As it is where it has none. The low pass of `estimate_motion` with the lowest cut-off, from `cutoff`, Hz, down, whose
+    root mean square distance from the readings is at most that of counts, resolution / sqrt(12), rad. Raises InputError
+    as `smoothed` does.
+    """
+    if record.position is None:
+        return record
     position, used = np.asarray(record.position), usable(record, cutoff)
     lower = used / _LADDER
     while lower * record.step > LOWEST and _off(record, position, lower) <= resolution / np.sqrt(12):

@@ -156,9 +156,14 @@ def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[Paramet
 def _all_estimates(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
 ) -> dict[ParameterName, Estimate]:
-    """Each parameter but the deflections at the start; what the motion does not show has no value."""
+    """Each parameter but the deflections at the start; what the motion does not show has no value.
+
+    None has where the fit did not converge.
+    """
     estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
+    if not solution.minimum.converged:
+        estimates = warned(estimates, dict.fromkeys(estimates, Kind.UNSEEN_UNCONVERGED()))
     estimates = warned(estimates, peak_doubts(problem, solution))
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
