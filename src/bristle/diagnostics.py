@@ -814,6 +814,13 @@ class Kind(Enum):
             "encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
         ),
     )
+    COUNT_BIAS_UNKNOWN = (
+        _CAUTION,
+        (
+            "Encoder counts decide this fit: what they add to its numbers cannot be told, and is not subtracted. Take a finer "
+            "encoder, or fit.predict: position, which simulates the motor and differentiates nothing."
+        ),
+    )
     STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
     STAGES_DO_NOT_FIT = (
         _CRITICAL,

@@ -299,7 +299,7 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
 
 
 def test_the_motion_between_the_counts_is_nearer_to_the_truth() -> None:
-    """Its position is off by no more than the readings are, and its velocity by less than a third; where noise is larger than a count nothing changes."""
+    """Its position is off by no more than the readings, its velocity by a third at most; beside a noise above the count nothing changes."""
     t, v = motion()
     position, quantum = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)]), 2 * np.pi / 2**12
     run = Record(file="run.csv", time=t, position=quantum * (np.floor(position / quantum) + 0.5))

@@ -126,7 +126,8 @@ def _is_weak(e: Estimate) -> bool:
 def _without(e: Estimate, alone: Diagnostic | None) -> Estimate:
     """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
     own = e.warnings if _is_weak(e) else ()
-    reasons = own if alone is None or alone in own else (*own, alone)
+    told = Kind.UNSEEN_BEND in {warning.kind for warning in own}
+    reasons = own if alone is None or alone in own or told else (*own, alone)
     doubted = not {warning.kind for warning in reasons}.isdisjoint(UNRESOLVED)
     return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
 

@@ -68,7 +68,8 @@ def without_count_bias(
     ratio = _worse(solved, smooth)
     if ratio > _LOST:
         slow = (n for n, e in solved.fit.parameters.items() if n.name in _SLOW and n in solved.values and e.value)
-        return _doubted(solved, solved.fit, dict.fromkeys(slow, Kind.UNSEEN_IN_COUNTS(ratio=ratio)))
+        left = _doubted(solved, solved.fit, dict.fromkeys(slow, Kind.UNSEEN_IN_COUNTS(ratio=ratio)))
+        return replace(left, warnings=(*left.warnings, Kind.COUNT_BIAS_UNKNOWN()))
     torque = np.concatenate(modelled(smooth, solved.values))
     torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
@@ -117,7 +118,7 @@ def _off(record: Record, position: Array, cutoff: float) -> float:
 def _worse(solved: DynamicSolution, smooth: DynamicProblem) -> float:
     """Root mean square residuals of the smooth motion over those of the readings, both at the estimate."""
     left, right = (residuals(problem, solved.values)[0] for problem in (smooth, solved.problem))
-    return float(np.linalg.norm(left) / max(np.linalg.norm(right), 1e-300))
+    return float(np.linalg.norm(left)) / max(float(np.linalg.norm(right)), 1e-300)
 
 
 def _counted(record: Record, torque: Array, cutoff: float, resolution: float, phase: float) -> Record:
