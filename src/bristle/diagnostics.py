@@ -756,7 +756,7 @@ class Kind(Enum):
     # all parameters from a motion
     CONVERGED = _NOTE, "The fit converged."
     CONVERGED_AT_BOUND = _CAUTION, "The fit converged, with {names!l} at a bound."
-    NOT_CONVERGED = _CRITICAL, "The fit did not converge; do not use its numbers."
+    NOT_CONVERGED = _CRITICAL, "The fit did not converge; it gives no estimates."
     UNSEEN_WIDE = _CAUTION, "Not identifiable from this motion: its standard error is {share:.0%} of its value."
     UNSEEN_FAR = _CAUTION, "Not identifiable from this motion: its standard error is more than ten times its value."
     UNSEEN_COMPANION = (
@@ -771,12 +771,27 @@ class Kind(Enum):
         ),
     )
     UNSEEN_NO_PEAK = _CAUTION, "Not identifiable from this motion: no sign of a Stribeck peak."
-    UNSEEN_UNCONVERGED = _CAUTION, "Not identifiable from this motion: the fit did not converge."
+    UNSEEN_UNCONVERGED = _CAUTION, "Not estimated: the fit did not converge."
     UNSEEN_BELOW_COUNT = (
         _CAUTION,
         (
-            "Not identifiable from this motion: the bristle would bend by {reach:.2g}, which is less than an encoder count "
-            "of {count:.2g}; a finer encoder would show it."
+            "Not identifiable from this motion: the bristle would bend by {reach:.2g}, and may bend by as little as {least:.2g}, "
+            "which is less than an encoder count of {count:.2g}; a finer encoder would show it."
+        ),
+    )
+    UNSEEN_IN_COUNTS = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: a motion between the encoder's counts would explain the torque "
+            "{ratio:.2g} times worse than the counts themselves, so that what was fitted is theirs; a finer encoder would "
+            "show it."
+        ),
+    )
+    UNSEEN_BIASED = (
+        _CAUTION,
+        (
+            "Not identifiable from this motion: encoder counts bias it by {share:.0%} of its value, {errors:.1f} standard "
+            "errors, too much to be subtracted; a finer encoder would show it."
         ),
     )
     UNSEEN_NO_REVERSAL = (
@@ -870,6 +885,13 @@ class Kind(Enum):
             "encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
         ),
     )
+    COUNT_BIAS_UNKNOWN = (
+        _CAUTION,
+        (
+            "Encoder counts decide this fit: what they add to its numbers cannot be told, and is not subtracted. Take a finer "
+            "encoder, or fit.predict: position, which simulates the motor and differentiates nothing."
+        ),
+    )
     STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
     STATIC_WITHOUT_PRESLIDING = (
         _CAUTION,
@@ -904,9 +926,10 @@ class Kind(Enum):
     # slow loading
     G0_AT_LEAST = (
         _CAUTION,
-        "No run breaks away{direction!d}: g0 is at least {held:.3g}, and the interval of sigma_0 allows for every g0 above; "
+        "No run breaks away{direction!d}: g0 is at least {held:.3g}{bend}, and the interval of sigma_0 allows for every such g0; "
         "add ramp runs, or load up to breakaway once.",
     )
+    G0_BY_BEND = _NOTE, ", from {low:.3g} to {high:.3g} by the bend of LuGre's loading curve"
     SOFTENS = (
         _CAUTION,
         (
@@ -1928,11 +1951,11 @@ class Kind(Enum):
 
 UNRESOLVED = frozenset({
     Kind.UNSEEN_UNCONVERGED, Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES,
+    Kind.UNSEEN_COMPANION, Kind.UNSEEN_IN_COUNTS, Kind.UNSEEN_BIASED,
 })  # fmt: skip  # a list of values
 """Kinds that leave no interval either: what was fitted is not what the parameter means."""
 NOT_IDENTIFIABLE = UNRESOLVED | {
-    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_COMPANION, Kind.UNSEEN_BEND, Kind.UNSEEN_PEAK,
-    Kind.UNSEEN_NO_PEAK,
+    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_BEND, Kind.UNSEEN_PEAK, Kind.UNSEEN_NO_PEAK,
 }  # fmt: skip  # a list of values
 """Kinds by which a motion refuses a parameter."""
 

@@ -8,8 +8,10 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
+from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem
+from bristle.identification.dynamic.unknowns import solve_dynamic
 from bristle.identification.fits import TrackingFit
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
@@ -78,6 +80,7 @@ def test_a_bristle_that_the_motion_does_not_resolve_has_no_value(fit: object, wh
     assert why in reasons(made, "sigma_0")
     assert reasons(made, "sigma_1")
     assert made.parameters[NAMES["sigma_0"]].interval is None
+    assert made.parameters[NAMES["sigma_1"]].interval is None
     assert made.parameters[NAMES["alpha_0"]].value is not None
 
 
@@ -93,3 +96,45 @@ def test_coulomb_viscous_by_hand_has_no_peak() -> None:
     assert auto.parameters[NAMES["alpha_1"]].value is None
     assert asked.parameters[NAMES["alpha_1"]].value is not None
     assert asked.parameters[NAMES["v_s"]].value is not None
+
+
+def test_the_bend_is_judged_by_the_stiffest_bristle_of_the_interval() -> None:
+    """A count between g0 over the upper end of sigma_0's interval and g0 over sigma_0 hides the bristle; one below both does not."""
+    record = run(5e-4)
+    fit = fitted(record)
+    e = fit.parameters[NAMES["sigma_0"]]
+    assert e.value is not None
+    assert e.interval is not None
+    g0 = sum(fit.parameters[NAMES[name]].value or 0.0 for name in ("alpha_0", "alpha_1"))
+    between, below = g0 / np.sqrt(e.value * e.interval[1]), 0.9 * g0 / e.interval[1]
+    assert Kind.UNSEEN_BELOW_COUNT in reasons(fitted(record, count=between), "sigma_0")
+    assert not reasons(fitted(record, count=below), "sigma_0")
+
+
+@pytest.mark.parametrize("alpha_1", [0.0, TRUTH.alpha_1])
+def test_a_peak_that_is_left_out_is_taken_up(alpha_1: float) -> None:
+    """Where a peak is there and left out by hand, alpha_2, which it moves by more than its error, says so; without a peak nothing does."""
+    problem = dynamic_problem([run(1e-3, TRUTH._replace(alpha_1=alpha_1))], ("both",), ("inertia",), 1, None)
+    fixed = {NAMES["alpha_1"]: 0.0, NAMES["v_s"]: 1.0}
+    start = {NAMES[name]: value for name, value in TRUTH._asdict().items() if NAMES[name] not in fixed} | {INERTIA: J}
+    fit = fit_tracking(replace(problem, fixed=fixed), start, "revolute", starts=1).fit
+    said = {n.name for n, e in fit.parameters.items() if Kind.TAKES_UP_PEAK in {w.kind for w in e.warnings}}
+    assert ("alpha_2" in said) == bool(alpha_1)
+    assert said <= {"alpha_0", "alpha_2"}
+    assert bool(said) == bool(alpha_1)
+
+
+def test_a_fit_that_did_not_converge_has_no_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is said of the fit, and no parameter has a value, an error or an interval, a peak that is asked for among them."""
+
+    def unfinished(*given: object, **named: object) -> MultistartSolution[Unknown]:
+        """The solution, as if it had run out of steps."""
+        solution: MultistartSolution[Unknown] = solve_dynamic(*given, **named)  # type: ignore[arg-type]
+        return solution._replace(minimum=solution.minimum._replace(converged=False))
+
+    monkeypatch.setattr("bristle.identification.dynamic.fit.solve_dynamic", unfinished)
+    problem = replace(dynamic_problem([run(1e-3)], ("both",), ("inertia",), 1, None), stribeck="stribeck")
+    start = {NAMES[name]: value for name, value in TRUTH._asdict().items()} | {INERTIA: J}
+    fit = fit_tracking(problem, start, "revolute", starts=1).fit
+    assert fit.outcome.kind is Kind.NOT_CONVERGED
+    assert {(e.value, e.standard_error, e.interval) for e in fit.parameters.values()} == {(None, None, None)}

@@ -15,7 +15,7 @@ from bristle.diagnostics import NOT_IDENTIFIABLE, Kind, Severity
 from bristle.estimation.nonlinear import minimise
 from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.crosscheck import check_tracking
-from bristle.identification.dynamic.encoder_bias import without_count_bias
+from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
@@ -296,6 +296,38 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
     ]
     assert np.linalg.norm(off[1]) < 0.6 * np.linalg.norm(off[0])
     assert any(warning.kind is Kind.COUNT_BIAS for warning in better.warnings)
+
+
+def test_the_motion_between_the_counts_is_nearer_to_the_truth() -> None:
+    """Its position is off by no more than the readings, its velocity by a third at most; beside a noise above the count nothing changes."""
+    t, v = motion()
+    position, quantum = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)]), 2 * np.pi / 2**12
+    run = Record(file="run.csv", time=t, position=quantum * (np.floor(position / quantum) + 0.5))
+    read, smooth = estimate_motion(run, 100.0), between_counts(run, 100.0, quantum)
+    assert smooth.velocity is not None
+    assert smooth.position is not None
+    assert read.velocity is not None
+    assert np.std(smooth.position - position) < quantum / np.sqrt(12)
+    assert np.std(smooth.velocity - v) < np.std(read.velocity - v) / 3
+    assert between_counts(run, 100.0, quantum / 10).velocity == pytest.approx(read.velocity)
+
+
+@pytest.mark.parametrize("bits", [9, 17])
+def test_a_bend_of_a_few_counts_is_withdrawn_and_one_of_many_is_right(bits: int) -> None:
+    """With a count of three bends sigma_0 has neither value nor interval; with an eightieth of one its interval holds the truth."""
+    t, v = motion()
+    position, quantum = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)]), 2 * np.pi / 2**bits
+    torque = record(GRIPPER, noise=2e-4).torque
+    counted = Record(file="run.csv", time=t, position=quantum * np.floor(position / quantum), torque=torque)
+
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
+        return replace(dynamic_problem(records, ("both",), ("inertia",), 5, None, fixed), count=quantum)
+
+    run = estimate_motion(counted, 40.0)
+    solved = fit_tracking(pose([run], {}), values_of(GRIPPER), "revolute", starts=1)
+    sigma_0 = without_count_bias(solved, [run], pose, 40.0, quantum).parameters[parse("sigma_0")]
+    assert (sigma_0.value is None) == (sigma_0.interval is None) == (bits == 9)
+    assert sigma_0.interval is None or sigma_0.interval[0] <= GRIPPER.sigma_0 <= sigma_0.interval[1]
 
 
 @pytest.mark.parametrize("samples", [1.0, 0.5, -1.0])

@@ -146,3 +146,37 @@ def test_an_estimate_lies_inside_its_own_interval(quantum: float, count: int) ->
             for e in stiffness(own, level, "revolute").values():
                 inside = e.value is None or (e.interval is not None and e.interval[0] <= e.value <= e.interval[1])
                 assert inside or (e.interval is None and e.warnings)
+
+
+@pytest.mark.parametrize("quantum", COUNTS)
+def test_the_bend_of_the_loading_limits_g0(quantum: float) -> None:
+    """Up to 85 % of g0 without breakaway, g0 and sigma_0 lie inside narrow ranges; sigma_0 is above every secant, and those of the runs about it."""
+    records = runs(lugre, quantum, 3, 1, noise=0.005)
+    fit = identify_presliding(records, {}, None, FitOptions(), quantum or None, "revolute").fits["+"]
+    (bend,) = (w.numbers["bend"] for w in fit.warnings if w.kind is Kind.G0_AT_LEAST)
+    assert bend.numbers["low"] <= G0 <= bend.numbers["high"] < 1.2 * G0
+    assert fit.sigma_0.value is not None
+    assert fit.sigma_0.interval is not None
+    low, high = fit.sigma_0.interval
+    assert low <= GRIPPER.sigma_0 <= high < 1.1 * low
+    assert fit.sigma_0.value > max(row.value for row in fit.amplitudes)
+    own = fit.repeats["sigma_0"].by_run.values()
+    assert min(own) <= fit.sigma_0.value <= max(own)
+
+
+def test_straight_loading_leaves_g0_open() -> None:
+    """Up to a tenth of g0 the bend is within the noise: no g0 above the bound is excluded."""
+    records = runs(lugre, 0.0, 3, 1, noise=0.02, share=0.1)
+    fit = identify_presliding(records, {}, None, FitOptions(), None, "revolute").fits["+"]
+    assert [w.numbers["bend"] for w in fit.warnings if w.kind is Kind.G0_AT_LEAST] == [""]
+
+
+def test_counts_and_an_unknown_g0_leave_one_bound() -> None:
+    """Where counts hide the motion and g0 is a bound, the sentence has the lower end of the interval."""
+    quantum = 1.5 * float(lugre(np.array([0.5 * G0]))[0])
+    records = runs(lugre, quantum, 2, 0, noise=0.005, share=0.5)
+    fit = identify_presliding(records, {}, None, FitOptions(), quantum, "revolute").fits["+"]
+    assert fit.sigma_0.value is None
+    assert fit.sigma_0.interval is not None
+    said = {w.numbers["least"] for w in fit.sigma_0.warnings if w.kind is Kind.WITHIN_NOISE}
+    assert said == {fit.sigma_0.interval[0]}

@@ -5,13 +5,14 @@ numbers, and not the bristle's.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import groupby, pairwise
 
 import numpy as np
 from scipy.special import fdtrc, stdtrit
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import NOT_IDENTIFIABLE, UNRESOLVED, Diagnostic, Kind
 from bristle.estimation.linear import NO_SIGN, inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
@@ -23,6 +24,8 @@ _SAMPLES = 5
 _LEVEL = 0.01
 """Of the tests: of each Stribeck term, and whether the halves of the record agree, over all parameters of bristles together."""
 _BRISTLE = ("sigma_0", "sigma_1")
+_COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
+"""What means nothing without another parameter, and without which."""
 
 
 def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:
@@ -50,15 +53,15 @@ def bristle_doubts(
 ) -> dict[ParameterName, Diagnostic]:
     """Why a sigma_0 or sigma_1 is not identifiable, by name; one that has a prior of its own stands.
 
-    The deflection g0 / sigma_0 has to be larger than an encoder count and to be passed in five samples after a
-    reversal, as a median over those after which it is passed at all; the two halves of the record have to agree on both
-    parameters at 1 %, to first order; and the fit has to have converged.
+    The deflection g0 / sigma_0 has to be larger than an encoder count, for every sigma_0 of its interval and with no
+    alpha_1 that is none itself, and to be passed in five samples after a reversal, as a median over those after which
+    it is passed at all; the two halves of the record have to agree on both parameters at 1 %, to first order.
     """
     differ = _halves_differ(problem, solution)
     doubts: dict[ParameterName, Diagnostic] = {}
     for direction in problem.directions:
         names = [problem.key(name, direction) for name in _BRISTLE]
-        reason = _unresolved(problem, solution, direction)
+        reason = _unresolved(problem, solution, direction, estimates)
         for name in names:
             why = reason or differ.get(name)
             if why is not None and name in estimates and name not in problem.with_prior:
@@ -67,20 +70,66 @@ def bristle_doubts(
 
 
 def _unresolved(
-    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction
+    problem: DynamicProblem,
+    solution: MultistartSolution[Unknown],
+    direction: Direction,
+    estimates: Mapping[ParameterName, Estimate],
 ) -> Diagnostic | None:
     known: Values = {**problem.fixed, **solution.values}
-    if not solution.minimum.converged:
-        return Kind.UNSEEN_UNCONVERGED()
-    alpha_0, alpha_1, sigma_0 = (known[problem.key(name, direction)] for name in ("alpha_0", "alpha_1", "sigma_0"))
-    reach = (alpha_0 + alpha_1) / sigma_0
-    if reach < problem.count:
-        return Kind.UNSEEN_BELOW_COUNT(reach=reach, count=problem.count)
+    alpha_0, alpha_1, sigma_0 = (problem.key(name, direction) for name in ("alpha_0", "alpha_1", "sigma_0"))
+    peak = estimates.get(alpha_1)
+    g0 = known[alpha_0] + (0.0 if peak is not None and _is_weak(peak) else known[alpha_1])
+    bristle = estimates.get(sigma_0)
+    ends = None if bristle is None or _is_weak(bristle) else bristle.interval
+    stiffest = known[sigma_0] if ends is None else ends[1]
+    least, reach = g0 / stiffest, g0 / known[sigma_0]
+    if least < problem.count:
+        return Kind.UNSEEN_BELOW_COUNT(reach=reach, least=least, count=problem.count)
     passed = [samples for side, samples in _passes(problem, reach) if direction in {Direction.BOTH, side}]
     if not passed:
         return Kind.UNSEEN_NO_REVERSAL(reach=reach)
     samples = float(np.median(passed))
     return Kind.UNSEEN_FAST(samples=samples, least=_SAMPLES) if samples < _SAMPLES else None
+
+
+def warned(
+    estimates: Mapping[ParameterName, Estimate], doubts: Mapping[ParameterName, Diagnostic]
+) -> dict[ParameterName, Estimate]:
+    """The estimates with one more warning each where there is a doubt."""
+    more = {name: replace(estimates[name], warnings=(*estimates[name].warnings, why)) for name, why in doubts.items()}
+    return {**estimates, **more}
+
+
+def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Estimate]) -> dict[ParameterName, Estimate]:
+    """The estimates, of which those that the motion does not show have no value, nor what means nothing without them.
+
+    A peak that is asked for by hand stays, if the fit converged.
+    """
+    asked = {"alpha_1", "v_s"} if problem.stribeck == "stribeck" else set[str]()
+    weak = {name for name, e in estimates.items() if _is_weak(e)}
+    out = dict(estimates)
+    for name, e in estimates.items():
+        first = _COMPANION.get(name.name)
+        alone = first is not None and not weak.isdisjoint(
+            (name._replace(name=first), ParameterName(first, Direction.BOTH))
+        )
+        unconverged = any(warning.kind is Kind.UNSEEN_UNCONVERGED for warning in e.warnings)
+        if unconverged or (name.name not in asked and (alone or name in weak)):
+            out[name] = _without(e, Kind.UNSEEN_COMPANION() if alone else None)
+    return out
+
+
+def _is_weak(e: Estimate) -> bool:
+    return any(warning.kind in NOT_IDENTIFIABLE for warning in e.warnings)
+
+
+def _without(e: Estimate, alone: Diagnostic | None) -> Estimate:
+    """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
+    own = e.warnings if _is_weak(e) else ()
+    told = Kind.UNSEEN_BEND in {warning.kind for warning in own}
+    reasons = own if alone is None or alone in own or told else (*own, alone)
+    doubted = not {warning.kind for warning in reasons}.isdisjoint(UNRESOLVED)
+    return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
 
 
 def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, int]]:

@@ -1,6 +1,14 @@
 """What encoder counts do to a fit of moving data.
 
-A parametric bootstrap at the estimate measures the bias, and takes it off.
+A parametric bootstrap at the estimate measures the bias, and takes it off. The motion that stands for the true one is
+the smoothest that the counts allow: readings that are only differentiated carry the counts themselves, and counting
+them again shows hardly any bias. It keeps as near to the readings as these to the truth, q / sqrt(12) for a count q, so
+that by the triangle inequality it errs by at most twice as much as they do. A fit that explains it more than twice as
+badly as the readings is one of the counts; then nothing is taken off, and presliding and the peak are not identifiable.
+
+The bias b is that at the estimate. With a parameter theta it changes by about b / theta of itself on the way from the
+estimate to the truth; where this is more than half a standard error, and b more than one, the parameter is not
+identifiable.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,20 +18,29 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.control.plant import quantise
-from bristle.data.differentiation import derivative, estimate_motion, smoothed, usable
+from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed, usable
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.fit import DynamicSolution
-from bristle.identification.dynamic.problem import DynamicProblem, modelled
+from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
-from bristle.model.parameters import ParameterName
+from bristle.model.parameters import Lugre, ParameterName
 
 REPETITIONS = 6
 """Rest positions inside a count at which the motion is measured again."""
 _STEPS = 8
 """Steps from the estimate to where counting moves it: without noise the last digits would take many more."""
 _SEED = 0
+_LOST = 2.0
+"""Times the residuals at the readings, which those at the smooth motion may have."""
+_UNSURE = 0.5
+"""Of a standard error, by which the bias may change on the way to the truth."""
+_LADDER = 1.25
+"""Between two cut-offs tried."""
+_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")
+"""What shows near reversals alone."""
 Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProblem]
 
 
@@ -32,9 +49,9 @@ def without_count_bias(
 ) -> TrackingFit:
     """The fit with the bias that counting adds taken off each parameter, and its scatter added to the standard error.
 
-    The smoothed motion stands for the true one: at the estimate it gives a torque without noise; counted anew, with the
-    joint resting elsewhere in a count, and differentiated as the data were, it gives other estimates. Their mean
-    distance from the estimate is the bias.
+    The smoothest motion that the counts allow stands for the true one: at the estimate it gives a torque without noise;
+    counted anew, with the joint resting elsewhere in a count, and differentiated as the data were, it gives other
+    estimates. Their mean distance from the estimate is the bias. What counts hide loses its value.
 
     Args:
         solved: the fit.
@@ -46,8 +63,14 @@ def without_count_bias(
     if any(r.position is None for r in records):
         return solved.fit
     rng = np.random.default_rng(_SEED)
-    true = [_as_if_true(r, cutoff) for r in records]
-    torque = np.concatenate(modelled(pose(true, solved.problem.fixed), solved.values))
+    true = [between_counts(r, cutoff, resolution) for r in records]
+    smooth = pose(true, solved.problem.fixed)
+    ratio = _worse(solved, smooth)
+    if ratio > _LOST:
+        slow = (n for n, e in solved.fit.parameters.items() if n.name in _SLOW and n in solved.values and e.value)
+        left = _doubted(solved, solved.fit, dict.fromkeys(slow, Kind.UNSEEN_IN_COUNTS(ratio=ratio)))
+        return replace(left, warnings=(*left.warnings, Kind.COUNT_BIAS_UNKNOWN()))
+    torque = np.concatenate(modelled(smooth, solved.values))
     torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
     priors = tuple(
@@ -65,14 +88,37 @@ def without_count_bias(
         ends.append([values[name] for name in known])
     bias = np.mean(ends, axis=0) - np.array([solved.values[name] for name in known])
     moved = zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)
-    return _corrected(solved.fit, {name: both for name, *both in moved})
+    by_name = {name: both for name, *both in moved}
+    return _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name))
 
 
-def _as_if_true(record: Record, cutoff: float) -> Record:
-    smooth = smoothed(record, np.asarray(record.position), usable(record, cutoff))
+def between_counts(record: Record, cutoff: float, resolution: float) -> Record:
+    """The record with the smoothest motion that leaves of its positions, (n,), no more than counts of this size do.
+
+    As it is where it has none. The low pass of `estimate_motion` with the lowest cut-off, from `cutoff`, Hz, down, whose
+    root mean square distance from the readings is at most that of counts, resolution / sqrt(12), rad. Raises InputError
+    as `smoothed` does.
+    """
+    if record.position is None:
+        return record
+    position, used = np.asarray(record.position), usable(record, cutoff)
+    lower = used / _LADDER
+    while lower * record.step > LOWEST and _off(record, position, lower) <= resolution / np.sqrt(12):
+        used, lower = lower, lower / _LADDER
+    smooth = smoothed(record, position, used)
     return replace(
         record, position=smooth, velocity=derivative(record, smooth), acceleration=derivative(record, smooth, 2)
     )
+
+
+def _off(record: Record, position: Array, cutoff: float) -> float:
+    return float(np.sqrt(np.mean((smoothed(record, position, cutoff) - position) ** 2)))
+
+
+def _worse(solved: DynamicSolution, smooth: DynamicProblem) -> float:
+    """Root mean square residuals of the smooth motion over those of the readings, both at the estimate."""
+    left, right = (residuals(problem, solved.values)[0] for problem in (smooth, solved.problem))
+    return float(np.linalg.norm(left)) / max(float(np.linalg.norm(right)), 1e-300)
 
 
 def _counted(record: Record, torque: Array, cutoff: float, resolution: float, phase: float) -> Record:
@@ -80,6 +126,29 @@ def _counted(record: Record, torque: Array, cutoff: float, resolution: float, ph
     return replace(
         estimate_motion(replace(record, position=position, velocity=None, acceleration=None), cutoff), torque=torque
     )
+
+
+def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Diagnostic]:
+    """Friction parameters whose bias changes too much between the estimate and the truth to be taken off."""
+    doubts = {}
+    for name, (bias, _) in moved.items():
+        e = fit.parameters[name]
+        if name.name not in Lugre._fields or not e.value or not e.standard_error:
+            continue
+        errors, share = abs(bias) / e.standard_error, abs(bias / e.value)
+        if errors > 1 and errors * share > _UNSURE:
+            doubts[name] = Kind.UNSEEN_BIASED(share=share, errors=errors)
+    return doubts
+
+
+def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[ParameterName, Diagnostic]) -> TrackingFit:
+    """The fit without the values that counts hide, which stay fixed as they were found."""
+    estimates = without_weak(solved.problem, warned(fit.parameters, doubts))
+    unseen = [name for name, e in estimates.items() if e.value is None]
+    lost = {n: solved.values[n] for n in unseen if n in solved.values}
+    named = (Kind.UNSEEN(names=tuple(unseen)),) if unseen else ()
+    rest = tuple(w for w in fit.warnings if w.kind is not Kind.UNSEEN)
+    return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *named))
 
 
 def _corrected(biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:

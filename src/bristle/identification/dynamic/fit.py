@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import NOT_IDENTIFIABLE, UNRESOLVED, Diagnostic, Kind
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.claims import bristle_doubts, peak_doubts
+from bristle.identification.dynamic.claims import bristle_doubts, peak_doubts, warned, without_weak
+from bristle.identification.dynamic.left_out_peak import takes_up_peak
 from bristle.identification.dynamic.missing_terms import missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unknowns import (
@@ -156,17 +157,21 @@ def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[Paramet
 def _all_estimates(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
 ) -> dict[ParameterName, Estimate]:
-    """Each parameter but the deflections at the start; what the motion does not show has no value."""
+    """Each parameter but the deflections at the start; what the motion does not show has no value.
+
+    None has where the fit did not converge.
+    """
     estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind) for name in bent}
-    doubts = {**peak_doubts(problem, solution), **bristle_doubts(problem, solution, estimates)}
-    for doubted, why in doubts.items():
-        estimates[doubted] = replace(estimates[doubted], warnings=(*estimates[doubted].warnings, why))
+    if not solution.minimum.converged:
+        estimates = warned(estimates, dict.fromkeys(estimates, Kind.UNSEEN_UNCONVERGED()))
+    estimates = warned(estimates, peak_doubts(problem, solution))
+    estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, Kind.ONLY_SUM_SEEN()))
-    asked = {"alpha_1", "v_s"} if problem.stribeck == "stribeck" else set()
-    return estimates | {name: _without(estimates[name]) for name in _weak(estimates) if name.name not in asked}
+    estimates = warned(estimates, dict.fromkeys(takes_up_peak(problem, solution), Kind.TAKES_UP_PEAK()))
+    return without_weak(problem, estimates)
 
 
 def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Diagnostic:
@@ -187,28 +192,6 @@ def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) ->
     weights = float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())
     motions = tuple(replace(m, weight=float(weights[k])) for m, k in zip(problem.motions, run, strict=True))
     return replace(problem, motions=motions), True
-
-
-def _weak(estimates: Mapping[ParameterName, Estimate]) -> list[ParameterName]:
-    """What the motion does not show.
-
-    What is too unsure by itself, v_s without its alpha_1, and sigma_1 without its sigma_0.
-    """
-    weak = {name for name, e in estimates.items() if _is_weak(e)}
-    for first, second in (("alpha_1", "v_s"), ("sigma_0", "sigma_1")):
-        weak |= {name._replace(name=second) for name in weak if name.name == first}
-    return [name for name in estimates if name in weak]
-
-
-def _is_weak(e: Estimate) -> bool:
-    return any(warning.kind in NOT_IDENTIFIABLE for warning in e.warnings)
-
-
-def _without(e: Estimate) -> Estimate:
-    """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
-    reasons = e.warnings if _is_weak(e) else (Kind.UNSEEN_COMPANION(),)
-    doubted = not {warning.kind for warning in reasons}.isdisjoint(UNRESOLVED)
-    return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
 
 
 def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:

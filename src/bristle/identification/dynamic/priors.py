@@ -16,7 +16,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.identification.dynamic.crosscheck import check_tracking
-from bristle.identification.dynamic.encoder_bias import without_count_bias
+from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
@@ -154,9 +154,14 @@ def _posed_and_start(
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
         return whole, start
-    # a position takes long to simulate: begin where the estimated velocity, good or bad, leads
-    start = without_deflections(solve_dynamic(whole, start, _SURE, SEED).values)
-    return _output_error_problem(experiment, moving, records, fixed), start
+    # a position takes long to simulate: begin where the velocity between the counts leads, with a peak where it shows none
+    count = _count(experiment, records)
+    smooth = [between_counts(r, experiment.fit.position_cutoff, count) for r in records] if count else records
+    near = replace(_equation_error_problem(experiment, moving, smooth, fixed), fixed=fixed)
+    found = without_deflections(solve_dynamic(near, start, _SURE, SEED).values)
+    none = [d for d in whole.directions if found.get(whole.key("alpha_1", d)) == 0]
+    peak = {whole.key(name, d) for d in none for name in ("alpha_1", "v_s")} & found.keys()
+    return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
 
 
 def _crosschecked(solved: DynamicSolution) -> DynamicSolution:

@@ -66,7 +66,9 @@ def with_three_ways(
     """
     (drawn, blocks), three = bootstrap_at(solved.solution, seed), {}
     for name, e in fit.parameters.items():
-        if name in profiles:
+        if e.value is None and e.interval is None:
+            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=e.warnings)
+        elif name in profiles:
             three[name] = _three(solved, name, e, profiles[name], drawn.get(name), blocks)
         else:
             three[name] = Uncertainty(

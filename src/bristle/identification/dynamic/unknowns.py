@@ -39,6 +39,8 @@ _NEAR = 0.1
 """... and end within about a third of their own standard errors."""
 _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
+_MORE = 200
+"""Steps more of a predicted torque, where the lowest of its ends ran out of them."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
@@ -94,15 +96,17 @@ def _thinned(motion: Motion, first: int) -> Motion:
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum of simulated positions that ran out of steps, brought to its end by windows that settle by themselves.
+    """A minimum that ran out of steps, brought to its end by more of them, of simulated positions by windows that settle by themselves.
 
     It is kept where it is lower.
     """
-    if problem.quantity == "torque" or minimum.converged:
+    if minimum.converged:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
     near = least_squares(problem, values)
-    better = descend(near, near.unknowns.scaled(values), _POLISH)
+    start, lower, upper = near.unknowns.scaled(values), near.unknowns.lower, near.unknowns.upper
+    by_torque = problem.quantity == "torque"
+    better = minimise(near.evaluate, start, lower, upper, _MORE) if by_torque else descend(near, start, _POLISH)
     return (near, better) if better.cost <= minimum.cost else (posed, minimum)
 
 

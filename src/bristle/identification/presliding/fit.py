@@ -15,7 +15,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.identification.fits import AmplitudeStiffness, Estimate, Presliding, PreslidingFit, Uncertainty
-from bristle.identification.presliding.softening import stiffness_by_amplitude
+from bristle.identification.presliding.softening import stiffness_by_amplitude, with_most
 from bristle.identification.presliding.stiffness import (
     REACH,
     KnownValue,
@@ -107,22 +107,25 @@ def fit_presliding(
     quantum = max(loading.quantum for loading in loadings)
     counts = count_edges(loadings, level)
     best = "edges" if quantum > 0 else "samples"
-    estimates = stiffness(loadings, level, kind)
+    by_bend = with_most(loadings, level)
+    estimates = stiffness(loadings, by_bend, kind)
     hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
     warnings = list(estimates["samples"].warnings) if hidden else []
     moves = estimates[best].value is not None
-    amplitudes, softens = stiffness_by_amplitude(loadings, level, kind) if moves else ((), None)
+    bent = by_bend.middle if by_bend.most < np.inf else level
+    amplitudes, softens = stiffness_by_amplitude(loadings, bent, kind) if moves else ((), None)
     if softens is not None:
         warnings.append(softens)
         estimates[best] = _spanning(estimates[best], amplitudes)
     sigma_0 = estimates[best]
     if 0 < counts < _FEW * len(loadings):
         warnings.append(Kind.FEW_COUNTS(edges=counts, loadings=len(loadings)))
-    if level.is_bound:
-        warnings.append(Kind.G0_AT_LEAST(direction=loadings[0].direction, held=level.value))
+    bound = _bounded(loadings[0].direction, level, by_bend) if level.is_bound else None
+    if bound is not None:
+        warnings.append(bound)
     on_edge, mean, spread = _bias_of_printed(sigma_0.value or 0.0, quantum, level)
-    three = _three_ways(loadings, level, best, sigma_0, softens)
-    scatter = stiffness_scatter(loadings, level, best, sigma_0)
+    three = _three_ways(loadings, level, best, sigma_0, softens or bound)
+    scatter = stiffness_scatter(loadings, by_bend.middle, best, sigma_0)
     if scatter and scatter.stretched > 1 and sigma_0.value is not None:
         widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
         estimates[best], three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
@@ -153,6 +156,13 @@ def fit_presliding(
     )
 
 
+def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Diagnostic:
+    """That g0 is a lower bound, and what the bend of the loadings leaves of it."""
+    limited = by_bend.most < np.inf
+    bend = Kind.G0_BY_BEND(low=by_bend.value, high=by_bend.most) if limited else ""
+    return Kind.G0_AT_LEAST(direction=direction, held=level.value, bend=bend)
+
+
 def _bias_of_printed(sigma_0: float, quantum: float, level: KnownValue) -> tuple[float, float, float]:
     """As `printed_bias`; nan without an encoder count and a sigma_0."""
     if quantum <= 0 or sigma_0 <= 0:
@@ -171,13 +181,12 @@ def _spanning(estimate: Estimate, amplitudes: Sequence[AmplitudeStiffness]) -> E
 
 
 def _three_ways(
-    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, softens: Diagnostic | None
+    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, more: Diagnostic | None
 ) -> Uncertainty:
-    """The intervals of sigma_0; that of the estimate alone where it is more than a sigma_0 at a given g0 explains."""
-    if softens is None and not level.is_bound:
+    """The intervals of sigma_0; that of the estimate alone where it is, for this reason, more than a sigma_0 at a given g0 explains."""
+    if more is None:
         return stiffness_uncertainty(loadings, level, estimator, estimate)
-    reason = softens or Kind.G0_AT_LEAST(direction=loadings[0].direction, held=level.value)
-    return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=(reason,))
+    return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=(more,))
 
 
 def with_damping(presliding: Presliding, inertia: KnownValue, kind: JointKind) -> Presliding:

@@ -7,18 +7,23 @@ zero at zero, the same for all loadings of a direction, each of which rests some
 
 The secant stiffness at amplitude T_j is T_j / y_j; LuGre's, from the initial one on, T_j / U_j * U_1 / y_1. Softening is named
 where U / y falls from the first knot to the last by more than chance, counts, torque noise and the error of g0 together.
+
+Where no run breaks away the bend itself limits g0 from above: a g0 at which T is too straight, or too bent, over y is
+excluded by an F test.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq, minimize_scalar
 from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.covariance import student
 from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
 from bristle.model import functions
@@ -38,6 +43,10 @@ _SINGULAR = 1e8
 """Condition above which the points do not determine the line."""
 _CHANCE = 1e-3
 """A pure LuGre joint is named at most this often."""
+_GRID = 64
+"""Values of 1 / g0 between which its ends are sought ..."""
+_STRAIGHT = 1e-6
+"""... as shares of the bound's, down to one that bends nothing."""
 _SMALLEST = 0.05
 """A fall beyond LuGre's smaller than this is none: viscous torque and filters, which are left out, cause as much."""
 
@@ -107,6 +116,46 @@ def stiffness_by_amplitude(
         low=knots[0], high=knots[-1], unit=unit("torque", kind),
         ratio=ratio, error=ratio * line.error, lugre=lugre[-1] / lugre[0], direction=loadings[0].direction,
     )  # fmt: skip  # a list of values
+
+
+def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
+    """A lower bound of g0, and the largest g0, that the bend of the loadings of a direction does not exclude at 95 %.
+
+    By an F test of U = sigma_0 y with a rest position of each loading, the noise in T; as it is where there are too few
+    points for one, and where it is no bound.
+    """
+    points = _points(loadings, level.value) if level.is_bound else None
+    if points is None or points.T.size <= np.unique(points.loading).size + 2 or not np.ptp(points.y):
+        return level
+
+    def left(x: float) -> Array:
+        """Residuals of T at g0 = level / x."""
+        g0 = level.value / x
+        U = evaluate(functions.loading_displacement_function(), points.T, g0, 1.0)[0]
+        weighted = points._replace(weight=(1 - points.T / g0) ** 2)
+        y, u = _within_loadings(np.column_stack([points.y, U]), weighted)[0].T
+        rest: Array = u - y * float(y @ u) / float(y @ y)
+        return rest
+
+    def cost(x: float) -> float:
+        """Their sum of squares."""
+        return float(np.sum(left(x) ** 2))
+
+    grid = np.linspace(0, 1, _GRID + 1)
+    grid[0] = _STRAIGHT
+    costs = [cost(x) for x in grid.tolist()]
+    k = int(np.argmin(costs))
+    best = float(minimize_scalar(cost, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, _GRID)]), method="bounded").x)
+    rest = left(best)
+    freedom = max(rest.size / inflation(rest) - np.unique(points.loading).size - 2, 1.0)
+    limit = cost(best) * (1 + student(freedom) ** 2 / freedom)
+    ends = []
+    for far in (1.0, float(grid[0])):
+        outside = [x for x, c in zip(grid.tolist(), costs, strict=True) if c > limit and (x - best) * (far - best) > 0]
+        nearest = min(outside, key=lambda x: abs(x - best), default=None)
+        ends.append(far if nearest is None else float(brentq(lambda x: cost(x) - limit, best, nearest)))
+    most = level.value / ends[1] if ends[1] > _STRAIGHT else np.inf
+    return level._replace(value=level.value / ends[0], most=most)
 
 
 def _by_level(points: _Points, knots: Array, level: KnownValue) -> float:

@@ -12,7 +12,7 @@ the joint rests is not known: only differences of y are. One encoder count is q.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -55,11 +55,20 @@ class KnownValue(NamedTuple):
     source: Diagnostic
     shifts: Mapping[str, float] = MappingProxyType({})
     """As of an `Estimate`."""
+    most: float = float("inf")
+    """Where the value is a lower bound: the largest that is not excluded."""
 
     @property
     def is_bound(self) -> bool:
         """Whether the value is a lower bound and no estimate."""
         return bool(np.isinf(self.standard_error))
+
+    @property
+    def middle(self) -> "KnownValue":
+        """Itself; between a lower bound and the largest value, if there is one, that whose inverse is the mean of theirs."""
+        value = 2 / (1 / self.value + 1 / self.most)
+        error = (self.most - self.value) / (2 * student(np.inf))
+        return self._replace(value=value, standard_error=error) if self.is_bound else self
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +91,9 @@ Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
     """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
 
-    A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises: its interval
-    reaches from that of a g0 that bends nothing to that of the bound.
+    A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises, nearly in
+    proportion to 1 / g0: its interval reaches from that of the largest g0 to that of the bound, and it is that of the
+    middle.
 
     Args:
         loadings: of one direction, at least one.
@@ -91,11 +101,12 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -
         kind: of the joint.
     """
     if level.is_bound:
-        near, far = (
+        most = min(level.most, _STRAIGHT * level.value)
+        near, middle, far = (
             stiffness(loadings, KnownValue(g0, 0.0, level.source), kind)
-            for g0 in (level.value, _STRAIGHT * level.value)
+            for g0 in (level.value, level.middle.value, most)
         )
-        return {name: _between(near[name], far[name]) for name in near}
+        return _one_bound({name: _between(near[name], middle[name], far[name]) for name in near})
     quantum = max(loading.quantum for loading in loadings)
     pieces = [of_loading(loading, level.value) for loading in loadings]
     still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
@@ -117,19 +128,29 @@ def _either(near: Sequence[Diagnostic], far: Sequence[Diagnostic]) -> Iterator[D
     yield from other.values()
 
 
-def _between(near: Estimate, far: Estimate) -> Estimate:
-    """What g0 anywhere between leaves of two estimates: their mean, with the distance between them in its error."""
+def _one_bound(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """The same, where a lower bound that a warning names is that of the interval, the weakest over all g0."""
+    ends = estimates["edges"].interval
+    if ends is None:
+        return dict(estimates)
+    return {
+        name: replace(e, warnings=tuple(w.but(least=ends[0]) if w.kind is Kind.WITHIN_NOISE else w for w in e.warnings))
+        for name, e in estimates.items()
+    }
+
+
+def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
+    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error."""
     warnings = tuple(_either(near.warnings, far.warnings))
     ends = [x.interval for x in (near, far) if x.interval]
     interval = (min(low for low, _ in ends), max(high for _, high in ends)) if len(ends) == 2 else None
-    if near.value is None or far.value is None:
+    if near.value is None or middle.value is None or far.value is None:
         if interval:
             interval = (interval[0], float("inf"))
         return Estimate(value=None, unit=near.unit, interval=interval, warnings=warnings)
     errors = [x.standard_error for x in (near, far) if x.standard_error is not None]
     error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12))) if len(errors) == 2 else None
-    value = (near.value + far.value) / 2
-    return Estimate(value=value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
+    return Estimate(value=middle.value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
 
 
 def count_edges(loadings: Sequence[Loading], level: KnownValue) -> int:
