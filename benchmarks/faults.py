@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from faulty_logs import CLEAN, FAULTS, UNSEEN, Fault, J, Log
 
 import bristle
 from bristle.diagnostics import Diagnostic, Kind, Severity
@@ -29,6 +28,7 @@ from bristle.errors import InputError
 from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre, ParameterName
+from faulty_logs import CLEAN, FAULTS, UNSEEN, Fault, J, Log
 
 SERIOUS = {Severity.CRITICAL, Severity.CAUTION}
 
@@ -224,7 +224,9 @@ def clean(cases: list[Case], pool: ProcessPoolExecutor) -> None:
     criticals = sum(any(k.startswith("critical") for k in x.kinds) for x in verdicts)
     kinds = Counter(k for x in verdicts for k in x.kinds)
     cautions = sum(n for kind, n in kinds.items() if kind.startswith("caution"))
-    print(f"{len(verdicts)} clean controls: {criticals} with a critical, {cautions / len(verdicts):.2f} cautions a joint")
+    print(
+        f"{len(verdicts)} clean controls: {criticals} with a critical, {cautions / len(verdicts):.2f} cautions a joint"
+    )
     print("  " + ", ".join(f"{kind} {n}" for kind, n in kinds.most_common()))
     print(f"  withdrawn: {dict(Counter(w for x in verdicts for w in x.withdrawn))}")
     missed = [f"{x.case.name} {x.case.seed}: {'; '.join(x.silent)}" for x in verdicts if x.silent]
@@ -234,7 +236,10 @@ def clean(cases: list[Case], pool: ProcessPoolExecutor) -> None:
         for x in verdicts:
             for key, error in x.errors.items() if x.case.name == name else ():
                 errors.setdefault(key, []).append(error)
-        print(f"  {name}, standard error in % of the truth (median): " + ", ".join(f"{k} {100 * np.median(v):.3g}" for k, v in errors.items()))
+        print(
+            f"  {name}, standard error in % of the truth (median): "
+            + ", ".join(f"{k} {100 * np.median(v):.3g}" for k, v in errors.items())
+        )
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import FitOptions, RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
 from bristle.data.record import Record
+from bristle.data.torque_checks import check_torque
 from bristle.diagnostics import Diagnostic, Kind, Severity
 
 _SPANS = (1, 4, 16, 64, 256)
@@ -41,12 +42,6 @@ _UNITS = {
 _TIMES = ("s", "ms", "us")
 _WHOLE = 0.5
 """SI: no encoder has a count so large, rad or m."""
-_LEVELS = 20
-"""A signal has more levels than this, or nothing can be said of how often it takes one."""
-_PILED, _NEXT = 4.0, 3
-"""A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
-_CLIPPED = (0.005, 8)
-"""... which is at least this share of its samples, and so many of them."""
 _AROUND = 5
 """Samples on either side that tell the usual travel of one."""
 _BLOCK = 100
@@ -101,7 +96,7 @@ def check_signals(
         context: kind of the joint, and size of a count.
         options: the filters.
     """
-    found = [_clipped(record) if kind in {"tracking", "points"} else None]
+    found = list(check_torque(record, kind))
     if kind != "points":
         found += [_velocity_factor(record, signals, context), _lost_samples(record, signals)]
     if kind == "tracking":
@@ -219,27 +214,6 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
     if not (seen == np.round(seen)).all() or np.unique(seen).size < 3:
         return None
     return Kind.WHOLE_POSITIONS(files=(file,), unit=signal.unit)
-
-
-def _clipped(record: Record) -> Diagnostic | None:
-    """A torque that stays exactly at its largest or smallest value; one from a voltage never does."""
-    if record.torque is None or record.voltage is not None:
-        return None
-    levels, counts = np.unique(record.torque, return_counts=True)
-    if levels.size <= _LEVELS:
-        return None
-    padded = np.pad(counts, _NEXT)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
-    windows[:, _NEXT] = 0
-    part, few = _CLIPPED
-    least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
-    piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
-    alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
-    at = [k for k in (0, -1) if piled[k] or (alike and piled[-1 - k])]
-    if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
-        return None
-    share = sum(int(counts[k]) for k in at) / record.torque.size
-    return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
 
 
 def _lost_samples(record: Record, signals: Signals) -> Diagnostic | None:

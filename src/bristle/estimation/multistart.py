@@ -18,7 +18,7 @@ from bristle.progress import Progress, teller
 Start = TypeVar("Start")
 _STEPS, _TRIES = 60, 30
 """Of a descent from a start, and from a random one."""
-_SAME = 1e-6
+SAME = 1e-6
 """Relative difference in cost below which two minima are the same."""
 _NOTHING = 1e-20
 """A cost below this is none."""
@@ -70,6 +70,6 @@ def solve_from_starts(
         with suppress(InputError):
             ends.append(solve(start, _TRIES, min(end.cost for _, end in ends)))
     posed, minimum = finish(*min(ends, key=lambda end: end[1].cost))
-    reached = max(sum(end.cost <= minimum.cost * (1 + _SAME) + _NOTHING for _, end in ends), 1)
+    reached = max(sum(end.cost <= minimum.cost * (1 + SAME) + _NOTHING for _, end in ends), 1)
     names, values = posed.unknowns.names, posed.unknowns.values(minimum.x)
     return MultistartSolution(posed, minimum, names, values, count, reached, *covariance_at(posed, minimum))

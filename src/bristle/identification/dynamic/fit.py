@@ -18,6 +18,7 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.claims import bristle_doubts, peak_doubts
 from bristle.identification.dynamic.missing_terms import missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
 from bristle.identification.dynamic.unknowns import (
     LOGARITHMIC,
     equations_left,
@@ -92,6 +93,8 @@ def fit_tracking(
     warnings = (
         *_lack_of_fit(problem, rows),
         *missing_terms(problem, solution, kind),
+        *regressor_left_out(problem, solution),
+        *offset_or_friction(problem, solution, kind),
         *_warnings(solution, rows, unseen),
         *_physics(problem, solution.values, unseen),
         *_named(unseen),
@@ -316,7 +319,7 @@ def _warnings(
         warnings.append(Kind.OUT_OF_STEPS())
     if solution.widening > sqrt(2):
         warnings.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.widening))
-    if solution.reached < solution.starts / 2:
+    if solution.reached == 1 < solution.starts:
         warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
     return (*warnings, *_unseen(solution, unseen))
 

@@ -16,7 +16,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.autocorrelation import explained_beside
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.moving_runs import DIRECTIONS, LOADS, REGRESSORS, directions, inertia, regressors
 from bristle.identification.static.points import point_regressors, points_problem
@@ -34,6 +35,8 @@ _CLEARLY = 0.75
 """The same of all terms together."""
 _SPARE = 2
 """Equations per column, at the least."""
+_RARE = 5e-4
+"""Of clean fits, in which a term is found all the same."""
 _RANK = 1e-10
 """Of the largest eigenvalue: what is below is not told apart."""
 
@@ -69,7 +72,8 @@ class BetterSetUp:
         if any(warning.kind is Kind.UNEXPLAINED for warning in fit.warnings):
             advised = (w.but(advice=(pays,)) if w.kind is Kind.UNEXPLAINED else w for w in fit.warnings)
             return replace(fit, warnings=tuple(advised))
-        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *fit.warnings))
+        others = (warning for warning in fit.warnings if warning.kind is not Kind.LACKS_A_TERM)
+        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *others))
 
     @property
     def lines(self) -> str:
@@ -119,6 +123,21 @@ def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> Bett
 
     asked = SetUp(sides if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment))
     return _better(asked, possible, pose, part)
+
+
+def quadratic_left_out(problem: Regression, theta: Array) -> list[Diagnostic]:
+    """Whether v * abs(v) explains more of what a fit of points leaves than chance does, to first order: an F test."""
+    asked = {name.name for name in problem.linear_names}
+    if problem.smooth is not None or problem.priors or not asked.isdisjoint(REGRESSORS["quadratic"].names):
+        return []
+    order = np.argsort(problem.velocity)
+    v = problem.velocity[order]
+    known, rest = problem.jacobian(theta)[order], problem.residuals(theta)[order]
+    p, share = explained_beside(known, rest, (v * np.abs(v))[:, None])
+    if p > _RARE:
+        return []
+    lines = ", ".join(x for x in REGRESSORS if x == "quadratic" or not asked.isdisjoint(REGRESSORS[x].names))
+    return [Kind.LACKS_A_TERM(advice=Kind.TERM_EXPLAINS(lines=f"regressors: [{lines}]", share=share))]
 
 
 def _better(
