@@ -1,4 +1,4 @@
-"""What bristle says of logs with a physical fault: is it right, does it warn, or is it confident and wrong?
+"""What bristle says of logs with a physical fault: whether it is right, warns, or is confident and wrong.
 
 Each fault of `faulty_logs.py` is put into simulated logs, at two strengths and over seeds of its own. Every estimate that
 has a value, of every fit, is held against the truth. Wrong is what lies more than three of its stated errors off (the
@@ -30,6 +30,11 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre, ParameterName
 from faulty_logs import CLEAN, FAULTS, UNSEEN, Fault, J, Log
 
+FLAT = {
+    Kind.NO_STRIBECK, Kind.STATIC_NO_STRIBECK, Kind.UNSEEN, Kind.UNSEEN_PEAK, Kind.UNSEEN_BEND, Kind.UNSEEN_COMPANION,
+    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.ONLY_SUM_SEEN, Kind.ONLY_SUM_SEEN_OF_FIT, Kind.AT_BOUND, Kind.INTERVALS_AT_BOUND,
+}  # fmt: skip  # a list
+"""What says that alpha_1 or v_s is not identifiable."""
 SERIOUS = {Severity.CRITICAL, Severity.CAUTION}
 
 
@@ -50,7 +55,7 @@ class Verdict(NamedTuple):
     kinds: tuple[str, ...] = ()
     """That warned of what is wrong, or, of a clean log, of anything: severity and kind."""
     silent: tuple[str, ...] = ()
-    errors: dict[str, float] = {}
+    errors: tuple[tuple[str, float], ...] = ()
     """Of a clean log: each standard error beside the truth, by fit and parameter."""
     withdrawn: tuple[str, ...] = ()
     """Of a clean log: parameters without a value."""
@@ -124,6 +129,14 @@ def stated_error(e: Estimate) -> float:
     return max(e.standard_error or 0.0, width)
 
 
+def is_wrong(number: Number, true: dict[str, float]) -> bool:
+    """Whether an estimate has a value that lies more than three of its errors off."""
+    value = number.estimate.value
+    return (
+        value is not None and number.bare in true and abs(value - true[number.bare]) > 3 * stated_error(number.estimate)
+    )
+
+
 def warns(w: Diagnostic, number: Number, named_by: tuple[Kind, ...]) -> bool:
     """Whether a warning about the fit or the whole joint is about this estimate: critical, or it names the fault, or the number."""
     texts = str(list(w.numbers.values()))
@@ -136,14 +149,16 @@ def judged(joint: Joint, truth: Lugre[float], named_by: tuple[Kind, ...]) -> tup
     true, kinds, silent = true_values(truth), set[str](), []
     whole = (*joint.warnings, *(w for s in joint.segments if s.accepted for w in s.warnings))
     for number in numbers(joint):
-        e, value = number.estimate, true.get(number.bare)
-        if value is None or e.value is None or abs(e.value - value) <= 3 * stated_error(e):
+        e = number.estimate
+        if not is_wrong(number, true):
             continue
         said = {w.kind.name for w in e.warnings if w.severity in SERIOUS}
         said |= {w.kind.name for w in (*whole, *number.of_fit) if warns(w, number, named_by)}
         kinds |= said
         if not said:
-            silent.append(f"{number.fit} {number.name} {e.value:.3g} +/- {stated_error(e):.2g} (true {value:.3g})")
+            silent.append(
+                f"{number.fit} {number.name} {e.value:.3g} +/- {stated_error(e):.2g} (true {true[number.bare]:.3g})"
+            )
     return kinds, silent
 
 
@@ -162,22 +177,38 @@ def tried(case: Case) -> Verdict:
 
 
 def controlled(case: Case, log: Log, folder: Path) -> Verdict:
-    """A clean log: what is warned of, withdrawn or missed, and its errors."""
+    """A clean log: what is falsely warned of, withdrawn or missed, and its errors.
+
+    A warning is true where an estimate of its stage is wrong, or says of a joint without a Stribeck effect that it shows none.
+    """
     joint = identified(log, folder)
     if isinstance(joint, str):
         return Verdict(case, "silent", ("critical refused",), (joint,))
+    true, every = true_values(log.truth), list(numbers(joint))
+    flat = {"alpha_1", "v_s"} if not log.truth.alpha_1 else set()
+    wrong = {x.fit.split()[0] for x in every if is_wrong(x, true)}
+    said = {str(w): w for w in joint.all_warnings() if w.severity in SERIOUS}
+    false = [w for w in said.values() if stage(w) not in wrong and not (flat and w.kind in FLAT)]
     _, silent = judged(joint, log.truth, ())
-    kinds = {(str(w.severity), w.kind.name, w.subject) for w in joint.all_warnings() if w.severity in SERIOUS}
-    true = true_values(log.truth)
-    shown = [x for x in numbers(joint) if true.get(x.bare)]
+    names = {x.name for x in every if true.get(x.bare) and x.bare not in flat}
     return Verdict(
         case,
         "silent" if silent else "right",
-        tuple(f"{severity} {kind}" for severity, kind, _ in sorted(kinds)),
+        tuple(f"{w.severity} {w.kind.name} of {stage(w) or 'the joint'}" for w in false),
         tuple(silent),
-        {f"{x.fit} {x.name}": x.estimate.standard_error / true[x.bare] for x in shown if x.estimate.standard_error},
-        tuple(f"{x.fit} {x.name}" for x in shown if x.estimate.value is None),
+        tuple(
+            (f"{x.fit} {x.name}", e / true[x.bare])
+            for x in every
+            if true.get(x.bare) and (e := x.estimate.standard_error)
+        ),
+        tuple(sorted(names - {x.name for x in every if x.estimate.value is not None})),
     )
+
+
+def stage(w: Diagnostic) -> str:
+    """The stage that a warning is about, as fits are called here; empty: the joint."""
+    called = {"static": "static", "moving runs": "moving", "joint fit": "joint", "presliding": "slow"}
+    return called.get(w.subject[0], "") if w.subject else ""
 
 
 def main() -> None:
@@ -217,29 +248,32 @@ def shown(name: str, fault: Fault, seeds: int, pool: ProcessPoolExecutor) -> Cou
 
 
 def clean(cases: list[Case], pool: ProcessPoolExecutor) -> None:
-    """Print how often clean logs are warned of, withdrawn from or missed, and the errors that they get."""
-    verdicts = list(pool.map(tried, cases))
-    if not verdicts:
-        return
-    criticals = sum(any(k.startswith("critical") for k in x.kinds) for x in verdicts)
-    kinds = Counter(k for x in verdicts for k in x.kinds)
-    cautions = sum(n for kind, n in kinds.items() if kind.startswith("caution"))
+    """Print how often clean logs are falsely warned of, withdrawn from or missed, and the errors that they get."""
+    every = list(pool.map(tried, cases))
     print(
-        f"{len(verdicts)} clean controls: {criticals} with a critical, {cautions / len(verdicts):.2f} cautions a joint"
+        f"{'clean controls':<24} {'joints':>6} {'critical':>8} {'cautions a joint':>16} {'withdrawn':>9} {'silent':>6}"
     )
-    print("  " + ", ".join(f"{kind} {n}" for kind, n in kinds.most_common()))
-    print(f"  withdrawn: {dict(Counter(w for x in verdicts for w in x.withdrawn))}")
-    missed = [f"{x.case.name} {x.case.seed}: {'; '.join(x.silent)}" for x in verdicts if x.silent]
-    print(f"  confident and wrong: {len(missed)}", *missed[:10], sep="\n    ")
-    for name in dict.fromkeys(x.case.name for x in verdicts):
-        errors: dict[str, list[float]] = {}
-        for x in verdicts:
-            for key, error in x.errors.items() if x.case.name == name else ():
-                errors.setdefault(key, []).append(error)
-        print(
-            f"  {name}, standard error in % of the truth (median): "
-            + ", ".join(f"{k} {100 * np.median(v):.3g}" for k, v in errors.items())
+    for name in (*dict.fromkeys(x.case.name for x in every), "all"):
+        verdicts = [x for x in every if name in {x.case.name, "all"}]
+        criticals = sum(any(k.startswith("critical") for k in x.kinds) for x in verdicts)
+        kinds = Counter(k for x in verdicts for k in x.kinds)
+        cautions = sum(n for kind, n in kinds.items() if kind.startswith("caution")) / len(verdicts)
+        withdrawn, silent = (
+            sum(bool(x) for x in found) for found in zip(*((v.withdrawn, v.silent) for v in verdicts), strict=True)
         )
+        print(f"{name:<24} {len(verdicts):>6} {criticals:>8} {cautions:>16.2f} {withdrawn:>9} {silent:>6}")
+        if name == "all":
+            break
+        print("    " + (", ".join(f"{kind} {n}" for kind, n in kinds.most_common()) or "no warning"))
+        for x in [v for v in verdicts if v.silent or v.withdrawn][:5]:
+            print(
+                f"    {x.case.seed}: {'; '.join(x.silent)}{' withdrawn: ' if x.withdrawn else ''}{', '.join(x.withdrawn)}"
+            )
+        errors = {key: [e for x in verdicts for k, e in x.errors if k == key] for x in verdicts for key, _ in x.errors}
+        shown = ", ".join(
+            f"{key} {100 * float(np.median(e)):.2g}" for key, e in errors.items() if not key.startswith("static shared")
+        )
+        print(f"    standard error in % of the truth, median: {shown}")
 
 
 if __name__ == "__main__":

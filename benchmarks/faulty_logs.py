@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from bristle.arrays import Array
@@ -34,7 +35,7 @@ class Log:
     torque: Array
     kind: str
     truth: Lugre[float]
-    holds: Array = field(default_factory=lambda: np.zeros(0))
+    holds: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     """Of constant-velocity runs: which hold each sample is of, (n,)."""
     velocity_logged: bool = False
     rate: float | None = None
@@ -57,7 +58,7 @@ def motion(seed: int, seconds: float = 8.0, peak: bool = True) -> Log:
     p = joint(rng)
     p = p if peak else p._replace(alpha_1=0.0)
     h, n = 1 / 4000, round(4000 * seconds)
-    t = h * np.arange(n)
+    t = h * np.arange(n, dtype=np.float64)
     v = np.sum([a * np.sin(2 * np.pi * f * t + rng.uniform(0, 2 * np.pi)) for f, a in TONES], axis=0)
     torque = rollout(v, h, p).torque + J * np.gradient(v, h)
     q = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * h)])
@@ -85,7 +86,7 @@ def ramps(seed: int, speeds: Array | None = None, seconds: float = 2.0) -> Log:
     holds = np.repeat(np.arange(each.size), round(seconds * RATE))
     v = each[holds]
     torque = steady(v, p) * (1 + 0.02 * rng.standard_normal(v.size)) + 2e-3 * rng.standard_normal(each.size)[holds]
-    return again(Log(np.arange(v.size) / RATE, v, v, torque, "ramp", p, holds=holds), v, torque)
+    return again(Log(np.arange(v.size, dtype=np.float64) / RATE, v, v, torque, "ramp", p, holds=holds), v, torque)
 
 
 def points(seed: int) -> Log:
@@ -95,7 +96,7 @@ def points(seed: int) -> Log:
     speeds = np.geomspace(0.1 * p.v_s, 1.5, 20)
     v = np.concatenate([-speeds[::-1], speeds])
     torque = steady(v, p) + 0.01 * p.alpha_0 * rng.standard_normal(v.size)
-    return Log(np.arange(v.size) * 1.0, v, v, torque, "points", p)
+    return Log(np.arange(v.size, dtype=np.float64), v, v, torque, "points", p)
 
 
 def slow(seed: int) -> Log:
@@ -107,7 +108,7 @@ def slow(seed: int) -> Log:
     beside = ramps(seed)
     p = beside.truth
     g0 = p.alpha_0 + p.alpha_1
-    t = np.arange(round(32 * RATE)) / RATE
+    t = np.arange(round(32 * RATE), dtype=np.float64) / RATE
     load = 0.85 * g0 * np.interp(t % 16, [0, 4, 8, 12, 16], [0, 1, 0, -1, 0])
     dT = np.diff(load, prepend=0.0)
     q = np.cumsum(dT / (p.sigma_0 * (1 - np.sign(dT) * load / g0)))
@@ -133,23 +134,27 @@ def rms(x: Array) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def torque(change: Callable[[Log, float], Array]) -> Callable[[Log, float], Log]:
+Change = Callable[[Log, float], Log]
+Signal = Callable[[Log, float], Array]
+
+
+def torque(change: Signal) -> Change:
     """A fault of the torque alone."""
     return lambda x, s: replace(x, torque=change(x, s))
 
 
-def position(change: Callable[[Log, float], Array]) -> Callable[[Log, float], Log]:
+def position(change: Signal) -> Change:
     """A fault of the position alone."""
     return lambda x, s: replace(x, q=change(x, s))
 
 
-def speed(change: Callable[[Log, float], Array]) -> Callable[[Log, float], Log]:
+def speed(change: Signal) -> Change:
     """A fault of a velocity that is logged."""
     return lambda x, s: replace(x, v=change(x, s), velocity_logged=True)
 
 
-def rows(x: Log, keep: Array) -> Log:
-    """Some samples, by index or mask."""
+def rows(x: Log, keep: NDArray[np.intp]) -> Log:
+    """Some samples, by index."""
     return replace(x, **{name: getattr(x, name)[keep] for name in ("t", "q", "v", "torque")})
 
 
@@ -210,16 +215,60 @@ def wrapped(x: Array, limit: float) -> Array:
     return (x + limit) % (2 * limit) - limit
 
 
+def by_direction(x: Log, share: float) -> Log:
+    """More friction in one direction than in the other, of a fit that is asked for one set."""
+    return replace(x, torque=x.torque * np.where(x.v > 0, 1 + share, 1.0), fit="directions: symmetric")
+
+
+def by_load(x: Log, share: float) -> Log:
+    """Gravity, which the fit is asked for, and friction that grows with it."""
+    gravity = np.sin(x.q)
+    whole = x.torque + gravity + share * np.abs(gravity) * np.sign(x.v)
+    return replace(x, torque=whole, fit="regressors: [inertia, gravity]")
+
+
+def noisier(x: Log, times: float) -> Log:
+    """Holds with more noise, of so many times 2e-3 N*m."""
+    rng = np.random.default_rng(3)
+    return replace(x, torque=x.torque + 2e-3 * times * rng.standard_normal(int(x.holds.max()) + 1)[x.holds])
+
+
+def dead(x: Array, width: float) -> Array:
+    """Through a dead zone of so much on either side of zero."""
+    return np.sign(x) * np.maximum(np.abs(x) - width, 0)
+
+
+def off_at(x: Log, which: tuple[int, int], share: float) -> Array:
+    """The torque of two holds or points off by a share."""
+    k = x.holds if x.holds.size else np.arange(x.v.size)
+    return x.torque * np.where(np.isin(k, which), 1 + share, 1.0)
+
+
+def resting(x: Log, more: float) -> Array:
+    """Points below 0.12 v_s, or more, that do not slide."""
+    return x.torque * np.where(np.abs(x.v) < (0.12 + more) * x.truth.v_s, 0.5, 1.0)
+
+
 def largest(x: Log) -> float:
     """The largest torque."""
     return float(np.abs(x.torque).max())
+
+
+def few_speeds(seed: int) -> Log:
+    """Holds at four speeds in each direction."""
+    return ramps(seed, np.geomspace(0.3, 5, 4))
+
+
+def short_holds(seed: int) -> Log:
+    """Holds of a second."""
+    return ramps(seed, seconds=1.0)
 
 
 class Fault(NamedTuple):
     """A fault, and what names it."""
 
     make: Callable[[int], Log]
-    change: Callable[[Log, float], Log]
+    change: Change
     strengths: tuple[float, float]
     named_by: tuple[Kind, ...] = ()
     """Kinds whose sentence names the fault, or the pattern that it leaves."""
@@ -234,6 +283,7 @@ COARSE = (Kind.COARSE_VELOCITY, Kind.COARSE_ACCELERATION, Kind.WHOLE_POSITIONS, 
 PEAK = (Kind.NO_STRIBECK, Kind.FEW_BELOW_V_S, Kind.TAKES_UP_PEAK, Kind.ONE_SIDED_PROFILE)
 STRAYS = (Kind.STRAYS, Kind.HUBER_DIFFERS)
 SIDES = (Kind.OFFSET_OR_FRICTION, Kind.DIRECTIONS_DIFFER, Kind.LACKS_A_TERM)
+LOADED = (Kind.LOADED_AT_START, Kind.OPEN_CYCLES, Kind.ABOVE_G0)
 STICKS = (Kind.STICK_SLIP, Kind.STICK_SLIP_POINTS)
 
 FAULTS: dict[str, Fault] = {
@@ -243,7 +293,7 @@ FAULTS: dict[str, Fault] = {
     "torque clipped": Fault(motion, torque(lambda x, s: np.clip(x.torque, -s * rms(x.torque), s * rms(x.torque))), (1.4, 1.0), (Kind.CLIPPED,)),
     "torque overflows its integer": Fault(motion, torque(lambda x, s: wrapped(x.torque, s * largest(x))), (0.9, 0.6)),
     "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4)),
-    "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: np.sign(x.torque) * np.maximum(np.abs(x.torque) - s, 0)), (0.05, 0.2), (Kind.DEAD_ZONE,)),
+    "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), (Kind.DEAD_ZONE,)),
     "torque offset": Fault(motion, torque(lambda x, s: x.torque + s), (0.05, 0.2), SIDES),
     "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), (Kind.HUBER_DIFFERS,)),
     "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0)),
@@ -252,8 +302,8 @@ FAULTS: dict[str, Fault] = {
     "quadratic drag": Fault(motion, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.1, 0.4), TERM),
     "gravity": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(x.q)), (0.1, 1.0), (*TERM, Kind.RESIDUAL_RIPPLE)),
     "cogging": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(20 * x.q)), (0.03, 0.1), RIPPLE),
-    "friction by direction": Fault(motion, lambda x, s: replace(x, torque=x.torque * np.where(x.v > 0, 1 + s, 1.0), fit="directions: symmetric"), (0.1, 0.4), SIDES),
-    "friction by load": Fault(motion, lambda x, s: replace(x, torque=x.torque + np.sin(x.q) + s * np.abs(np.sin(x.q)) * np.sign(x.v), fit="regressors: [inertia, gravity]"), (0.1, 0.3), (*TERM, Kind.RESIDUAL_RIPPLE)),
+    "friction by direction": Fault(motion, by_direction, (0.1, 0.4), SIDES),
+    "friction by load": Fault(motion, by_load, (0.1, 0.3), (*TERM, Kind.RESIDUAL_RIPPLE)),
     "backlash": Fault(motion, position(lambda x, s: x.q + s / 2 * np.tanh(x.v / 0.01)), (0.005, 0.02)),
     "position of 8, 10 bits": Fault(motion, position(lambda x, s: counted(x.q, s)), (10, 8), COARSE),
     "counts as rad": Fault(motion, position(lambda x, s: np.round(x.q * 2**s / (2 * np.pi))), (14, 18), COARSE),
@@ -269,24 +319,24 @@ FAULTS: dict[str, Fault] = {
     "inertia given wrong": Fault(motion, lambda x, s: replace(x, more=f"inertia: {s * J} kg*m**2\n"), (0.7, 1.3), (Kind.INERTIA_DOUBTED,)),
     "ramps: temperature drift in order": Fault(ordered, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),
     "ramps: temperature drift": Fault(ramps, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),
-    "ramps: too few speeds": Fault(lambda k: ramps(k, np.geomspace(0.3, 5, 4)), lambda x, s: x if s else rows(x, np.flatnonzero(x.holds < 6)), (1, 0), PEAK),
-    "ramps: none below v_s": Fault(lambda k: ramps(k, np.geomspace(1.5, 15, 12)), torque(lambda x, s: x.torque + 2e-3 * s * np.random.default_rng(3).standard_normal(30)[x.holds]), (0, 1), PEAK),
-    "ramps: none above v_s": Fault(lambda k: ramps(k, np.geomspace(0.1, 0.9, 12)), torque(lambda x, s: x.torque + 2e-3 * s * np.random.default_rng(3).standard_normal(30)[x.holds]), (0, 1), PEAK),
+    "ramps: too few speeds": Fault(few_speeds, lambda x, s: x if s > 3 else rows(x, np.flatnonzero(x.holds < 6)), (4, 3), PEAK),
+    "ramps: none below v_s": Fault(lambda k: ramps(k, np.geomspace(1.5, 15, 12)), noisier, (0, 1), PEAK),
+    "ramps: none above v_s": Fault(lambda k: ramps(k, np.geomspace(0.1, 0.9, 12)), noisier, (0, 1), PEAK),
     "ramps: torque offset": Fault(ramps, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
-    "ramps: two stray holds": Fault(ramps, torque(lambda x, s: x.torque * np.where(np.isin(x.holds, [3, 11]), 1 + s, 1.0)), (0.2, 0.5), STRAYS),
+    "ramps: two stray holds": Fault(ramps, torque(lambda x, s: off_at(x, (3, 11), s)), (0.2, 0.5), STRAYS),
     "ramps: torque clipped": Fault(ramps, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), (Kind.CLIPPED,)),
     "ramps: quadratic drag": Fault(ramps, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.05, 0.2), TERM),
-    "ramps: cogging": Fault(lambda k: ramps(k, seconds=1.0), torque(lambda x, s: x.torque + s * np.sin(8 * x.q)), (0.03, 0.1), (*RIPPLE, Kind.TORQUES_DOUBTED)),
+    "ramps: cogging": Fault(short_holds, torque(lambda x, s: x.torque + s * np.sin(8 * x.q)), (0.03, 0.1), (*RIPPLE, Kind.TORQUES_DOUBTED)),
     "ramps: stick-slip": Fault(ramps, stick_slip, (0.7, 1.2), STICKS),
     "ramps: holds that accelerate": Fault(ramps, accelerating, (0.2, 0.6), TERM),
     "ramps: degrees as rad, velocity logged": Fault(ramps, lambda x, s: replace(x, q=s * x.q, velocity_logged=True), (180 / np.pi, 1000.0), SPEED),
-    "points: strays": Fault(points, torque(lambda x, s: x.torque * np.where(np.isin(np.arange(40), [2, 30]), 1 + s, 1.0)), (0.2, 0.5), STRAYS),
+    "points: strays": Fault(points, torque(lambda x, s: off_at(x, (2, 30), s)), (0.2, 0.5), STRAYS),
     "points: sign of one direction": Fault(points, torque(lambda x, s: np.abs(x.torque) * s), (1.0, 2.0)),
     "points: torque clipped": Fault(points, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), (Kind.CLIPPED,)),
     "points: torque offset": Fault(points, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
     "points: quadratic drag": Fault(points, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.05, 0.2), TERM),
-    "points: some that do not slide": Fault(points, torque(lambda x, s: x.torque * np.where(np.abs(x.v) < (0.12 + s) * x.truth.v_s, 0.5, 1.0)), (0.0, 0.1), STRAYS),
-    "slow loading: load cell offset": Fault(slow, torque(lambda x, s: x.torque + s), (0.05, 0.2), (Kind.LOADED_AT_START, Kind.OPEN_CYCLES, Kind.ABOVE_G0)),
+    "points: some that do not slide": Fault(points, torque(resting), (0.0, 0.1), STRAYS),
+    "slow loading: load cell offset": Fault(slow, torque(lambda x, s: x.torque + s), (0.05, 0.2), LOADED),
     "slow loading: position drifts": Fault(slow, position(lambda x, s: x.q + s * x.t), (3e-5, 1e-4), (Kind.OPEN_CYCLES,)),
     "slow loading: torque clipped": Fault(slow, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.5), (Kind.CLIPPED,)),
     "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), (Kind.OPEN_CYCLES,)),

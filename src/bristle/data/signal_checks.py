@@ -96,7 +96,7 @@ def check_signals(
         context: kind of the joint, and size of a count.
         options: the filters.
     """
-    found = list(check_torque(record, kind))
+    found: list[Diagnostic | None] = [*check_torque(record, kind)]
     if kind != "points":
         found += [_velocity_factor(record, signals, context), _lost_samples(record, signals)]
     if kind == "tracking":

@@ -20,8 +20,10 @@ _CLIPPED = (0.005, 8)
 """... which is at least this share of its samples, and so many of them."""
 _DEAD = (0.001, 8)
 """A dead zone takes at least this share of the samples, and so many of them."""
-_CROSSES = 0.75
-"""Of the times at zero, those that lie between torques of opposite sign."""
+_CROSSES = 0.5
+"""Of the samples at zero, those that lie between torques of opposite sign."""
+_RESTS = 0.001
+"""Of the mean speed: a joint that is slower while its torque is zero rests."""
 _PARTS = 100
 """The first of so many parts of slow loading, but no less than ..."""
 _FEWEST = 20
@@ -103,10 +105,13 @@ def _dead_zone(record: Record) -> Diagnostic | None:
     if zero.sum() < max(part * torque.size, few) or zero.sum() < _PILED * _most_often(np.abs(torque[~zero])):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
-    inside = (starts > 0) & (stops < torque.size)
-    before, after = starts[inside] - 1, stops[inside]
-    crosses = (torque[before] * torque[after] < 0) & (position[before] != position[after])
-    if not inside.any() or crosses.mean() < _CROSSES:
+    whole = (starts > 0) & (stops < torque.size)
+    crosses = torque[starts[whole] - 1] * torque[stops[whole]] < 0
+    samples = (stops - starts)[whole]
+    steps = np.abs(np.diff(position))
+    inside = steps[zero[1:] & zero[:-1]]
+    rests = inside.size > 0 and inside.mean() < _RESTS * steps.mean()
+    if rests or samples[crosses].sum() < _CROSSES * samples.sum():
         return None
     return Kind.DEAD_ZONE(files=(record.file,), share=float(zero.mean()))
 

@@ -206,7 +206,7 @@ def solve_dynamic(
 ) -> MultistartSolution[Unknown]:
     """The lowest minimum from several starts, and the covariance there.
 
-    Where fewer than half of several starts reached it, each direction's set there is tried for both: starts that are
+    Where no more than half of several starts reached it, each direction's set there is tried for both: starts that are
     drawn for both at once may each find one of them.
     """
     rng = np.random.default_rng(seed)
@@ -214,7 +214,7 @@ def solve_dynamic(
     first, random = with_deflections(problem, start), [with_deflections(problem, whole) for whole in moved]
     solve, finish = partial(solved, problem), partial(polished, problem)
     best = solve_from_starts(solve, (first, *others), random, finish, progress)
-    mirrored = _mirrored(problem, best.values) if starts > 1 and best.reached < best.starts / 2 else []
+    mirrored = _mirrored(problem, best.values) if starts > 1 and best.reached <= best.starts / 2 else []
     while mirrored:
         again = solve_from_starts(solve, (best.values,), mirrored, finish)
         if again.minimum.cost > best.minimum.cost * (1 - SAME):

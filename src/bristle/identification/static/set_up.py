@@ -72,14 +72,17 @@ class BetterSetUp:
         if any(warning.kind is Kind.UNEXPLAINED for warning in fit.warnings):
             advised = (w.but(advice=(pays,)) if w.kind is Kind.UNEXPLAINED else w for w in fit.warnings)
             return replace(fit, warnings=tuple(advised))
-        others = (warning for warning in fit.warnings if warning.kind is not Kind.LACKS_A_TERM)
-        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *others))
+        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *filter(_is_other, fit.warnings)))
 
     @property
     def lines(self) -> str:
         """What to write under `fit`, on one line."""
         apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
         return f"{apart}regressors: [{', '.join(name for name in REGRESSORS if name in self.set_up.regressors)}]"
+
+
+def _is_other(warning: Diagnostic) -> bool:
+    return warning.kind is not Kind.LACKS_A_TERM
 
 
 def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
