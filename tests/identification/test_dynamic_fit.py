@@ -444,6 +444,8 @@ def test_each_direction_found_alone_leads_to_both() -> None:
     assert whole.minimum.cost < 0.5 * alone.minimum.cost
     for name, true in good.items():
         assert whole.values[name] == pytest.approx(true, rel=0.02)
+    warnings = fit_tracking(problem, start, "revolute", starts=2).fit.warnings  # few starts, but noise alone is left
+    assert Kind.FEW_STARTS not in {d.kind for d in warnings}
 
 
 @pytest.mark.parametrize(

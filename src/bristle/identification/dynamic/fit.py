@@ -319,8 +319,8 @@ def _warnings(
         warnings.append(Kind.OUT_OF_STEPS())
     if solution.widening > sqrt(2):
         warnings.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.widening))
-    if solution.reached == 1 < solution.starts:
-        warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
+        if solution.reached < solution.starts / 2:  # where noise alone is left no other minimum is lower
+            warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
     return (*warnings, *_unseen(solution, unseen))
 
 
