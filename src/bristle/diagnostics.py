@@ -323,6 +323,13 @@ class Kind(Enum):
             "from {asked:.2g} to {error:.2g} %."
         ),
     )
+    TERM_EXPLAINS = (
+        _NOTE,
+        (
+            "Under fit, write {lines}: beside all that is fitted it explains {share:.0%} of the squares that the fit leaves "
+            "(an F test, to first order)."
+        ),
+    )
     LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
     UNEXPLAINED = (
         _CRITICAL,
@@ -406,6 +413,20 @@ class Kind(Enum):
             "is unknown; move slower or more gently, or widen the range of the drive or the sensor."
         ),
     )
+    DEAD_ZONE = (
+        _CAUTION,
+        (
+            "The torque of {files!l} is exactly zero in {share:.1%} of the samples, wherever it changes its sign: its sensor or drive "
+            "has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; switch it off, or add it to the torque."
+        ),
+    )
+    LOADED_AT_START = (
+        _CAUTION,
+        (
+            "The torque of {files!l} begins at {torque:.3g}, {share:.0%} of its largest, and not at zero: an offset of the sensor "
+            "makes sigma_0 too high in one direction and too low in the other. Subtract it, or begin without a load."
+        ),
+    )
     LOST_SAMPLES = (
         _CAUTION,
         (
@@ -445,11 +466,18 @@ class Kind(Enum):
             "speed going up and coming down."
         ),
     )
+    DRIFT_OVER_RUNS = (
+        _CAUTION,
+        (
+            "The torque drifts within the holds, by {slope:+.2g} per second and {across:.3g} from first to last ({share:.0%} of the "
+            "torque): it depends on time or temperature, and the points scatter by it. Warm up, and repeat the first speeds at the end."
+        ),
+    )
     OFFSET_OR_FRICTION = (
         _CAUTION,
         (
             "The torque of the two directions differs by a constant. Either it has an offset of {offset:.3g} {unit}, and alpha_0 "
-            "is {common:.4g} in both (`directions: symmetric` and `regressors: [offset]` under fit); or friction differs, with "
+            "is {common:.4g} in both ({lines} under fit); or friction differs, with "
             "alpha_0 {plus:.4g} (+) and {minus:.4g} (-). The data cannot tell."
         ),
     )

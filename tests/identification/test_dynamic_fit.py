@@ -495,3 +495,47 @@ def test_a_noisy_run_counts_for_less() -> None:
         assert own is not None
         assert other is not None
         assert own < 1.1 * other
+
+
+def test_each_direction_found_alone_leads_to_both() -> None:
+    """From a start that is good in one direction and far off in the other, with others no better, the minimum of both is found."""
+    run = record(Pair(GRIPPER, GRIPPER), 1e-5)
+    problem = posed(run, ("+", "-"), 10)
+    good = values_of(Pair(GRIPPER, GRIPPER))
+    far = {"v_s": 0.003}
+    start = {n: x * far.get(n.name, 1.0) if n.direction == "-" else x for n, x in good.items()}
+    alone = unknowns.solve_dynamic(problem, start, 1, 0)
+    whole = unknowns.solve_dynamic(problem, start, 2, 0)
+    assert whole.minimum.cost < 0.5 * alone.minimum.cost
+    for name, true in good.items():
+        assert whole.values[name] == pytest.approx(true, rel=0.02)
+    warnings = fit_tracking(problem, start, "revolute", starts=2).fit.warnings  # few starts, but noise alone is left
+    assert Kind.FEW_STARTS not in {d.kind for d in warnings}
+
+
+@pytest.mark.parametrize(
+    ("drag", "gravity", "wanted"), [(0.05, 0.0, "quadratic"), (0.0, 0.01, "gravity"), (0.0, 0.0, "")]
+)
+def test_a_regressor_that_was_left_out(drag: float, gravity: float, wanted: str) -> None:
+    """Drag or gravity that the fit was not asked for is a caution with the lines that ask for it; of a clean run nothing is said."""
+    run = record(GRIPPER, 1e-4)
+    v = run.velocity if run.velocity is not None else np.zeros(0)
+    q = np.cumsum(v) * STEP
+    assert run.torque is not None
+    run = replace(run, position=q, torque=run.torque + drag * v * np.abs(v) + gravity * np.sin(q))
+    found = fit_tracking(posed(run, ("both",), 10), values_of(GRIPPER), "revolute", starts=1).fit.warnings
+    said = [str(d) for d in found if d.kind is Kind.LACKS_A_TERM]
+    assert [f"regressors: [inertia, {wanted}]" in text for text in said] == [True] * bool(wanted)
+
+
+@pytest.mark.parametrize("offset", [0.0, 2e-3, -2e-3])
+def test_an_offset_of_moving_runs_is_an_offset_or_friction(offset: float) -> None:
+    """A constant torque is said to be one or a difference in alpha_0, with its size; without one nothing is said."""
+    run = record(Pair(GRIPPER, GRIPPER), 1e-4)
+    assert run.torque is not None
+    problem = posed(replace(run, torque=run.torque + offset), ("+", "-"), 10)
+    fit_of = fit_tracking(problem, values_of(Pair(GRIPPER, GRIPPER)), "revolute", starts=1).fit
+    said = [d for d in fit_of.warnings if d.kind is Kind.OFFSET_OR_FRICTION]
+    assert len(said) == bool(offset)
+    for d in said:
+        assert d.numbers["offset"] == pytest.approx(offset, rel=0.2)

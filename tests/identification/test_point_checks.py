@@ -55,12 +55,15 @@ def ramps(seed: int, order: Array, drift: float) -> Record:
 
 def drifts(folder: Path, record: Record) -> list[Diagnostic]:
     """The warnings about drift in a run's segments."""
+    return [d for d in point_warnings_of(folder, record) if d.kind is Kind.DRIFT_IN_ORDER]
+
+
+def point_warnings_of(folder: Path, record: Record) -> list[Diagnostic]:
+    """The warnings about the segments of a run taken together."""
     segments = find_segments(record, measured(folder, (), ()).experiment.segments)
     kept = [s for s in segments if s.accepted]
-    found = point_warnings(
-        measured(folder, (Run(kind="ramp", record=record),), (segments,)), kept, fits(NOISE / np.sqrt(600))
-    )
-    return [d for d in found if d.kind is Kind.DRIFT_IN_ORDER]
+    runs = (Run(kind="ramp", record=record),)
+    return list(point_warnings(measured(folder, runs, (segments,)), kept, fits(NOISE / np.sqrt(600))))
 
 
 @pytest.mark.parametrize("drift", [-0.1, 0.3])
@@ -76,9 +79,24 @@ def test_a_drift_in_the_order_of_speed_is_said(tmp_path: Path, drift: float) -> 
         assert drifts(tmp_path, ramps(seed, shuffled, drift)) == []
 
 
+@pytest.mark.parametrize("drift", [-0.1, 0.3])
+def test_a_drift_in_random_order_is_said(tmp_path: Path, drift: float) -> None:
+    """Speeds in random order cannot be mistaken for a drift, but the points scatter by it: its sign and size are said."""
+    for seed in range(5):
+        shuffled = np.random.default_rng(seed).permutation(SPEEDS)
+        said = point_warnings_of(tmp_path, ramps(seed, shuffled, drift))
+        (found,) = (d for d in said if d.kind is Kind.DRIFT_OVER_RUNS)
+        assert np.sign(found.numbers["slope"]) == np.sign(drift)
+        assert found.numbers["share"] == pytest.approx(abs(drift), rel=0.5)
+
+
 def test_no_drift_is_said_without_one(tmp_path: Path) -> None:
-    """Of a hundred clean runs in the order of speed at most one has that warning."""
-    assert sum(bool(drifts(tmp_path, ramps(seed, SPEEDS, 0.0))) for seed in range(100)) <= 1
+    """Of a hundred clean runs, half of them in the order of speed, at most one has such a warning."""
+    found = []
+    for seed in range(100):
+        order = SPEEDS if seed % 2 else np.random.default_rng(seed).permutation(SPEEDS)
+        found += point_warnings_of(tmp_path, ramps(seed, order, 0.0))
+    assert sum(d.kind in {Kind.DRIFT_IN_ORDER, Kind.DRIFT_OVER_RUNS} for d in found) <= 1
 
 
 def rows(folder: Path, order: Array, drift: float, seed: int) -> list[Diagnostic]:

@@ -11,8 +11,14 @@ from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import unexplained
 from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.problem import from_records
-from bristle.identification.static.set_up import BetterSetUp, SetUp, better_for_motion, better_for_points
+from bristle.identification.static.problem import from_points, from_records
+from bristle.identification.static.set_up import (
+    BetterSetUp,
+    SetUp,
+    better_for_motion,
+    better_for_points,
+    quadratic_left_out,
+)
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve
@@ -111,3 +117,17 @@ def test_a_large_pattern_is_not_noise() -> None:
     assert not [s for s in range(300) if unexplained(left(0.0, seed=s), 20.0)]
     assert not unexplained(left(0.5), 10 * np.sqrt(400.0))
     assert not unexplained(left(0.5)[:7], 1.0)
+
+
+@pytest.mark.parametrize(("drag", "least", "most"), [(0.0, 0, 1), (0.1, 95, 100)])
+def test_a_drag_that_the_points_show(drag: float, least: int, most: int) -> None:
+    """Of a hundred tables of 22 points, those with v * abs(v) are told; of those without it at most one is."""
+    v, rng, told = np.geomspace(0.01, 1.5, 22), np.random.default_rng(0), 0
+    joint = Lugre(0.5, 0.2, 0.4, 0.08, 1.0, 0.0)
+    for _ in range(100):
+        torque = curve(v, joint) + drag * v**2 + 0.005 * rng.standard_normal(v.size)
+        problem = from_points(v, torque, ("+",))
+        said = quadratic_left_out(problem, solve(problem, default_range(v)).theta)
+        told += bool(said)
+        assert not said or "regressors: [quadratic]" in str(said[0])
+    assert least <= told <= most

@@ -17,6 +17,7 @@ from bristle.data.encoder import POSITION_UNITS, count_mismatch, smallest_step
 from bristle.data.experiment.schema import FitOptions, RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
 from bristle.data.record import Record
+from bristle.data.torque_checks import check_torque
 from bristle.diagnostics import Diagnostic, Kind, Severity
 
 _SPANS = (1, 4, 16, 64, 256)
@@ -39,12 +40,6 @@ _UNITS = {
     "position": POSITION_UNITS,
 }
 _TIMES = ("s", "ms", "us")
-_LEVELS = 20
-"""A signal has more levels than this, or nothing can be said of how often it takes one."""
-_PILED, _NEXT = 4.0, 3
-"""A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
-_CLIPPED = (0.005, 8)
-"""... which is at least this share of its samples, and so many of them."""
 _AROUND = 5
 """Samples on either side that tell the usual travel of one."""
 _BLOCK = 100
@@ -99,7 +94,7 @@ def check_signals(
         context: kind of the joint, and size of a count.
         options: the filters.
     """
-    found = [_clipped(record) if kind in {"tracking", "points"} else None]
+    found: list[Diagnostic | None] = [*check_torque(record, kind)]
     if kind != "points":
         found += [_velocity_factor(record, signals, context), _lost_samples(record, signals)]
         found.append(count_mismatch(record, signals.position, context))
@@ -208,27 +203,6 @@ def _factors(signals: Signals, size: float) -> list[str]:
 
 def _near(x: float, wanted: float) -> bool:
     return abs(float(np.log(abs(x) / wanted))) < _FACTOR
-
-
-def _clipped(record: Record) -> Diagnostic | None:
-    """A torque that stays exactly at its largest or smallest value; one from a voltage never does."""
-    if record.torque is None or record.voltage is not None:
-        return None
-    levels, counts = np.unique(record.torque, return_counts=True)
-    if levels.size <= _LEVELS:
-        return None
-    padded = np.pad(counts, _NEXT)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
-    windows[:, _NEXT] = 0
-    part, few = _CLIPPED
-    least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
-    piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
-    alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
-    at = [k for k in (0, -1) if piled[k] or (alike and piled[-1 - k])]
-    if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
-        return None
-    share = sum(int(counts[k]) for k in at) / record.torque.size
-    return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
 
 
 def _lost_samples(record: Record, signals: Signals) -> Diagnostic | None:

@@ -18,6 +18,8 @@ _SIGNIFICANT = 0.01
 _FEW = 8
 _POOR = 0.15
 """Of the measured torque: a fit that leaves a larger pattern describes something else."""
+_BESIDE = 1e-6
+"""Of its length: what a column has beside others, below which it is made of them."""
 _CHANCE = 3.3
 """White noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times."""
 
@@ -124,6 +126,24 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
         if p * looks < _SIGNIFICANT:
             warnings.append(kind(**what, p=p * looks, looks=looks, share=share))
     return tuple(warnings)
+
+
+def explained_beside(known: Array, y: Array, columns: Array) -> tuple[float, float]:
+    """Probability of the F test of columns (n, k) beside known ones (n, p), counting independent samples of y (n,).
+
+    Then comes their share of the squares that the known ones leave of y.
+    """
+    lengths = [np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in (known, columns)]
+    off = np.linalg.qr(known / lengths[0])[0]
+    beside, left = (x - off @ (off.T @ x) for x in (columns / lengths[1], y))
+    directions = np.linalg.qr(beside[:, np.linalg.norm(beside, axis=0) > _BESIDE])[0]
+    k, total = directions.shape[1], float(left @ left)
+    explained = directions @ (directions.T @ left)
+    share = float(explained @ explained) / total if total > 0 else 0.0
+    freedom = y.size / inflation(left - explained) - known.shape[1] - k
+    if freedom < 1 or not k or share <= 0:
+        return 1.0, share
+    return float(fdtrc(k, freedom, share / k / max(1 - share, 1e-300) * freedom)), share
 
 
 def _strongest_harmonic(y: Array, position: Array, count: int) -> tuple[float, Array]:

@@ -18,7 +18,7 @@ from bristle.progress import Progress, teller
 Start = TypeVar("Start")
 _STEPS, _TRIES = 60, 30
 """Of a descent from a start, and from a random one."""
-_SAME, _OF_VARIANCE = 1e-6, 1e-2
+SAME, _OF_VARIANCE = 1e-6, 1e-2
 """Two minima are the same where their costs differ by less than this share of them, or of a residual's variance: a tenth
 of a standard error, while a descent ends within a hundredth."""
 _NOTHING = 1e-20
@@ -71,7 +71,7 @@ def solve_from_starts(
         with suppress(InputError):
             ends.append(solve(start, _TRIES, min(end.cost for _, end in ends)))
     posed, minimum = finish(*min(ends, key=lambda end: end[1].cost))
-    same = minimum.cost * (1 + max(_SAME, _OF_VARIANCE / minimum.residuals.size)) + _NOTHING
+    same = minimum.cost * (1 + max(SAME, _OF_VARIANCE / minimum.residuals.size)) + _NOTHING
     reached = max(sum(end.cost <= same for _, end in ends), 1)
     names, values = posed.unknowns.names, posed.unknowns.values(minimum.x)
     return MultistartSolution(posed, minimum, names, values, count, reached, *covariance_at(posed, minimum))

@@ -4,6 +4,7 @@ Static, presliding and moving fits, models.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -39,6 +40,9 @@ from bristle.identification.static.runs import fit_moving, fit_points, pulled_po
 from bristle.identification.static.set_up import better_for_motion, better_for_points
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress, step
+
+_OF_THE_DATA = {Kind.LACKS_A_TERM, Kind.OFFSET_OR_FRICTION}
+"""Warnings about a fit of moving runs that hold of every fit of them."""
 
 
 def identify_joint(
@@ -115,6 +119,9 @@ def _with_set_up(
     from_points: bool,
 ) -> tuple[dict[str, StaticFit], DynamicStages]:
     """The fits of the moving runs, with the lines of a clearly better set-up among their warnings where there is one."""
+    if not from_points and stages.alone:  # the same data, of which the fit without bristles sees less
+        same = tuple(w for w in stages.alone.warnings if w.kind in _OF_THE_DATA)
+        static = {d: replace(fit, warnings=(*fit.warnings, *same)) for d, fit in static.items()}
     better = better_for_motion(experiment, training) if experiment.fit.predict == "torque" else None
     if better is None:
         return static, stages

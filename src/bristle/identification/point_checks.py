@@ -1,4 +1,4 @@
-"""What the points of constant velocity cannot tell apart: drift from speed, an offset from friction that differs."""
+"""What the points of constant velocity show together: a torque that drifts, in the order of speed or not; an offset, or friction that differs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -31,6 +31,10 @@ _IN_ORDER = 0.9
 """Rank correlation of speed and order from which they cannot be told apart."""
 
 
+_SETTLES = 6
+"""The first of so many parts of a segment may still be settling."""
+
+
 class _Solved(NamedTuple):
     cost: float
     values: dict[str, float]
@@ -55,10 +59,10 @@ def point_warnings(
 
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Diagnostic]:
-    """Speed that rises or falls with the order of the runs, while the torque drifts within them: a t test of their slopes."""
+    """Torque that drifts within the holds, by a t test of their slopes, and whether speed rises or falls with their order."""
     orders = {d: _order([abs(s.velocity) for s in points if s.velocity * sign > 0]) for d, sign in DIRECTIONS.items()}
     in_order = {d: x for d, x in orders.items() if abs(x) > _IN_ORDER}
-    if not in_order:
+    if not points:
         return
     slopes, durations = np.array([_slope(records[s.file], s) for s in points]).T
     level = float(np.median(np.abs([s.torque for s in points])))
@@ -69,6 +73,9 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
     across = abs(mean) * _elapsed(points, durations)
     if not error or 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) > _RARE or across < 2 * scatter:
+        return
+    if not in_order:
+        yield Kind.DRIFT_OVER_RUNS(slope=mean, across=across, share=across / level)
         return
     first = next(iter(in_order))
     yield Kind.DRIFT_IN_ORDER(
@@ -118,7 +125,7 @@ def _order(speeds: Sequence[float]) -> float:
 def _slope(record: Record, segment: Segment) -> tuple[float, float]:
     """Slope of the torque along the motion in a segment, N*m/s, its beginning apart, which may be settling; and its duration, s."""
     torque = np.zeros(0) if record.torque is None else record.torque
-    part = slice(segment.start + (segment.stop - segment.start) // 3, segment.stop)
+    part = slice(segment.start + (segment.stop - segment.start) // _SETTLES, segment.stop)
     time = record.time[part] - record.time[part].mean()
     slope = float(time @ torque[part]) / (float(time @ time) or 1.0)
     return slope * float(np.sign(segment.velocity)), float(np.ptp(time))
@@ -167,6 +174,7 @@ def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnosti
         plus=apart["+"].values["alpha_0"],
         minus=apart["-"].values["alpha_0"],
         unit=unit("torque", experiment.joint.kind),
+        lines="`directions: symmetric` and `regressors: [offset]`",
     )
 
 

@@ -19,6 +19,7 @@ from bristle.identification.dynamic.claims import bristle_doubts, peak_doubts, w
 from bristle.identification.dynamic.left_out_peak import takes_up_peak
 from bristle.identification.dynamic.missing_terms import missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
 from bristle.identification.dynamic.unknowns import (
     LOGARITHMIC,
     equations_left,
@@ -93,6 +94,8 @@ def fit_tracking(
     warnings = (
         *_lack_of_fit(problem, rows),
         *missing_terms(problem, solution, kind),
+        *regressor_left_out(problem, solution),
+        *offset_or_friction(problem, solution, kind),
         *_warnings(solution, rows, unseen),
         *_physics(problem, solution.values, unseen),
         *_named(unseen),
@@ -299,8 +302,8 @@ def _warnings(
         warnings.append(Kind.OUT_OF_STEPS())
     if solution.widening > sqrt(2):
         warnings.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.widening))
-    if solution.reached < solution.starts / 2:
-        warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
+        if solution.reached < solution.starts / 2:  # where noise alone is left no other minimum is lower
+            warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
     return (*warnings, *_unseen(solution, unseen))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.multistart import MultistartSolution, solve_from_starts
+from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, descend, minimise
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
@@ -23,7 +23,7 @@ from bristle.identification.dynamic.problem import (
     parameters,
     residuals,
 )
-from bristle.model.parameters import STRIBECK_REACH, Lugre, ParameterName
+from bristle.model.parameters import SIGNED, STRIBECK_REACH, Lugre, ParameterName
 from bristle.model.rollout import rollout
 from bristle.progress import Progress
 
@@ -208,11 +208,34 @@ def solve_dynamic(
     others: Sequence[Values] = (),
     progress: Progress | None = None,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from several starts, and the covariance there."""
+    """The lowest minimum from several starts, and the covariance there.
+
+    Where no more than half of several starts reached it, each direction's set there is tried for both: starts that are
+    drawn for both at once may each find one of them.
+    """
     rng = np.random.default_rng(seed)
     moved = [{name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1)]
     first, random = with_deflections(problem, start), [with_deflections(problem, whole) for whole in moved]
-    return solve_from_starts(partial(solved, problem), (first, *others), random, partial(polished, problem), progress)
+    solve, finish = partial(solved, problem), partial(polished, problem)
+    best = solve_from_starts(solve, (first, *others), random, finish, progress)
+    mirrored = _mirrored(problem, best.values) if starts > 1 and best.reached <= best.starts / 2 else []
+    while mirrored:
+        again = solve_from_starts(solve, (best.values,), mirrored, finish)
+        if again.minimum.cost > best.minimum.cost * (1 - SAME):
+            break
+        best = again._replace(starts=best.starts + len(mirrored))
+        mirrored = _mirrored(problem, best.values)
+    return best
+
+
+def _mirrored(problem: DynamicProblem, values: Values) -> list[dict[Unknown, float]]:
+    """Values with the friction of one direction in both, for each direction where there are two."""
+    known = without_deflections(values)
+    sets = [{n.name: x for n, x in known.items() if n.direction == d} for d in SIGNED if d in problem.directions]
+    if len(sets) < len(SIGNED):
+        return []
+    both = [{n: one.get(n.name, x) if n.direction in SIGNED else x for n, x in known.items()} for one in sets]
+    return [with_deflections(problem, start) for start in both]
 
 
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:

@@ -20,6 +20,7 @@ from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
+from bristle.identification.static.set_up import quadratic_left_out
 from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import run_fits, three_ways
@@ -227,6 +228,7 @@ def _comparisons(
     velocity = problem.equation_velocity[measured]
     warnings += residual_warnings(core.solution.residuals[measured], velocity, where.time, where.position)
     residuals = core.measured.residuals(core.solution.theta)[measured]
+    warnings += quadratic_left_out(core.problem, core.solution.theta)
     in_order = residuals[np.argsort(velocity)] if where.segments else residuals
     warnings = [*unexplained(in_order, float(np.linalg.norm(problem.measured[measured]))), *warnings]
     three = three_ways(core, v_s_range)

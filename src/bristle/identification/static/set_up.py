@@ -16,7 +16,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.autocorrelation import explained_beside
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.moving_runs import DIRECTIONS, LOADS, REGRESSORS, directions, inertia, regressors
 from bristle.identification.static.points import point_regressors, points_problem
@@ -36,6 +37,8 @@ _EXPLAINS = 15.0
 """Percent: a set-up that leaves more shows of the directions nothing."""
 _SPARE = 2
 """Equations per column, at the least."""
+_RARE = 5e-4
+"""Of clean fits, in which a term is found all the same."""
 _RANK = 1e-10
 """Of the largest eigenvalue: what is below is not told apart."""
 
@@ -71,13 +74,17 @@ class BetterSetUp:
         if any(warning.kind is Kind.UNEXPLAINED for warning in fit.warnings):
             advised = (w.but(advice=(pays,)) if w.kind is Kind.UNEXPLAINED else w for w in fit.warnings)
             return replace(fit, warnings=tuple(advised))
-        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *fit.warnings))
+        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *filter(_is_other, fit.warnings)))
 
     @property
     def lines(self) -> str:
         """What to write under `fit`, on one line."""
         apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
         return f"{apart}regressors: [{', '.join(name for name in REGRESSORS if name in self.set_up.regressors)}]"
+
+
+def _is_other(warning: Diagnostic) -> bool:
+    return warning.kind is not Kind.LACKS_A_TERM
 
 
 class _Trial(NamedTuple):
@@ -170,6 +177,21 @@ def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> Be
 
 def _as_asked(better: BetterSetUp) -> BetterSetUp:
     return replace(better, set_up=better.asked, error=better.asked_error)
+
+
+def quadratic_left_out(problem: Regression, theta: Array) -> list[Diagnostic]:
+    """Whether v * abs(v) explains more of what a fit of points leaves than chance does, to first order: an F test."""
+    asked = {name.name for name in problem.linear_names}
+    if problem.smooth is not None or problem.priors or not asked.isdisjoint(REGRESSORS["quadratic"].names):
+        return []
+    order = np.argsort(problem.velocity)
+    v = problem.velocity[order]
+    known, rest = problem.jacobian(theta)[order], problem.residuals(theta)[order]
+    p, share = explained_beside(known, rest, (v * np.abs(v))[:, None])
+    if p > _RARE:
+        return []
+    lines = ", ".join(x for x in REGRESSORS if x == "quadratic" or not asked.isdisjoint(REGRESSORS[x].names))
+    return [Kind.LACKS_A_TERM(advice=Kind.TERM_EXPLAINS(lines=f"regressors: [{lines}]", share=share))]
 
 
 def _errors(set_up: SetUp, trial: _Trial) -> Array | None:

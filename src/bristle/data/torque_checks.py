@@ -1,0 +1,121 @@
+"""What the torque of a run shows of its sensor and drive by itself: limits, a dead zone, a load at the start."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.experiment.schema import RunKind
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.autocorrelation import inflation
+
+_LEVELS = 20
+"""A signal has more levels than this, or nothing can be said of how often it takes one."""
+_POINTS_A_LEVEL = 4
+"""... or, of few points, so many points to a level: most of them are then levels of their own."""
+_PILED, _NEXT = 4.0, 3
+"""A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
+_CLIPPED = (0.005, 8)
+"""... which is at least this share of its samples, and so many of them."""
+_DEAD = (0.001, 8)
+"""A dead zone takes at least this share of the samples, and so many of them."""
+_CROSSES = 0.5
+"""Of the samples at zero, those that lie between torques of opposite sign."""
+_RESTS = 0.001
+"""Of the mean speed: a joint that is slower while its torque is zero rests."""
+_PARTS = 100
+"""The first of so many parts of slow loading, but no less than ..."""
+_FEWEST = 20
+"""... so many samples, tell with what it begins."""
+_BEGINS = 0.02
+"""Of the largest torque of slow loading: what it begins with is told beyond this."""
+_DEVIATIONS = 4.0
+"""Standard errors by which that is surely not zero: 6e-5 of clean records."""
+
+
+def check_torque(record: Record, kind: RunKind) -> Iterator[Diagnostic]:
+    """What is wrong with the torque of a run.
+
+    Args:
+        record: as it is fitted.
+        kind: holds at constant velocity are judged one by one, as segments.
+    """
+    if record.torque is None or kind == "ramp":
+        return
+    checks = [_clipped(record) if kind != "presliding" or _moves_at_limits(record) else None]
+    checks += [_loaded_at_start(record)] if kind == "presliding" else []
+    checks += [_dead_zone(record)] if kind == "tracking" else []
+    yield from filter(None, checks)
+
+
+def _clipped(record: Record) -> Diagnostic | None:
+    """A torque that stays exactly at its largest or smallest value; one from a voltage never does."""
+    if record.torque is None or record.voltage is not None:
+        return None
+    levels, counts = np.unique(record.torque, return_counts=True)
+    if levels.size <= min(_LEVELS, record.torque.size // _POINTS_A_LEVEL):
+        return None
+    padded = np.pad(counts, _NEXT)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
+    windows[:, _NEXT] = 0
+    part, few = _CLIPPED
+    least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
+    piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
+    alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
+    at = [k for k in (0, -1) if piled[k] or (alike and piled[-1 - k])]
+    if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
+        return None
+    share = sum(int(counts[k]) for k in at) / record.torque.size
+    return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
+
+
+def _moves_at_limits(record: Record) -> bool:
+    """Whether a joint under slow loading goes on moving while its torque stays at an extreme: one that is held there does not."""
+    if record.torque is None or record.position is None:
+        return False
+    stays = (np.diff(record.torque) == 0) & np.isin(record.torque[1:], (record.torque.min(), record.torque.max()))
+    moved = np.abs(np.diff(record.position))
+    return bool(moved[stays].sum() > stays.mean() / 2 * moved.sum())
+
+
+def _loaded_at_start(record: Record) -> Diagnostic | None:
+    """A slow loading whose torque, by the line through its first samples, does not begin at zero."""
+    if record.torque is None or record.torque.size < _PARTS:
+        return None
+    first = max(record.torque.size // _PARTS, _FEWEST)
+    time, torque = record.time[:first] - record.time[0], record.torque[:first]
+    X = np.column_stack([np.ones(first), time])
+    (begins, slope), (of_begins, _) = np.linalg.lstsq(X, torque, rcond=None)[0], np.linalg.inv(X.T @ X).diagonal()
+    rest = torque - begins - slope * time
+    error = np.sqrt(rest @ rest / (first - 2) * of_begins * inflation(rest))
+    largest = float(np.abs(record.torque).max())
+    if abs(begins) <= max(_DEVIATIONS * error, _BEGINS * largest):
+        return None
+    return Kind.LOADED_AT_START(files=(record.file,), torque=begins, share=abs(begins) / largest)
+
+
+def _dead_zone(record: Record) -> Diagnostic | None:
+    """A torque of a moving joint that is exactly zero, far more often than any other, where it changes its sign."""
+    torque, position = record.torque, record.position
+    if torque is None or position is None or record.voltage is not None:
+        return None
+    zero = torque == 0
+    part, few = _DEAD
+    if zero.sum() < max(part * torque.size, few) or zero.sum() < _PILED * _most_often(np.abs(torque[~zero])):
+        return None
+    starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
+    whole = (starts > 0) & (stops < torque.size)
+    crosses = torque[starts[whole] - 1] * torque[stops[whole]] < 0
+    samples = (stops - starts)[whole]
+    steps = np.abs(np.diff(position))
+    inside = steps[zero[1:] & zero[:-1]]
+    rests = inside.size > 0 and inside.mean() < _RESTS * steps.mean()
+    if rests or samples[crosses].sum() < _CROSSES * samples.sum():
+        return None
+    return Kind.DEAD_ZONE(files=(record.file,), share=float(zero.mean()))
+
+
+def _most_often(values: Array) -> int:
+    """How often the commonest of some values (n,) is there."""
+    return int(np.unique(values, return_counts=True)[1].max(initial=0))

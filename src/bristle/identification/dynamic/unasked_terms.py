@@ -1,0 +1,85 @@
+"""Terms of the torque that the fit of moving runs was not asked for, and its data show: a regressor, an offset."""
+
+import numpy as np
+from scipy.special import fdtrc
+
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.autocorrelation import explained_beside
+from bristle.estimation.multistart import MultistartSolution
+from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown
+from bristle.identification.moving_runs import REGRESSORS, load_columns
+from bristle.model.parameters import SIGNED, unit
+from bristle.model.parameters import Kind as JointKind
+
+_RARE = 5e-4
+"""Of clean experiments, in which a term is found all the same."""
+_SHARE = 0.1
+"""Of the squares that the fit leaves: a term that explains less is not worth a sentence."""
+_OFFSET = 0.01
+"""Of alpha_0: a smaller offset is not worth a sentence."""
+_TRIED = ("gravity", "quadratic")
+
+
+def regressor_left_out(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Diagnostic]:
+    """The regressor that explains most of what the fit leaves, to first order: an F test beside all that is fitted."""
+    if problem.quantity != "torque":
+        return []
+    asked, motions = {name.name for name in problem.extra_names}, problem.motions
+    located = all(m.position.size for m in motions)
+    names = [x for x in _TRIED if asked.isdisjoint(REGRESSORS[x].names) and (located or x != "gravity")]
+    jacobian, rest = (
+        x[: sum(m.size for m in motions)] for x in (solution.minimum.jacobian, solution.minimum.residuals)
+    )
+    known = jacobian[:, solution.scaled_errors < np.inf]
+
+    def columns(name: str, m: Motion) -> Array:
+        """Of a regressor, as the equations see them, (n, k)."""
+        signals = {"position": m.position, "velocity": m.velocity}
+        of = load_columns((name,), lambda signal: signals[signal], m.time.size)
+        return m.weight * m.smoothed(np.stack(list(of.values()), axis=1))
+
+    found = {x: explained_beside(known, rest, np.concatenate([columns(x, m) for m in motions])) for x in names}
+    best = max(found, key=lambda x: found[x][1], default=None)
+    if best is None or found[best][0] * len(names) > _RARE or found[best][1] < _SHARE:
+        return []
+    wanted = [x for x in REGRESSORS if x == best or not asked.isdisjoint(REGRESSORS[x].names)]
+    lines = f"regressors: [{', '.join(wanted)}]"
+    return [Kind.LACKS_A_TERM(advice=Kind.TERM_EXPLAINS(lines=lines, share=found[best][1]))]
+
+
+def offset_or_friction(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind
+) -> list[Diagnostic]:
+    """A difference of the two directions that is one of alpha_0 alone, as an offset of the torque makes it.
+
+    Wald tests: the directions agree on alpha_1 and alpha_2, and with these made equal they differ in alpha_0.
+    """
+    order = {name: k for k, name in enumerate(solution.names)}
+    pairs = [[problem.key(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2")]
+    free = [pair for pair in pairs if all(name in order for name in pair)]
+    if set(SIGNED) - set(problem.directions) or problem.quantity != "torque" or pairs[0] not in free:
+        return []
+    plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
+    values = np.array([solution.values[name] for name in solution.names])
+    C = solution.covariance
+    apart = values[plus] - values[minus]
+    S = C[np.ix_(plus, plus)] + C[np.ix_(minus, minus)] - C[np.ix_(plus, minus)] - C[np.ix_(minus, plus)]
+    weight = np.linalg.pinv(S[1:, 1:], hermitian=True)
+    others = float(apart[1:] @ weight @ apart[1:])
+    twice = float(apart[0] - S[0, 1:] @ weight @ apart[1:])
+    variance = float(S[0, 0] - S[0, 1:] @ weight @ S[1:, 0])
+    common = float(values[[plus[0], minus[0]]].mean())
+    if abs(twice) < 2 * _OFFSET * common or not variance > 0:
+        return []
+    rest = len(free) - 1
+    differ = rest and fdtrc(rest, solution.freedom, others / rest) < _RARE
+    if differ or fdtrc(1, solution.freedom, twice**2 / variance) > _RARE:
+        return []
+    a, b = (float(values[k[0]]) for k in (plus, minus))
+    lines = "`directions: symmetric`, and offset among the regressors,"
+    return [
+        Kind.OFFSET_OR_FRICTION(
+            offset=twice / 2, common=common, plus=a, minus=b, unit=unit("torque", kind), lines=lines
+        )
+    ]

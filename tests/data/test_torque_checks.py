@@ -1,0 +1,114 @@
+"""A limit, a dead zone or a load at the start of a simulated torque is named; a clean torque, and one that is held, is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bristle.arrays import Array
+from bristle.data.experiment.schema import RunKind
+from bristle.data.record import Record
+from bristle.data.torque_checks import check_torque
+from bristle.diagnostics import Kind
+from bristle.model.functions import steady_torque_function
+from bristle.model.vectorize import evaluate
+
+from .test_signal_checks import RATE, moving
+
+G0, SIGMA_0 = 0.7, 1000.0
+
+
+def kinds(record: Record, kind: RunKind) -> list[Kind]:
+    """What is said of the torque of a run."""
+    return [d.kind for d in check_torque(record, kind)]
+
+
+def cycles(seed: int, rest: float = 0.0) -> Record:
+    """Two slow cycles to 0.85 g0 of a bristle without inertia, dx = dT / (sigma_0 (1 - sgn(dx) T / g0)), after a rest of so many seconds."""
+    t: Array = np.arange(round(32 * RATE)) / RATE
+    load = 0.85 * G0 * np.interp(np.maximum(t - rest, 0) % 16, [0, 4, 8, 12, 16], [0, 1, 0, -1, 0])
+    dT = np.diff(load, prepend=0.0)
+    q = np.cumsum(dT / (SIGMA_0 * (1 - np.sign(dT) * load / G0)))
+    noise = 1e-3 * G0 * np.random.default_rng(seed).standard_normal(t.size)
+    return Record(file="slow.csv", time=t, position=q, torque=load + noise)
+
+
+def table(seed: int, n: int = 20) -> Record:
+    """Points of a joint in both directions."""
+    v = np.geomspace(0.01, 1.5, n)
+    v = np.concatenate([-v[::-1], v])
+    (torque,) = evaluate(steady_torque_function(), v, 0.5, 0.2, 0.4, 0.08)
+    torque = torque + 0.005 * np.random.default_rng(seed).standard_normal(v.size)
+    return Record(file="points.csv", time=np.arange(v.size, dtype=np.float64), velocity=v, torque=torque)
+
+
+def torque_of(record: Record) -> Array:
+    """The torque, which is there."""
+    assert record.torque is not None
+    return record.torque
+
+
+def test_clean_torques_are_left_alone() -> None:
+    """Of a hundred clean runs each, slow loading with and without a rest, points and motions, none has a warning."""
+    for seed in range(100):
+        assert kinds(cycles(seed, rest=seed % 3), "presliding") == []
+        assert kinds(table(seed), "points") == []
+        assert kinds(moving(seed)[0], "tracking") == []
+
+
+@pytest.mark.parametrize("share", [0.03, 0.3])
+@pytest.mark.parametrize("rest", [0.0, 2.0])
+def test_a_slow_loading_that_does_not_begin_at_zero(share: float, rest: float) -> None:
+    """An offset of the load cell is named with its size, whichever its sign."""
+    for seed in range(20):
+        record = cycles(seed, rest)
+        offset = share * float(torque_of(record).max()) * (-1) ** seed
+        (found,) = check_torque(replace(record, torque=torque_of(record) + offset), "presliding")
+        assert found.kind is Kind.LOADED_AT_START
+        assert found.numbers["torque"] == pytest.approx(offset, abs=1e-3)
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.5])
+def test_a_slow_loading_that_is_clipped(limit: float) -> None:
+    """A torque that stays at its limits while the joint goes on moving is clipped; one that is held there is not."""
+    for seed in range(20):
+        record = cycles(seed)
+        cut = np.clip(torque_of(record), -limit, limit)
+        assert kinds(replace(record, torque=cut), "presliding") == [Kind.CLIPPED]
+        assert record.position is not None
+        still = record.position[np.maximum.accumulate(np.where(np.abs(cut) < limit, np.arange(cut.size), 0))]
+        assert kinds(replace(record, torque=cut, position=still), "presliding") == []
+
+
+@pytest.mark.parametrize("limit", [0.72, 0.8])
+def test_few_points_that_are_clipped(limit: float) -> None:
+    """Of a table most of whose points are at the limit, the few others are levels enough to say so."""
+    for seed in range(20):
+        record = table(seed, 30)
+        assert kinds(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points") == [Kind.CLIPPED]
+
+
+@pytest.mark.parametrize("width", [0.1, 0.4])
+def test_a_dead_zone(width: float) -> None:
+    """A torque that is zero wherever it changes its sign is named with the share of the samples; a command of zero at rest is not."""
+    t = np.arange(4000) / RATE
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        v = np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t + rng.uniform(0, 6))
+        torque = np.tanh(v / 0.1) + 0.3 * v + 0.01 * rng.standard_normal(t.size)
+        record = Record(file="run.csv", time=t, position=np.cumsum(v) / RATE, velocity=v, torque=torque)
+        dead = np.sign(torque) * np.maximum(np.abs(torque) - width, 0)
+        (found,) = check_torque(replace(record, torque=dead), "tracking")
+        assert found.kind is Kind.DEAD_ZONE
+        assert found.numbers["share"] == pytest.approx(np.mean(dead == 0))
+        assert kinds(record, "tracking") == []
+        at = np.repeat(np.arange(t.size), np.where(np.arange(t.size) % 800 == 799, 200, 1))
+        still = np.diff(at, prepend=-1) == 0
+        resting = replace(
+            record,
+            time=np.arange(at.size) / RATE,
+            position=np.cumsum(v)[at] / RATE,
+            velocity=np.where(still, 0.0, v[at]),
+            torque=np.where(still, 0.0, torque[at]),
+        )
+        assert kinds(resting, "tracking") == []
