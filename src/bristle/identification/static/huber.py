@@ -36,6 +36,12 @@ class HuberFit(NamedTuple):
     far: NDArray[np.bool_]
     """Equations beyond the limit, (n,)."""
 
+    @property
+    def spent(self) -> float:
+        """Degrees of freedom over those of the equations within the limit, >= 1: what is beyond says nothing of the law's shape."""
+        n, p = self.far.size, self.solution.theta.size
+        return max(n - p, 1) / max(n - p - int(self.far.sum()), 1)
+
 
 def huber(problem: Regression, v_s_range: tuple[float, float], grid: int) -> HuberFit:
     """The static problem under Huber's loss, its scale from the median absolute residual; priors are as certain as they say.

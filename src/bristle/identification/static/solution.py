@@ -166,10 +166,11 @@ def _without_peak(
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
         return dict.fromkeys(problem.peaks, reason), None
     if options.loss == "huber":
-        measured, (problem, solution, _) = problem, huber(problem, v_s_range, options.grid)
+        robust, measured = huber(problem, v_s_range, options.grid), problem
+        problem, solution, spent = robust.problem, robust.solution, robust.spent
     else:
-        measured, solution = problem, solve(problem, v_s_range, options.grid)
-    none = _unsupported(problem, solution, options, v_s_range)
+        measured, solution, spent = problem, solve(problem, v_s_range, options.grid), 1.0
+    none = _unsupported(problem, solution, options, v_s_range, spent)
     if asked:
         return {d: (Kind.NO_STRIBECK_ASKED if d in none else Kind.PEAK_LEFT_OUT)() for d in problem.peaks}, None
     if options.model == "auto" and options.loss == "huber":
@@ -187,7 +188,7 @@ def _of_strays(
         rest = measured.rows(all_but(measured.torque.size, search.rows))
         if search.rows and not search.misfit and rest.torque.size > len(rest.names):
             robust = huber(rest, v_s_range, options.grid)
-            if direction in _unsupported(robust.problem, robust.solution, options, v_s_range):
+            if direction in _unsupported(robust.problem, robust.solution, options, v_s_range, robust.spent):
                 why = Kind.STRAYS_AS_WELL(count=len(search.rows))
                 few[direction] = _refused(direction, why, options, v_s_range)
     return few
@@ -224,10 +225,13 @@ def _refused(direction: Direction, why: Diagnostic, options: FitOptions, v_s_ran
 
 
 def _unsupported(
-    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float]
+    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float], spent: float
 ) -> dict[Direction, Diagnostic]:
-    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
-    variance_inflation = _inflation(problem, solution)
+    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason.
+
+    `spent` is as in `HuberFit`, 1 under least squares.
+    """
+    variance_inflation = _inflation(problem, solution) * spent
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
     _, v_s = problem.split(solution.theta)
