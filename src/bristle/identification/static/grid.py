@@ -39,6 +39,8 @@ _BLOCK = 500
 _STEPS = 20
 _SETTLED = 1e-12
 """A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
+_UNTOUCHED = 1e-200
+"""Squared length of a peak's column, beside the others, that touches no point: a variance that is its inverse would overflow."""
 
 
 class Inner(NamedTuple):
@@ -197,6 +199,7 @@ class Projected:
         for row, k in enumerate(self.peaks):
             in_q, left = self.without(self.problem.shapes(v_s[:, k], k))
             off[:, row], inside[:, row] = left.T, in_q.T
+        off[np.einsum("kpr,kpr->kp", off, off) < _UNTOUCHED] = 0.0
         gram = np.linalg.pinv(off @ off.transpose(0, 2, 1), hermitian=True)
         along = off @ self.rest
         alpha_1 = np.einsum("kpr,kr->kp", gram, along)
