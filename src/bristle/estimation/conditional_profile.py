@@ -192,7 +192,8 @@ class ConditionalProfiles:
         off = np.divide(
             values[:, None] - theta[:, j], variance, out=np.zeros((values.size, variance.size)), where=variance > 0
         )
-        cost = least + off**2 * variance
+        with np.errstate(over="ignore"):  # so far off costs more than any threshold
+            cost = least + off**2 * variance
         point = theta + off[:, :, None] * spread[:, j]
         fine = (point >= -_SLACK * np.abs(point).max()) | ~self.bounded
         inside = fine[..., np.arange(theta.shape[1]) != j].all(axis=-1)
