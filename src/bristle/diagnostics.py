@@ -893,7 +893,7 @@ class Kind(Enum):
         ),
     )
     DELAY_OR_PRESLIDING = (
-        _NOTE,
+        _CAUTION,
         (
             "At reversals the torque looks as if taken {seconds:.2g} s ({samples:.2g} samples) {when}: a delay, or presliding "
             "that these data do not resolve, and they do not tell which. Check the time stamps; longer strokes would tell."
@@ -2007,7 +2007,7 @@ REASONS: Mapping[str, str] = {
     ),
     "A pattern is left, which biases what takes part of it up.": (
         "LACKS_A_TERM DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK TORQUE_DELAYED "
-        "DRIFT_OF_ROWS DRIFT_OVER_RUNS"
+        "DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS"
     ),
     "Samples are wrong or missing, and what they do to the number is not in its error.": (
         "CLIPPED LOST_SAMPLES DEAD_ZONE LOADED_AT_START ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
@@ -2100,8 +2100,8 @@ REASONS: Mapping[str, str] = {
         "NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED"
     ),
     "It says what to measure or to write next.": (
-        "SET_UP_PAYS DELAY_OR_PRESLIDING MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE "
-        "ALPHA_2_WIDE REPEAT_STICKING MEASURE_DIRECTION PEAK_OPEN VISCOUS_OPEN BRISTLE_OPEN INERTIA_OPEN AVOID_COUNTS HOLD_BACK"
+        "SET_UP_PAYS MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE ALPHA_2_WIDE "
+        "REPEAT_STICKING MEASURE_DIRECTION PEAK_OPEN VISCOUS_OPEN BRISTLE_OPEN INERTIA_OPEN AVOID_COUNTS HOLD_BACK"
     ),
     "It is a finding, and not about a number's error.": (
         "NEVER_UNDERCUT DESIGN_VALIDATED V_S_KNOWABLE IPOPT_NEVER_LOWER POLISHING_STAYS STARTS_PART STARTS_AGREE PLAIN_GRID_ERROR FIT_TIMES "

@@ -92,7 +92,8 @@ def test_a_velocity_that_is_not_that_of_the_position(kind: RunKind, factor: floa
     for seed in range(5):
         record, _ = moving(seed, "sines" if kind == "tracking" else "ramps")
         assert record.velocity is not None
-        (found,) = checked(replace(record, velocity=factor * record.velocity), kind)
+        said = checked(replace(record, velocity=factor * record.velocity), kind)
+        (found,) = (d for d in said if d.kind is not Kind.LOADED_AT_START)  # which it is, taken for slow loading
         assert found.kind is Kind.VELOCITY_FACTOR
         assert found.severity is Severity.CRITICAL
         assert found.numbers["ratio"] == pytest.approx(1 / factor, rel=0.02)

@@ -264,7 +264,8 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
             continue
         assert shift == pytest.approx((moved.value - e.value) / STEPPED, rel=0.02)
         viscous = K * SHARE * K / 2.1 if name == "alpha_2" else 0.0
-        assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01)
+        hundredth = 0.01 * (e.standard_error or 0.0)  # what counts add, and is subtracted, is not linear in K
+        assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01, abs=hundredth), name
         assert e.systematic == abs(shift)
 
 

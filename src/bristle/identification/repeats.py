@@ -160,7 +160,8 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
     def spread(ends: Array) -> Array:
         """The ends, spread."""
         if logarithmic and value > 0:
-            return np.asarray(value * (np.maximum(ends, 0.0) / value) ** factor)
+            with np.errstate(over="ignore"):  # an end beyond all numbers is open
+                return np.asarray(value * (np.maximum(ends, 0.0) / value) ** factor)
         return np.maximum(value + (ends - value) * factor, least)
 
     return spread
