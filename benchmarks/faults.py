@@ -230,7 +230,8 @@ def main() -> None:
             shown(name, UNSEEN[name], asked.seeds, pool)
         kinds = [x for x in CLEAN if asked.only in x or not asked.only]
         each = asked.controls // len(CLEAN)
-        clean([Case(name, 1000 + k) for name in kinds for k in range(each)], pool)
+        if each:
+            clean([Case(name, 1000 + k) for name in kinds for k in range(each)], pool)
 
 
 def shown(name: str, fault: Fault, seeds: int, pool: ProcessPoolExecutor) -> Counter[str]:
