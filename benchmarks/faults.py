@@ -10,6 +10,8 @@ critical or a caution, and
 A refusal counts where it is a sentence of bristle's own. Beside it stand clean controls.
 
     python benchmarks/faults.py [--seeds 5] [--controls 200] [--only NAME] [--jobs 2]
+
+`--only clean` runs the controls alone.
 """
 
 import argparse
@@ -228,9 +230,9 @@ def main() -> None:
         print("what no such data could show (not counted):")
         for name in (x for x in UNSEEN if asked.only in x):
             shown(name, UNSEEN[name], asked.seeds, pool)
-        kinds = [x for x in CLEAN if asked.only in x or not asked.only]
+        kinds = [x for x in CLEAN if asked.only in f"clean {x}"]
         each = asked.controls // len(CLEAN)
-        if each:
+        if kinds and each:
             clean([Case(name, 1000 + k) for name in kinds for k in range(each)], pool)
 
 

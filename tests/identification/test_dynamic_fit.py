@@ -374,7 +374,7 @@ def test_counts_and_presliding_are_no_delay(bits: int, delay: float, named: bool
 
 
 def test_a_motion_without_sliding_cannot_tell_a_delay_from_presliding() -> None:
-    """Where a joint hardly slides between reversals, a late torque is a note that names both causes, and no line to change."""
+    """Where a joint hardly slides between reversals, a late torque is a caution that names both causes, and no line to change."""
     soft = GRIPPER._replace(sigma_0=GRIPPER.sigma_0 / 10)
     t, _ = motion()
     run = record(soft, noise=2e-5, velocity=0.3 * motion()[1])
@@ -383,7 +383,7 @@ def test_a_motion_without_sliding_cannot_tell_a_delay_from_presliding() -> None:
     found = fit_tracking(posed(late, decimation=5), values_of(soft), "revolute", starts=1).fit
     (said,) = [d for d in found.warnings if d.kind in {Kind.TORQUE_DELAYED, Kind.DELAY_OR_PRESLIDING}]
     assert said.kind is Kind.DELAY_OR_PRESLIDING
-    assert said.severity is Severity.NOTE
+    assert said.severity is Severity.CAUTION
     assert "presliding" in str(said)
     assert "to the delay of" not in str(said)
 

@@ -23,6 +23,8 @@ from bristle.model.parameters import Kind as JointKind
 
 _SURE = 4.0
 """Standard errors from zero, beyond which it is said."""
+_ALIKE = 3.3
+"""The same far from reversals, where all equations are sure: 5e-4 of clean runs by chance alone."""
 _SHARE = 0.05
 """Of the cost, that must go with it: less is not worth a sentence."""
 _SLID = 5.0
@@ -69,8 +71,9 @@ def _delay(
     """
     whole = _counted(problem, solution, column, others, np.ones(column.size, dtype=bool))
     far = _counted(problem, solution, column, others, _far_from_reversals(problem, solution))
-    kind, more = (Kind.TORQUE_DELAYED, far) if far.counts else (Kind.DELAY_OR_PRESLIDING, whole)
-    if not more.counts or (whole is more and _SURE * far.error < abs(whole.value)):
+    alike = whole.counts and far.value * whole.value > 0 and abs(far.value) > _ALIKE * far.error
+    kind, more = (Kind.TORQUE_DELAYED, far) if far.counts or alike else (Kind.DELAY_OR_PRESLIDING, whole)
+    if not (more.counts or alike) or (whole is more and _SURE * far.error < abs(whole.value)):
         return []  # sliding would have shown it
     step = float(np.median(np.concatenate([m.step for m in problem.motions])))
     when = "earlier" if more.value > 0 else "later"
