@@ -27,6 +27,8 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 """
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
+_HARDLY_SEEN = 1e-8
+"""Of the longest column: damping takes shorter ones for this long, or no damping would keep what is hardly seen near."""
 _SETTLED = 1e-6
 """Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-3 standard
 errors."""
@@ -174,8 +176,9 @@ def minimise(
     gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
     for _ in range(most):
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
+        size = np.where(scale > 0, np.maximum(scale, _HARDLY_SEEN * scale.max()), 0.0)
         free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
-        step, expected = _step(gram, slope, scale, free, damping)
+        step, expected = _step(gram, slope, size, free, damping)
         if expected <= settled * cost / residuals.size:
             converged = True
             break
