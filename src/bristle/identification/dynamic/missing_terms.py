@@ -64,17 +64,17 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
 def _delay(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], column: Array, others: Array
 ) -> list[Diagnostic]:
-    """Whether the torque was logged early or late, told far from reversals.
+    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals as well.
 
     At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
-    well.
+    well; and what only some equations ask for is no delay.
     """
     whole = _counted(problem, solution, column, others, np.ones(column.size, dtype=bool))
     far = _counted(problem, solution, column, others, _far_from_reversals(problem, solution))
-    alike = whole.counts and far.value * whole.value > 0 and abs(far.value) > _ALIKE * far.error
-    kind, more = (Kind.TORQUE_DELAYED, far) if far.counts or alike else (Kind.DELAY_OR_PRESLIDING, whole)
-    if not (more.counts or alike) or (whole is more and _SURE * far.error < abs(whole.value)):
+    alike = far.value * whole.value > 0 and abs(far.value) > _ALIKE * far.error
+    if not whole.counts or (not alike and _SURE * far.error < abs(whole.value)):
         return []  # sliding would have shown it
+    kind, more = (Kind.TORQUE_DELAYED, far) if alike else (Kind.DELAY_OR_PRESLIDING, whole)
     step = float(np.median(np.concatenate([m.step for m in problem.motions])))
     when = "earlier" if more.value > 0 else "later"
     numbers = {"seconds": abs(more.value), "samples": abs(more.value) / step, "when": when}
