@@ -461,7 +461,7 @@ class Kind(Enum):
         (
             "The logged velocity of {files!l} {lags} its position by {lag:.2g} s ({samples:.2g} samples, standard error {error:.2g}), "
             "as where it is {why}: friction at reversals and the inertia are wrong. Leave `velocity` out under signals to "
-            "have it estimated from the position, or log it unfiltered."
+            "have it estimated from the position, or log {remedy}."
         ),
     )
     COARSE_ACCELERATION = (

@@ -132,9 +132,12 @@ def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
     if not left:
         return 0.0
     x, r = np.abs(np.concatenate(speed)), np.concatenate(left)
+    if not (np.isfinite(x).all() and np.isfinite(r).all()):  # overflown
+        return 0.0
     low, high = np.quantile(x, [0.25, 0.75])
     slow, fast = x <= low, x >= high
-    floor = max(_variance(r[slow]), smallest_step(record.position) ** 2 / 4)  # three times that of counts
+    count = smallest_step(record.position)
+    floor = max(_variance(r[slow]), count * count / 4)  # three times that of counts
     of_speed = float(np.median(x[fast] ** 2))
     more = _variance(r[fast]) - floor
     error = _OF_VARIANCE * np.sqrt(2 / fast.sum()) * _variance(r[fast])
@@ -159,7 +162,8 @@ def _beside_cubic(time: Array, position: Array) -> tuple[Array, Array]:
 
 
 def _variance(x: Array) -> float:
-    return float(np.median(np.abs(x)) / 0.6745) ** 2
+    deviation = float(np.median(np.abs(x)) / 0.6745)
+    return deviation * deviation
 
 
 def velocity_lag(record: Record) -> Diagnostic | None:
@@ -180,7 +184,7 @@ def velocity_lag(record: Record) -> Diagnostic | None:
         )
         X = np.column_stack([changed, said, np.ones(said.size)])
         scale = np.sqrt((X**2).sum(axis=0))
-        if said.size < _FEWEST or not scale.all():
+        if said.size < _FEWEST or not (np.isfinite(scale).all() and scale.all()):
             continue
         X /= scale
         if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:
@@ -197,7 +201,9 @@ def velocity_lag(record: Record) -> Diagnostic | None:
     samples, matters = _LAG
     if abs(lag) - samples * record.step < _DEVIATIONS * error or share < matters:
         return None
-    lags, why = ("lags behind", "filtered") if lag > 0 else ("leads", "the command")
+    lags, why, remedy = (
+        ("lags behind", "filtered", "it unfiltered") if lag > 0 else ("leads", "the command", "the measured one")
+    )
     return Kind.VELOCITY_LAGS(
         files=(record.file,),
         lags=lags,
@@ -205,4 +211,5 @@ def velocity_lag(record: Record) -> Diagnostic | None:
         samples=abs(lag) / record.step,
         error=error / record.step,
         why=why,
+        remedy=remedy,
     )
