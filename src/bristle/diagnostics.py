@@ -430,8 +430,38 @@ class Kind(Enum):
     LOST_SAMPLES = (
         _CAUTION,
         (
-            "Samples are missing: {files!m}. The position jumps there by more than its speed explains, while the time goes on "
-            "as if none were: speeds from it, and the acceleration there, are wrong. Log the time of each sample, or split the log."
+            "Samples are missing, or the encoder slipped: {files!m}. The position jumps there by more than its speed explains, while "
+            "the time goes on: speeds from it, and the acceleration there, are wrong. Log the time of each sample, or split the log."
+        ),
+    )
+    POSITION_JUMPS = (
+        _CAUTION,
+        (
+            "The position jumps: {files!m}. Neither its speed nor the time explains it, as where an encoder slips, misses counts or "
+            "is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the log there."
+        ),
+    )
+    STAMPS_JITTER = (
+        _CAUTION,
+        (
+            "The time stamps of {files!l} jitter by {jitter:.2g} of a sample (standard deviation), while the position advances as if "
+            "sampled regularly: speeds and accelerations are too noisy. Write `time: {line}` under signals."
+        ),
+    )
+    SAMPLED_IRREGULARLY = (
+        _CAUTION,
+        (
+            "The position of {files!l} is noisy in proportion to its speed, as if sampled {jitter:.2g} of a sample (standard "
+            "deviation) off its time: this takes away from the inertia. Log the time at which each sample was taken, in the "
+            "loop of the controller, or lower `position_cutoff` under fit."
+        ),
+    )
+    VELOCITY_LAGS = (
+        _CAUTION,
+        (
+            "The logged velocity of {files!l} {lags} its position by {lag:.2g} s ({samples:.2g} samples, standard error {error:.2g}), "
+            "as where it is {why}: friction at reversals and the inertia are wrong. Leave `velocity` out under signals to "
+            "have it estimated from the position, or log {remedy}."
         ),
     )
     COARSE_ACCELERATION = (
@@ -2010,7 +2040,8 @@ REASONS: Mapping[str, str] = {
         "DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS"
     ),
     "Samples are wrong or missing, and what they do to the number is not in its error.": (
-        "CLIPPED LOST_SAMPLES DEAD_ZONE LOADED_AT_START ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
+        "CLIPPED LOST_SAMPLES POSITION_JUMPS STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS "
+        "DEAD_ZONE LOADED_AT_START ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
     ),
     "Encoder counts bias the number by about its error.": (
         "COARSE_ACCELERATION COARSE_VELOCITY COUNT_BIAS COUNTS_BIAS FEW_COUNTS WITHIN_NOISE SIGMA_0_AT_LEAST COUNT_ROUNDED COUNT_BIAS_UNKNOWN "

@@ -16,6 +16,7 @@ from bristle.data.differentiation import ORDER, between_gaps, smoothed, usable
 from bristle.data.encoder import POSITION_UNITS, count_mismatch, smallest_step
 from bristle.data.experiment.schema import FitOptions, RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
+from bristle.data.motion_checks import irregular_sampling, position_jumps, shortened, velocity_lag
 from bristle.data.record import Record
 from bristle.data.torque_checks import check_torque
 from bristle.diagnostics import Diagnostic, Kind, Severity
@@ -40,16 +41,6 @@ _UNITS = {
     "position": POSITION_UNITS,
 }
 _TIMES = ("s", "ms", "us")
-_AROUND = 5
-"""Samples on either side that tell the usual travel of one."""
-_BLOCK = 100
-"""Samples that tell the noise of that."""
-_JUMP = 10.0
-"""Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
-_MISSING = 0.75
-"""Samples' travel; less is none."""
-_REGULAR = 1e-3
-"""Of a sampling interval: time stamps that deviate less were counted, not measured."""
 _LOW = 0.05
 """Of the inertia: what the noise of an acceleration takes off it."""
 _HARMONICS = 3.0
@@ -58,8 +49,6 @@ _ENDS = 8
 """Samples in one of the decimated, at each end, in which filters settle."""
 _FINE = 0.01
 """... and what it should."""
-_NAMED = 4
-"""Places in one sentence."""
 
 
 class Counts(NamedTuple):
@@ -96,10 +85,14 @@ def check_signals(
     """
     found: list[Diagnostic | None] = [*check_torque(record, kind)]
     if kind != "points":
-        found += [_velocity_factor(record, signals, context), _lost_samples(record, signals)]
-        found.append(count_mismatch(record, signals.position, context))
+        factor = _velocity_factor(record, signals, context)
+        found += [factor, position_jumps(record, signals, context), count_mismatch(record, signals.position, context)]
     if kind == "tracking":
-        found.append(_coarse(record, context, options))
+        found += [
+            _coarse(record, context, options),
+            irregular_sampling(record),
+            None if factor else velocity_lag(record),
+        ]
     return tuple(d for d in found if d is not None)
 
 
@@ -111,13 +104,8 @@ def merged(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
         return d.kind.name, str(d.numbers.get("remedy", ""))
 
     groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
-    together = [d[0].but(files=_shortened([file for x in d for file in x.numbers["files"]])) for d in groups]
+    together = [d[0].but(files=shortened([file for x in d for file in x.numbers["files"]])) for d in groups]
     return tuple(sorted(together, key=lambda d: d.severity is not Severity.CRITICAL))
-
-
-def _shortened(names: list[str]) -> tuple[str, ...]:
-    more = len(names) - _NAMED
-    return tuple(names) if more <= 1 else (*names[:_NAMED], f"and {more} more")
 
 
 def travel_ratio(record: Record) -> TravelRatio | None:
@@ -203,53 +191,6 @@ def _factors(signals: Signals, size: float) -> list[str]:
 
 def _near(x: float, wanted: float) -> bool:
     return abs(float(np.log(abs(x) / wanted))) < _FACTOR
-
-
-def _lost_samples(record: Record, signals: Signals) -> Diagnostic | None:
-    """Steps of the position that are those of several samples, where time was counted and not measured."""
-    if record.position is None or record.time.size < 2 * _BLOCK:
-        return None
-    count = smallest_step(record.position)
-    places = []
-    for s in between_gaps(record):
-        intervals = np.diff(record.time[s])
-        if s.stop - s.start < 2 * _BLOCK or np.ptp(intervals) > _REGULAR * record.step:
-            continue
-        places += [(s.start + k, n) for k, n in _jumps(np.diff(record.position[s]), count)]
-    if not places:
-        return None
-    rate = None if signals.time is None else signals.time.rate
-    rows = [round(float(record.time[k + 1]) * rate) + 1 if rate else int(k) + 2 for k, _ in places]
-    if record.lines is not None:
-        rows = [int(record.lines[k + 1]) for k, _ in places]
-    word = f"{'row' if record.lines is None else 'line'}{'s' * (len(rows) > 1)}"
-    where = f"{word} {', '.join(_shortened(list(map(str, rows))))}"
-    return Kind.LOST_SAMPLES(files=(f"{record.file} {where} (about {sum(n for _, n in places):.1f} samples)",))
-
-
-def _jumps(steps: Array, count: float) -> list[tuple[int, float]]:
-    """Which steps (n,) are longer than those about them by the travel of samples, and of how many."""
-    windows = np.lib.stride_tricks.sliding_window_view(steps, _AROUND)
-    inner = np.arange(_AROUND, steps.size - _AROUND)
-    before, after = np.median(windows[inner - _AROUND], axis=1), np.median(windows[inner + 1], axis=1)
-    usual = np.where(np.abs(before) > np.abs(after), before, after)
-    off = steps[inner] - (before + after) / 2
-    excess = steps[inner] - usual
-    noise = _noise(off)
-    lost = excess * np.sign(usual)
-    found = (before * after > 0) & (lost > _MISSING * np.abs(usual)) & (lost > _JUMP * noise + 2 * count)
-    found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
-    best = [k for k in np.flatnonzero(found) if lost[k] >= lost[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
-    return [(int(inner[k]), float(lost[k] / abs(usual[k]))) for k in best]
-
-
-def _noise(off: Array) -> Array:
-    """Standard deviation of deviations (n,), of the noisiest block about each: from the median of their size."""
-    blocks = np.array_split(np.abs(off), max(off.size // _BLOCK, 1))
-    of_block = np.array([np.median(b) for b in blocks]) / 0.6745
-    padded = np.pad(of_block, 1, mode="edge")
-    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
-    return np.repeat(widest, [b.size for b in blocks])
 
 
 def _coarse(record: Record, context: Context, options: FitOptions) -> Diagnostic | None:

@@ -1,0 +1,215 @@
+"""Whether position, logged velocity and time of a moving record go together: jumps, irregular sampling, a lag."""
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.differentiation import between_gaps
+from bristle.data.encoder import smallest_step
+from bristle.data.experiment.signals import Context, Signals, si
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.autocorrelation import inflation
+
+_AROUND = 5
+"""Samples on either side that tell the usual travel of one."""
+_BLOCK = 100
+"""Samples that tell the noise of that."""
+_JUMP = 10.0
+"""Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
+_MISSING = 0.75
+"""Samples' travel; less is none."""
+_REGULAR = 1e-3
+"""Of a sampling interval: time stamps that deviate less were counted, not measured."""
+_NAMED = 4
+"""Places in one sentence."""
+_JITTER = 0.05
+"""Of a sampling interval, standard deviation: less of it hides nothing."""
+_WHITE = -0.6
+"""Correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration."""
+_DEVIATIONS = 4.0
+"""Standard errors by which something is surely not zero: 6e-5 of clean records."""
+_OF_VARIANCE = 2.3
+"""Relative standard error of a variance from the median of sizes, times the root of their number."""
+_SPANS = (4, 16, 64, 256)
+"""Samples over which travel is compared."""
+_FEWEST = 20
+"""Spans that tell a lag."""
+_LAG = (1.0, 0.01)
+"""A lag is told beyond so many samples, where it changes the velocity by this share (rms)."""
+
+
+def shortened(names: list[str]) -> tuple[str, ...]:
+    """A few of them, and how many more."""
+    more = len(names) - _NAMED
+    return tuple(names) if more <= 1 else (*names[:_NAMED], f"and {more} more")
+
+
+def position_jumps(record: Record, signals: Signals, context: Context) -> Diagnostic | None:
+    """Steps of the position in motion that neither speed nor time explains; under counted time those of lost samples."""
+    if record.position is None or record.time.size < 2 * _BLOCK:
+        return None
+    count = smallest_step(record.position)
+    places, counted = [], True
+    for s in between_gaps(record):
+        if s.stop - s.start < 2 * _BLOCK:
+            continue
+        intervals = np.diff(record.time[s]) / record.step
+        found = _jumps(np.diff(record.position[s]), intervals, count)
+        places += [(s.start + k, size, samples) for k, size, samples in found]
+        counted = counted and (not found or bool(np.ptp(intervals) <= _REGULAR))
+    if not places:
+        return None
+    rate = None if signals.time is None else signals.time.rate
+    rows = [round(float(record.time[k + 1]) * rate) + 1 if rate else k + 2 for k, *_ in places]
+    if record.lines is not None:
+        rows = [int(record.lines[k + 1]) for k, *_ in places]
+    word = f"{'row' if record.lines is None else 'line'}{'s' * (len(rows) > 1)}"
+    where = f"{record.file} {word} {', '.join(shortened(list(map(str, rows))))}"
+    if counted and all(samples > 0 for *_, samples in places):
+        return Kind.LOST_SAMPLES(files=(f"{where} (about {sum(n for *_, n in places):.1f} samples)",))
+    largest = max((size for _, size, _ in places), key=abs)
+    most = "up to " if len(places) > 1 else ""
+    return Kind.POSITION_JUMPS(files=(f"{where} (by {most}{abs(largest):.2g} {si('position', context)})",))
+
+
+def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:
+    """Which steps (n,) of a motion that goes on are jumps, forward or backward: where, by how much, and the travel of how many samples.
+
+    Intervals, (n,), are in samples: a step may be as long as those about it, or as its interval says.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(steps, _AROUND)
+    inner = np.arange(_AROUND, steps.size - _AROUND)
+    before, after = np.median(windows[inner - _AROUND], axis=1), np.median(windows[inner + 1], axis=1)
+    usual = np.where(np.abs(before) > np.abs(after), before, after)
+    off = steps[inner] - (before + after) / 2
+    along, travel = steps[inner] * np.sign(usual), np.abs(usual) * np.maximum(intervals[inner], 1.0)
+    excess = np.where(along > 0, np.maximum(along - travel, 0.0), along)  # a stop is none
+    size = np.abs(excess)
+    found = (before * after > 0) & (size > _MISSING * np.abs(usual)) & (size > _JUMP * _noise(off) + 2 * count)
+    found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
+    best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
+    lost = np.where(excess < 0, excess - travel, excess)
+    return [(int(inner[k]), float(lost[k]), float(lost[k] / abs(usual[k]))) for k in best]
+
+
+def _noise(off: Array) -> Array:
+    """Standard deviation of deviations (n,), of the noisiest block about each: from the median of their size."""
+    blocks = np.array_split(np.abs(off), max(off.size // _BLOCK, 1))
+    of_block = np.array([np.median(b) for b in blocks]) / 0.6745
+    padded = np.pad(of_block, 1, mode="edge")
+    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    return np.repeat(widest, [b.size for b in blocks])
+
+
+def irregular_sampling(record: Record) -> Diagnostic | None:
+    """Noise of the position that is white and grows with the speed: of the time stamps, or of the instants of sampling."""
+    if record.position is None:
+        return None
+    jitter = _jitter(record, record.time / record.step)
+    if jitter < _JITTER:
+        return None
+    if _jitter(record, np.arange(record.time.size, dtype=float), least=0.0) < jitter / 2:
+        longest = record.time[max(between_gaps(record), key=lambda s: s.stop - s.start)]
+        step = np.polynomial.Polynomial.fit(np.arange(longest.size), longest, 1).convert().coef[1]
+        return Kind.STAMPS_JITTER(files=(record.file,), jitter=jitter, line=f"{{rate: {1 / step:.5g} Hz}}")
+    return Kind.SAMPLED_IRREGULARLY(files=(record.file,), jitter=jitter)
+
+
+def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
+    """Standard deviation of the instants of sampling about `time`, (n,), samples; 0 where noise does not follow the speed.
+
+    Each position is compared with the cubic through two on either side: what is left has the variance of the noise,
+    times one and the squares of the cubic's weights. The slow quarter of the samples has the noise that does not depend on speed.
+    """
+    if record.position is None:
+        return 0.0
+    left, speed = [], []
+    for s in between_gaps(record):
+        if s.stop - s.start > _BLOCK:
+            rest, v = _beside_cubic(time[s], record.position[s])
+            left.append(rest)
+            speed.append(v)
+    if not left:
+        return 0.0
+    x, r = np.abs(np.concatenate(speed)), np.concatenate(left)
+    if not (np.isfinite(x).all() and np.isfinite(r).all()):  # overflown
+        return 0.0
+    low, high = np.quantile(x, [0.25, 0.75])
+    slow, fast = x <= low, x >= high
+    count = smallest_step(record.position)
+    floor = max(_variance(r[slow]), count * count / 4)  # three times that of counts
+    of_speed = float(np.median(x[fast] ** 2))
+    more = _variance(r[fast]) - floor
+    error = _OF_VARIANCE * np.sqrt(2 / fast.sum()) * _variance(r[fast])
+    if not of_speed > 0 or more <= max(least * error, floor):
+        return 0.0
+    both = fast[1:] & fast[:-1]
+    z = np.clip(r / np.sqrt(_variance(r[fast])), -_DEVIATIONS, _DEVIATIONS)
+    correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
+    return float(np.sqrt(more / of_speed)) if least == 0.0 or correlation < _WHITE else 0.0
+
+
+def _beside_cubic(time: Array, position: Array) -> tuple[Array, Array]:
+    """Deviation of each position from the cubic through its four neighbours, as noise of one sample, and its speed, (n - 4,)."""
+    inner = np.arange(2, time.size - 2)
+    near = [time[inner + k] - time[inner] for k in (-2, -1, 1, 2)]
+    weights = [
+        np.prod([near[j] / (near[j] - near[k]) for j in range(4) if j != k], axis=0) for k in range(4)
+    ]  # of Lagrange
+    through = np.sum([w * position[inner + k] for w, k in zip(weights, (-2, -1, 1, 2), strict=True)], axis=0)
+    rest = (position[inner] - through) / np.sqrt(1 + np.sum(np.square(weights), axis=0))
+    return rest, (position[inner + 2] - position[inner - 2]) / (near[3] - near[0])
+
+
+def _variance(x: Array) -> float:
+    deviation = float(np.median(np.abs(x)) / 0.6745)
+    return deviation * deviation
+
+
+def velocity_lag(record: Record) -> Diagnostic | None:
+    """A logged velocity that is late, or early, against the position.
+
+    The integral of a velocity through one pole of time constant L is behind the position by L times its change; of one
+    that is L late, to the first order. Regression over spans, with a factor and an offset beside it: noise of the
+    velocity makes L smaller, no larger.
+    """
+    if record.position is None or record.velocity is None or record.velocity_estimated:
+        return None
+    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
+    found = []
+    for span in _SPANS:
+        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
+        moved, said, changed = (
+            np.concatenate([np.diff(x[k]) for k in ends]) for x in (record.position, area, record.velocity)
+        )
+        X = np.column_stack([changed, said, np.ones(said.size)])
+        scale = np.sqrt((X**2).sum(axis=0))
+        if said.size < _FEWEST or not (np.isfinite(scale).all() and scale.all()):
+            continue
+        X /= scale
+        if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:
+            continue
+        of_X = np.linalg.inv(X.T @ X)
+        b = of_X @ (X.T @ moved)
+        rest = moved - X @ b
+        error = np.sqrt(of_X[0, 0] * (rest @ rest) / (said.size - 3) * inflation(rest))
+        share = float(abs(b[0]) / np.sqrt(said @ said))
+        found.append((float(b[0] / scale[0]), float(error / scale[0]), share))
+    if not found:
+        return None
+    lag, error, share = max(found, key=lambda x: abs(x[0]) / max(x[1], 1e-12))
+    samples, matters = _LAG
+    if abs(lag) - samples * record.step < _DEVIATIONS * error or share < matters:
+        return None
+    lags, why, remedy = (
+        ("lags behind", "filtered", "it unfiltered") if lag > 0 else ("leads", "the command", "the measured one")
+    )
+    return Kind.VELOCITY_LAGS(
+        files=(record.file,),
+        lags=lags,
+        lag=abs(lag),
+        samples=abs(lag) / record.step,
+        error=error / record.step,
+        why=why,
+        remedy=remedy,
+    )

@@ -1,0 +1,112 @@
+"""Jumps, jitter and a lag put into a simulated motion are named with their size; a clean motion is left alone."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from bristle.arrays import Array
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind, Severity
+
+from .test_signal_checks import RATE, checked, moving
+
+MOTION = (Kind.LOST_SAMPLES, Kind.POSITION_JUMPS, Kind.STAMPS_JITTER, Kind.SAMPLED_IRREGULARLY, Kind.VELOCITY_LAGS)
+STAMPED = {"column": "t", "unit": "s"}
+
+
+def said(record: Record, stamped: bool = False) -> list[Diagnostic]:
+    """What is said of the motion of a moving run."""
+    found = checked(record, time=STAMPED) if stamped else checked(record)
+    return [d for d in found if d.kind in MOTION]
+
+
+def position(record: Record) -> Array:
+    """Of a record that has one, (n,)."""
+    assert record.position is not None
+    return record.position
+
+
+def sampled(record: Record, at: Array) -> Array:
+    """The position at other times, (n,), at the resolution of the log."""
+    return np.asarray(np.interp(at, record.time, position(record)))
+
+
+def test_clean_motions_are_left_alone() -> None:
+    """Of 200 motions, noisy ones and ones sampled at irregular instants that are logged among them, at most one has a warning."""
+    found = []
+    for seed in range(200):
+        record, v = moving(seed, ("sines", "trapezia")[seed % 2])
+        rng = np.random.default_rng(seed)
+        noise = 10 ** rng.uniform(-5, -2) * np.std(v) * rng.standard_normal(v.size)
+        at = record.time + rng.uniform(-0.4, 0.4, v.size) / RATE
+        found += said(replace(record, position=position(record) + noise * (seed % 4 == 1)))
+        found += said(replace(record, time=at, position=sampled(record, at)), stamped=True) if seed % 4 == 0 else []
+    assert len(found) <= 1, Counter(d.kind for d in found)
+
+
+@pytest.mark.parametrize("stamped", [False, True])
+@pytest.mark.parametrize("samples", [-20.0, -5.0, 5.0, 20.0])
+def test_an_encoder_that_slips_is_named_by_its_row(samples: float, stamped: bool) -> None:
+    """A slip in motion is a caution with the row: forward under counted time it may be samples that are lost, else it is a jump of its size."""
+    for seed in range(20):
+        record, v = moving(seed, "trapezia")
+        steady = np.flatnonzero((np.abs(v) == np.abs(v).max()) & (np.arange(v.size) > 100))
+        at = int(next(k for k in steady if (np.abs(v[k - 10 : k + 10]) == np.abs(v[k])).all()))
+        slip = samples * v[at] / RATE
+        time = record.time + stamped * 0.1 * np.random.default_rng(seed).uniform(-1, 1, v.size) / RATE
+        q = (sampled(record, time) if stamped else position(record)) + slip * (np.arange(v.size) >= at)
+        (found,) = said(replace(record, time=time, position=q), stamped)
+        assert found.severity is Severity.CAUTION
+        assert f"row {at + 1} " in str(found)
+        assert found.kind is (Kind.LOST_SAMPLES if samples > 0 and not stamped else Kind.POSITION_JUMPS)
+        if found.kind is Kind.POSITION_JUMPS:
+            assert float(found.numbers["files"][0].split(" by ")[-1].split("(by ")[-1].split()[0]) == pytest.approx(
+                abs(slip), rel=0.1
+            )
+
+
+def test_a_joint_that_stops_or_starts_does_not_slip() -> None:
+    """Steps from rest, stops, and reversals within one sample are motions."""
+    for seed in range(20):
+        record, v = moving(seed)
+        hard = np.where(np.sin(2 * np.pi * record.time) > 0, np.abs(v).max(), 0.0) * np.sign(np.sin(record.time))
+        q = np.cumsum(hard) / RATE
+        assert not said(replace(record, position=q, velocity=hard))
+
+
+@pytest.mark.parametrize("share", [0.5, 2.0])
+def test_sampling_that_jitters(share: float) -> None:
+    """Instants about the regular ones are seen in the position to 15 %; stamps about regular instants are told from them, with the line to write."""
+    for seed in range(20):
+        record, v = moving(seed, logged=False)
+        away = share * np.random.default_rng(seed).uniform(-0.5, 0.5, v.size) / RATE
+        (found,) = said(replace(record, position=sampled(record, record.time + away)))
+        assert found.kind is Kind.SAMPLED_IRREGULARLY
+        assert found.severity is Severity.CAUTION
+        assert found.numbers["jitter"] == pytest.approx(share / np.sqrt(12), rel=0.15)
+        if share < 1:
+            (found,) = said(replace(record, time=record.time + away), stamped=True)
+            assert found.kind is Kind.STAMPS_JITTER
+            assert found.numbers["jitter"] == pytest.approx(share / np.sqrt(12), rel=0.15)
+            assert "`time: {rate: 500 Hz}`" in str(found)
+
+
+@pytest.mark.parametrize("cutoff", [20.0, 3.0])
+def test_a_velocity_through_a_filter_lags(cutoff: float) -> None:
+    """One pole makes the lag that is said, to 10 % and a sample, and velocity is what to leave out; a delay and a lead alike."""
+    for seed in range(20):
+        record, v = moving(seed)
+        assert record.velocity is not None
+        a = np.exp(-2 * np.pi * cutoff / RATE)
+        slow = lfilter([1 - a], [1, -a], record.velocity, zi=[a * record.velocity[0]])[0]
+        lag = 1 / (2 * np.pi * cutoff)
+        for velocity, word in ((slow, "lags behind"), (np.interp(record.time + lag, record.time, v), "leads")):
+            (found,) = said(replace(record, velocity=velocity))
+            assert found.kind is Kind.VELOCITY_LAGS
+            assert found.severity is Severity.CAUTION
+            assert found.numbers["lag"] == pytest.approx(lag, rel=0.1, abs=1.5 / RATE)
+            assert word in str(found)
+            assert "Leave `velocity` out" in str(found)
