@@ -1,8 +1,8 @@
 """Whether torque and displacement of slow loading turn at the same instant, as a bristle's do.
 
-A torque logged late turns later. About a turn the torque is one quartic of time on either side, which meet there. The displacement is a quadratic of LuGre's
-own (at vanishing speed) on either side, at the torque of a little later, of which the best delay is sought: scale and
-bend of either side are free, so that a joint that softens turns both at once as well.
+A torque logged late turns later. About a turn the torque is one quartic of time on either side, which meet there. The
+displacement is a quadratic of LuGre's own (at vanishing speed) on either side, at the torque of a little later, of which
+the best delay is sought: scale and bend of either side are free, so that a joint that softens turns both at once too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, smoothed
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.data.slow_loading import Loading, find_all_loadings
+from bristle.data.slow_loading import Loading, find_all_loadings, torque_turns
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
@@ -180,7 +180,8 @@ class _Torque(NamedTuple):
         rise, fall = (_moved(x * load, self.g0) - _moved(x * max(top, -self.g0 / _BELOW), self.g0) for x in (1, -1))
         rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
         columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
-        return columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY)
+        scaled: Array = columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY)
+        return scaled
 
 
 def _moved(torque: Array | float, g0: float) -> Array:
