@@ -262,3 +262,15 @@ def test_a_late_torque_of_slow_loading_is_named_with_its_delay(delay: float, sin
 def test_slow_loading_in_time_names_no_delay(sine: bool, softer: float, bits: int, noise: float) -> None:
     """Neither damping, counts, noise nor a joint that softens more than LuGre's makes the torque turn late."""
     assert delays(cycles(2, 0.0, sine=sine, softer=softer, bits=bits, noise=noise)) == []
+
+
+@pytest.mark.parametrize("half", [0.16, 0.8, 2.0])
+def test_a_torque_that_is_held_at_its_turns_names_no_delay(half: float) -> None:
+    """Where the torque is held there is no instant at which it turns: nothing is named, whatever the length, s."""
+    t = np.arange(0, 32, 0.005)
+    corners = [0, 4 - half, 4 + half, 8, 12 - half, 12 + half, 16]
+    torque = 0.85 * G0 * np.interp(t % 16, corners, [0, 1, 1, 0, -1, -1, 0])
+    dT = np.diff(torque, prepend=0.0)
+    y = np.cumsum(dT / (GRIPPER.sigma_0 * (1 - np.sign(dT) * torque / G0)))
+    noise = 0.01 * G0 * np.random.default_rng(5).standard_normal(t.size)
+    assert delays(Record(file="held.csv", time=t, position=y, torque=torque + noise)) == []

@@ -175,9 +175,10 @@ class _Torque(NamedTuple):
     def columns(self, s: Array) -> Array:
         """Of the displacement: a constant, and LuGre's own with its square on either side, (n, 5)."""
         before = s < self.turn
-        top = float(np.polyval(self.up, self.turn))
-        load = np.clip(np.where(before, np.polyval(self.up, s), np.polyval(self.down, s)), -self.g0 / _BELOW, top)
-        rise, fall = (_moved(x * load, self.g0) - _moved(x * max(top, -self.g0 / _BELOW), self.g0) for x in (1, -1))
+        most = self.g0 / _BELOW
+        top = float(np.clip(min(np.polyval(x, self.turn) for x in (self.up, self.down)), -most, most))
+        load = np.clip(np.where(before, np.polyval(self.up, s), np.polyval(self.down, s)), -most, top)
+        rise, fall = (_moved(x * load, self.g0) - _moved(x * top, self.g0) for x in (1, -1))
         rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
         columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
         scaled: Array = columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY)
