@@ -35,7 +35,7 @@ _SIDE = 0.4
 _APART = 0.1
 """Of a side: next to a turn not fitted, since the low pass does not tell its time better."""
 _HELD = 4.0
-"""Times what the torque stays below where its sides meet, as a time: how far that can move a turn."""
+"""Times what the torque may stay below where its sides meet (two standard errors more), as a time: what that can do to a turn."""
 _BELOW = 1.05
 """g0 over the torque of a turn, at the least."""
 _COUNTS = 8.0
@@ -208,7 +208,8 @@ def _torque(s: Array, T: Array, g0: float) -> _Torque:
     top = min(float(np.polyval(x[0], turns[0])) for x in sides)
     near, fall = abs(s) <= _APART, top - (np.polyval(sides[0][0], -1.0) + np.polyval(sides[1][0], 1.0)) / 2
     below = np.minimum(*(np.polyval(x[0], s[near]) for x in sides)) - T[near]
-    held = _HELD * abs(float(below.mean())) / max(float(fall), _TINY) if below.size else 0.0
+    seen = abs(float(below.mean())) + 2 * float(below.std()) / np.sqrt(below.size) if below.size else 0.0
+    held = _HELD * seen / max(float(fall), _TINY)
     error = float(np.linalg.norm([np.std(turns[1:]), at[1] - at[0], held]))
     return _Torque(sides[0][0], sides[1][0], float(turns[0]), error, max(g0, _BELOW * top))
 
