@@ -339,7 +339,7 @@ FAULTS: dict[str, Fault] = {
     "slow loading: load cell offset": Fault(slow, torque(lambda x, s: x.torque + s), (0.05, 0.2), LOADED),
     "slow loading: position drifts": Fault(slow, position(lambda x, s: x.q + s * x.t), (3e-5, 1e-4), (Kind.OPEN_CYCLES,)),
     "slow loading: torque clipped": Fault(slow, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.5), (Kind.CLIPPED,)),
-    "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), (Kind.OPEN_CYCLES,)),
+    "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), (Kind.TURNS_LATE, Kind.OPEN_CYCLES)),
     "slow loading: position of 12, 14 bits": Fault(slow, position(lambda x, s: counted(x.q, s)), (14, 12), (Kind.FEW_COUNTS, Kind.WITHIN_NOISE)),
     "slow loading: backlash": Fault(slow, position(lambda x, s: x.q + s / 2 * np.tanh(x.torque / 0.02)), (0.0003, 0.002), (Kind.OPEN_CYCLES,)),
     "slow loading: wrong sign": Fault(slow, torque(lambda x, s: -s * x.torque), (1.0, 2.0)),

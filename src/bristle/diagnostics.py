@@ -1031,6 +1031,14 @@ class Kind(Enum):
             "friction differs between the directions at these peaks, or the first cycle started from rest."
         ),
     )
+    TURNS_LATE = (
+        _CAUTION,
+        (
+            "The torque of slow loading turns {seconds:.2g} s ({samples:.2g} samples) {when} than the displacement, where a bristle "
+            "turns both at once: taken in time it changes sigma_0 by {change:+.0%}. Check the time stamps, or write `delay: {delay:.3g} s` "
+            "under signals.torque (or the signal it comes from)."
+        ),
+    )
     NO_SIGMA_1 = _NOTE, "No estimate: (15) needs J and sigma_0, but {why}."
     NO_STIFFNESS = _NOTE, "there is no sigma_0"
     NO_INERTIA = _NOTE, "no positive inertia is known: give inertia in the experiment file, or add moving runs"
@@ -2036,7 +2044,7 @@ REASONS: Mapping[str, str] = {
         "STICK_SLIP POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
     ),
     "A pattern is left, which biases what takes part of it up.": (
-        "LACKS_A_TERM DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK TORQUE_DELAYED "
+        "LACKS_A_TERM DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK TORQUE_DELAYED TURNS_LATE "
         "DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS"
     ),
     "Samples are wrong or missing, and what they do to the number is not in its error.": (

@@ -225,3 +225,52 @@ def test_a_displacement_that_is_rounding_has_no_stiffness(size: float) -> None:
     fit = found(replace(record, position=size * record.position), 0.0)
     assert fit.sigma_0.value is None
     assert not fit.amplitudes
+
+
+def cycles(
+    seed: int, delay: float, *, sine: bool = False, softer: float = 0.0, bits: int = 20, noise: float = 1e-3
+) -> Record:
+    """Two slow cycles to 0.85 g0 in each direction with the torque logged late, s; a bristle that softens more, or not."""
+    t = np.arange(0, 32, 0.005)
+    wave = np.sin(2 * np.pi * t / 16) if sine else np.interp(t % 16, [0, 4, 8, 12, 16], [0, 1, 0, -1, 0])
+    torque = 0.85 * G0 * wave
+    dT = np.diff(torque, prepend=0.0)
+    left = 1 - np.sign(dT) * torque / G0
+    y = np.cumsum(dT / GRIPPER.sigma_0 * (1 / left + softer / left**2))
+    torque = torque + GRIPPER.sigma_1 / GRIPPER.sigma_0 * np.gradient(torque, t)
+    torque = np.interp(t - delay, t, torque)
+    torque = torque + noise * G0 * np.random.default_rng(seed).standard_normal(t.size)
+    quantum = 2 * np.pi / 2**bits
+    return Record(file="cycles.csv", time=t, position=quantum * np.floor(y / quantum + 0.3), torque=torque)
+
+
+def delays(record: Record) -> list[float]:
+    """That a fit of slow cycles names, s."""
+    found = identify_presliding([record], {"+": LEVEL, "-": LEVEL}, None, FitOptions(), None, "revolute")
+    return [d.numbers["delay"] for d in found.warnings if d.kind is Kind.TURNS_LATE]
+
+
+@pytest.mark.parametrize(("delay", "sine"), [(0.1, False), (0.5, False), (-0.2, False), (0.5, True)])
+def test_a_late_torque_of_slow_loading_is_named_with_its_delay(delay: float, sine: bool) -> None:
+    """A torque that turns later or earlier than the displacement is named, with its delay within a tenth."""
+    assert delays(cycles(1, delay, sine=sine)) == pytest.approx([delay], rel=0.1)
+
+
+@pytest.mark.parametrize("sine", [False, True])
+@pytest.mark.parametrize("softer", [0.0, 0.5])
+@pytest.mark.parametrize(("bits", "noise"), [(12, 1e-3), (16, 1e-3), (18, 1e-3), (20, 1e-4), (20, 1e-2)])
+def test_slow_loading_in_time_names_no_delay(sine: bool, softer: float, bits: int, noise: float) -> None:
+    """Neither damping, counts, noise nor a joint that softens more than LuGre's makes the torque turn late."""
+    assert delays(cycles(2, 0.0, sine=sine, softer=softer, bits=bits, noise=noise)) == []
+
+
+@pytest.mark.parametrize("half", [0.16, 0.8, 2.0])
+def test_a_torque_that_is_held_at_its_turns_names_no_delay(half: float) -> None:
+    """Where the torque is held there is no instant at which it turns: nothing is named, whatever the length, s."""
+    t = np.arange(0, 32, 0.005)
+    corners = [0, 4 - half, 4 + half, 8, 12 - half, 12 + half, 16]
+    torque = 0.85 * G0 * np.interp(t % 16, corners, [0, 1, 1, 0, -1, -1, 0])
+    dT = np.diff(torque, prepend=0.0)
+    y = np.cumsum(dT / (GRIPPER.sigma_0 * (1 - np.sign(dT) * torque / G0)))
+    noise = 0.01 * G0 * np.random.default_rng(5).standard_normal(t.size)
+    assert delays(Record(file="held.csv", time=t, position=y, torque=torque + noise)) == []

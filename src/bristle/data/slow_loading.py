@@ -215,7 +215,7 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     slow = _low_passed(record, torque, cutoff)
     loops, drifts = [], []
     for segment in between_gaps(record):
-        tops, bottoms = _turns(slow[segment])
+        tops, bottoms = torque_turns(slow[segment])
         ends = (tops if tops.size > 1 else bottoms) + segment.start
         for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             y, T = position[start : stop + 1], torque[start : stop + 1]
@@ -252,7 +252,7 @@ def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
     return smoothed(record, values, cutoff) if cutoff < 0.5 / record.step else values
 
 
-def _turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Where the torque is largest and smallest between turns."""
     prominence = _PROMINENT * float(np.ptp(torque))
     if prominence == 0:
@@ -264,7 +264,7 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
     """Samples and sign of each piece between turns, from where its torque has passed zero for the last time."""
     pieces = []
     for segment in between_gaps(record):
-        turns = np.sort(np.concatenate(_turns(torque[segment]))) + segment.start
+        turns = np.sort(np.concatenate(torque_turns(torque[segment]))) + segment.start
         bounds = [segment.start, *turns.tolist(), segment.stop - 1]
         for first, turn in pairwise(bounds):
             part = torque[first : turn + 1]

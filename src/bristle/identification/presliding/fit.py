@@ -25,6 +25,7 @@ from bristle.identification.presliding.stiffness import (
     stiffness,
 )
 from bristle.identification.presliding.systematic import torque_shares, with_shifts
+from bristle.identification.presliding.turns import turning_lag
 from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
 from bristle.identification.repeats import spreader, wider_estimate, wider_three
 from bristle.identification.systematic import shifted, shifted_three
@@ -90,6 +91,7 @@ def identify_presliding(
     cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
     warnings += _loop_warnings(loops, [drift for _, drifts in cycles for drift in drifts])
+    warnings += turning_lag(records, loadings, {d: fit.level for d, fit in fits.items()}, options, resolution)
     return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, warnings=tuple(warnings))
 
 

@@ -1,0 +1,234 @@
+"""Whether torque and displacement of slow loading turn at the same instant, as a bristle's do.
+
+A torque logged late turns later. About a turn the torque is one quartic of time on either side, which meet there. The
+displacement is a quadratic of LuGre's own (at vanishing speed) on either side, at the torque of a little later, of which
+the best delay is sought: scale and bend of either side are free, so that a joint that softens turns both at once too.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.differentiation import between_gaps, smoothed
+from bristle.data.experiment.schema import FitOptions
+from bristle.data.record import Record
+from bristle.data.slow_loading import Loading, find_all_loadings, torque_turns
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.linear import inverse_gram
+from bristle.identification.presliding.stiffness import by_samples, of_loading
+from bristle.model import functions
+from bristle.model.vectorize import evaluate
+
+_SURE = 4.0
+"""Standard errors from zero, beyond which it is said, ..."""
+_SHARE = 0.02
+"""... and how much of sigma_0 it must change: less is not worth a sentence."""
+_ORDER = 5
+"""Coefficients of the torque on each side."""
+_SIDE = 0.4
+"""Of the time to the next turn: a side that is fitted."""
+_APART = 0.1
+"""Of a side: next to a turn not fitted, since the low pass does not tell its time better."""
+_HELD = 4.0
+"""Times what the torque may stay below where its sides meet (two standard errors more), as a time: what that can do to a turn."""
+_BELOW = 1.05
+"""g0 over the torque of a turn, at the least."""
+_COUNTS = 8.0
+"""By which the joint moves on each side at the least: of fewer the turn is not told."""
+_PER_SIDE = 20
+"""Samples on a side at the least."""
+_MOST = 2000
+"""Samples about a turn, about: more are thinned."""
+_DRAWS = 100
+"""Of the torque's coefficients, for the error of its turn."""
+_GRID = 601
+"""Times at which it is sought."""
+_LOOKS = (0.4, 0.04, 0.004)
+"""Sides about the last delay found in which it is sought, ..."""
+_LOOK = 21
+"""... at so many."""
+_PIECE = 0.005
+"""Of a side: a step of the derivative by the delay."""
+_TINY = 1e-300
+"""No division by zero."""
+
+
+class _Lag(NamedTuple):
+    """How much later the torque turns than the displacement, and the standard error of that, s."""
+
+    value: float
+    error: float
+
+
+def turning_lag(
+    records: Sequence[Record],
+    loadings: Sequence[Loading],
+    levels: Mapping[str, float],
+    options: FitOptions,
+    resolution: float | None,
+) -> list[Diagnostic]:
+    """That the torque was logged late or early, where it is sure and changes sigma_0.
+
+    Args:
+        records: presliding runs.
+        loadings: of them.
+        levels: g0 per direction, N*m.
+        options: the experiment's `fit`.
+        resolution: one encoder count, rad; None: from the data.
+    """
+    lags = [lag for record in records for lag in _lags(record, loadings, levels, options.presliding_cutoff)]
+    if not lags:
+        return []
+    values, errors = np.array(lags).T
+    weight = errors**-2
+    lag = float(weight @ values / weight.sum())
+    scatter = float(weight @ (values - lag) ** 2) / max(values.size - 1, 1)
+    if abs(lag) < _SURE * np.sqrt(max(scatter, 1.0) / weight.sum()):
+        return []
+    in_time = [replace(r, torque=np.interp(r.time + lag, r.time, np.asarray(r.torque))) for r in records]
+    try:
+        found = find_all_loadings(in_time, options.presliding_cutoff, resolution, options.breakaway_displacement)
+    except InputError:
+        return []
+    moved = [x for of_record in found for x in of_record]
+    changes = [_stiffness(moved, d, g0) / _stiffness(loadings, d, g0) - 1 for d, g0 in levels.items()]
+    change = max((x for x in changes if np.isfinite(x)), key=abs, default=0.0)
+    if abs(change) < _SHARE:
+        return []
+    step = float(np.median([r.step for r in records]))
+    when = "later" if lag > 0 else "earlier"
+    return [Kind.TURNS_LATE(seconds=abs(lag), samples=abs(lag) / step, when=when, change=change, delay=lag)]
+
+
+def _stiffness(loadings: Sequence[Loading], direction: str, g0: float) -> float:
+    pieces = [of_loading(x, g0) for x in loadings if x.direction == direction]
+    return by_samples(pieces)[0] if pieces else np.nan
+
+
+def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float], cutoff: float) -> list[_Lag]:
+    """Of each turn before which the joint does not slide."""
+    own = [x for x in loadings if x.file == record.file]
+    slid = [x.start for x in own if x.breakaway is not None]
+    torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
+    lags = []
+    for turn in _turns(record, cutoff):
+        side = _SIDE * float(min(time[turn.at] - time[turn.before], time[turn.after] - time[turn.at]))
+        g0 = levels.get("+" if turn.sign > 0 else "-", 0.0)
+        if any(turn.before <= start < turn.at for start in slid) or not g0:
+            continue
+        near = np.flatnonzero(abs(time - time[turn.at]) < side)
+        near = near[:: 1 + near.size // _MOST]
+        s, sides = (time[near] - time[turn.at]) / side, (near < turn.at, near > turn.at)
+        y = turn.sign * position[near]
+        if not all(
+            np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= max(_COUNTS * own[0].quantum, _TINY)
+            for rows in sides
+        ):
+            continue
+        lag = _lag(s, turn.sign * torque[near], y, g0)
+        lags.append(_Lag(side * lag.value, float(np.hypot(side * lag.error, record.step / 2))))
+    return lags
+
+
+class _Turn(NamedTuple):
+    """A turn of the torque: samples of the turn before, of itself and of the one after, or the ends of the segment."""
+
+    before: int
+    at: int
+    after: int
+    sign: float
+    """1 where the torque is largest, -1 where it is smallest."""
+
+
+def _turns(record: Record, cutoff: float) -> list[_Turn]:
+    """The turns of a presliding run's torque through the low pass, Hz."""
+    torque = np.asarray(record.torque)
+    slow = smoothed(record, torque, cutoff) if cutoff < 0.5 / record.step else torque
+    found = []
+    for segment in between_gaps(record):
+        tops, bottoms = torque_turns(slow[segment])
+        turns = np.sort(np.concatenate([tops, bottoms])) + segment.start
+        bounds = [segment.start, *turns.tolist(), segment.stop - 1]
+        top = set((tops + segment.start).tolist())
+        found += [
+            _Turn(a, k, b, 1.0 if k in top else -1.0)
+            for a, k, b in zip(bounds[:-2], bounds[1:-1], bounds[2:], strict=True)
+        ]
+    return found
+
+
+class _Torque(NamedTuple):
+    """About a turn and towards it: a quartic of time, in sides, before it and after, where they meet, its error, and g0."""
+
+    up: Array
+    """Coefficients, highest power first, (5,)."""
+    down: Array
+    turn: float
+    error: float
+    g0: float
+
+    def columns(self, s: Array) -> Array:
+        """Of the displacement: a constant, and LuGre's own with its square on either side, (n, 5)."""
+        before = s < self.turn
+        most = self.g0 / _BELOW
+        top = float(np.clip(min(np.polyval(x, self.turn) for x in (self.up, self.down)), -most, most))
+        load = np.clip(np.where(before, np.polyval(self.up, s), np.polyval(self.down, s)), -most, top)
+        rise, fall = (_moved(x * load, self.g0) - _moved(x * top, self.g0) for x in (1, -1))
+        rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
+        columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
+        scaled: Array = columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY)
+        return scaled
+
+
+def _moved(torque: Array | float, g0: float) -> Array:
+    """LuGre's displacement at a torque, of a stiffness of one."""
+    moved: Array = evaluate(functions.loading_displacement_function(), np.asarray(torque), g0, 1.0)[0]
+    return moved
+
+
+def _torque(s: Array, T: Array, g0: float) -> _Torque:
+    """Of times in sides and torques, (n,)."""
+    rng, sides = np.random.default_rng(0), []
+    for rows in (s < -_APART, s > _APART):
+        powers = np.vander(s[rows], _ORDER)
+        inverse = inverse_gram(powers)
+        best = inverse @ (powers.T @ T[rows])
+        rest = T[rows] - powers @ best
+        spread = np.sqrt(float(rest @ rest) / (rest.size - _ORDER) * inflation(rest))
+        draws = rng.standard_normal((_DRAWS, _ORDER)) @ np.linalg.cholesky(inverse).T
+        sides.append(np.vstack([best, best + spread * draws]))
+    at = np.linspace(-3 * _APART, 3 * _APART, _GRID)
+    powers = np.vander(at, _ORDER).T
+    turns = at[np.argmax(np.minimum(sides[0] @ powers, sides[1] @ powers), axis=1)]
+    top = min(float(np.polyval(x[0], turns[0])) for x in sides)
+    near, fall = abs(s) <= _APART, top - (np.polyval(sides[0][0], -1.0) + np.polyval(sides[1][0], 1.0)) / 2
+    below = np.minimum(*(np.polyval(x[0], s[near]) for x in sides)) - T[near]
+    seen = abs(float(below.mean())) + 2 * float(below.std()) / np.sqrt(below.size) if below.size else 0.0
+    held = _HELD * seen / max(float(fall), _TINY)
+    error = float(np.linalg.norm([np.std(turns[1:]), at[1] - at[0], held]))
+    return _Torque(sides[0][0], sides[1][0], float(turns[0]), error, max(g0, _BELOW * top))
+
+
+def _lag(s: Array, T: Array, y: Array, g0: float) -> _Lag:
+    """The lag, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
+    torque = _torque(s, T, g0)
+
+    def fitted(delay: float) -> Array:
+        columns = torque.columns(s + delay)
+        return columns @ (inverse_gram(columns) @ (columns.T @ y))
+
+    delay = 0.0
+    for reach in _LOOKS:
+        tried = (delay + reach * np.linspace(-1, 1, _LOOK)).tolist()
+        delay = tried[int(np.argmin([np.sum((y - fitted(x)) ** 2) for x in tried]))]
+    columns, rest = torque.columns(s + delay), y - fitted(delay)
+    slope = (fitted(delay + _PIECE) - fitted(delay - _PIECE)) / (2 * _PIECE)
+    beside = slope - columns @ (inverse_gram(columns) @ (columns.T @ slope))
+    variance = float(rest @ rest) / (rest.size - columns.shape[1] - 1) * inflation(rest)
+    error = np.sqrt(variance / max(float(beside @ beside), _TINY))
+    return _Lag(delay, float(np.hypot(error, torque.error)))
