@@ -39,13 +39,15 @@ def shown() -> Iterator[Progress]:
     columns = (TextColumn("{task.description:<42}", markup=False), BarColumn(20), TimeElapsedColumn())
     console = Console(stderr=True)
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("starting", total=None)
+        task, last = bar.add_task("starting", total=None), "starting"
 
         def update(what: str, done: int, total: int) -> None:
             """What is being done, and how much of it; a bar that only moves where that is not known."""
+            nonlocal last
             many = total > 1
             line = f"{what} ({min(done + 1, total)} of {total})" if many else what
             bar.tasks[0].total = total if many else None
-            bar.update(task, description=line, completed=done)
+            bar.update(task, description=line, completed=done, refresh=what != last)  # no step is too short to be shown
+            last = what
 
         yield update
