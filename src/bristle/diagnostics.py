@@ -929,6 +929,13 @@ class Kind(Enum):
             "that these data do not resolve, and they do not tell which. Check the time stamps; longer strokes would tell."
         ),
     )
+    INERTIA_BELOW_ZERO = (
+        _CRITICAL,
+        (
+            "The inertia comes out at {value:.3g} +/- {error:.2g} {unit}, and none is below zero: the torque is filtered or late, or "
+            "another signal is not what it is taken for. Do not use the numbers of this fit."
+        ),
+    )
     INERTIA_DOUBTED = (
         _CAUTION,
         (
@@ -2027,7 +2034,7 @@ NOT_IDENTIFIABLE = UNRESOLVED | {
 
 REASONS: Mapping[str, str] = {
     # critical
-    "The model does not describe the data, so its parameters mean nothing.": "UNEXPLAINED MISFIT",
+    "The model does not describe the data, so its parameters mean nothing.": "UNEXPLAINED MISFIT INERTIA_BELOW_ZERO",
     "A factor between two signals goes into every number made of them.": (
         "VELOCITY_FACTOR VELOCITY_UNRELATED WHOLE_POSITIONS COUNT_UNIT COUNT_CONTRADICTS"
     ),

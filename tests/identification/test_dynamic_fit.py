@@ -388,6 +388,18 @@ def test_a_motion_without_sliding_cannot_tell_a_delay_from_presliding() -> None:
     assert "to the delay of" not in str(said)
 
 
+@pytest.mark.parametrize("added", [0.0, -3.0])
+def test_an_inertia_below_zero_is_critical(added: float) -> None:
+    """A torque that falls with the acceleration makes a fit of which nothing is believed; the joint's own does not."""
+    run = record(GRIPPER, noise=2e-4)
+    assert run.torque is not None
+    assert run.velocity is not None
+    fallen = replace(run, torque=run.torque + added * J * np.gradient(run.velocity, run.time))
+    warnings = fit_tracking(posed(fallen, decimation=5), values_of(GRIPPER), "revolute", starts=1).fit.warnings
+    said = [d for d in warnings if d.kind is Kind.INERTIA_BELOW_ZERO]
+    assert [d.severity for d in said] == [Severity.CRITICAL] * (added < 0)
+
+
 def test_a_wrong_inertia_that_was_given_is_named() -> None:
     """With the inertia fixed 5 % too high, a warning names it and what is to be added, and nothing else is blamed; with the right one none does."""
     run, start = record(GRIPPER, noise=2e-4), {n: x for n, x in values_of(GRIPPER).items() if n != INERTIA}

@@ -36,6 +36,8 @@ from bristle.progress import Progress
 SEED = 0
 STARTS = 6
 """One from the other stages, the others at random about it."""
+_SURE_BELOW = 3.0
+"""Standard errors by which an inertia is surely below zero: 1 in 700 of a joint that has none."""
 _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
 _TRIES = 30
@@ -93,6 +95,7 @@ def fit_tracking(
     rows = equations_left(problem, solution)
     warnings = (
         *_lack_of_fit(problem, rows),
+        *_below_zero(estimates.get(INERTIA)),
         *missing_terms(problem, solution, kind),
         *regressor_left_out(problem, solution),
         *offset_or_friction(problem, solution, kind),
@@ -218,6 +221,14 @@ def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dic
 def _refused(name: ParameterName, kind: JointKind) -> Estimate:
     why = Kind.UNSEEN_BEND()
     return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), warnings=(why,))
+
+
+def _below_zero(inertia: Estimate | None) -> list[Diagnostic]:
+    """Whether the inertia is surely below zero, which none is."""
+    value, error = (inertia.value, inertia.standard_error) if inertia else (None, None)
+    if inertia is None or value is None or error is None or value >= -_SURE_BELOW * error:
+        return []
+    return [Kind.INERTIA_BELOW_ZERO(value=value, error=error, unit=inertia.unit)]
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
