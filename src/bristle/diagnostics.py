@@ -830,6 +830,13 @@ class Kind(Enum):
     )
     UNSEEN_NO_PEAK = _CAUTION, "Not identifiable from this motion: no sign of a Stribeck peak."
     UNSEEN_UNCONVERGED = _CAUTION, "Not estimated: the fit did not converge."
+    UNSEEN_TOO_FEW = (
+        _CAUTION,
+        (
+            "Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are needed; log "
+            "longer or faster, or write a smaller fit.decimation."
+        ),
+    )
     UNSEEN_BELOW_COUNT = (
         _CAUTION,
         (
@@ -2024,7 +2031,7 @@ class Kind(Enum):
 
 UNRESOLVED = frozenset({
     Kind.UNSEEN_UNCONVERGED, Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES,
-    Kind.UNSEEN_COMPANION, Kind.UNSEEN_IN_COUNTS, Kind.UNSEEN_BIASED,
+    Kind.UNSEEN_COMPANION, Kind.UNSEEN_IN_COUNTS, Kind.UNSEEN_BIASED, Kind.UNSEEN_TOO_FEW,
 })  # fmt: skip  # a list of values
 """Kinds that leave no interval either: what was fitted is not what the parameter means."""
 NOT_IDENTIFIABLE = UNRESOLVED | {
@@ -2076,7 +2083,7 @@ REASONS: Mapping[str, str] = {
     "A point far from the others may not belong, and the number is still within its error.": "STRAYS STRAYS_LEFT_OUT",
     "The data do not show the term or the parameter, so no number is given for it.": (
         "STATIC_NO_STRIBECK NO_STRIBECK LIKE_NOISE NO_PEAK BEND ONE_SPEED V_S_DOWN_TO_ZERO V_S_UP_TO_ANY NONE_BELOW_V_S TOO_FEW_FOR_PEAK "
-        "PEAK_LEFT_OUT PROFILE_UNSEEN UNSEEN UNSEEN_WIDE UNSEEN_FAR UNSEEN_COMPANION UNSEEN_PEAK UNSEEN_NO_PEAK UNSEEN_UNCONVERGED "
+        "PEAK_LEFT_OUT PROFILE_UNSEEN UNSEEN UNSEEN_WIDE UNSEEN_FAR UNSEEN_COMPANION UNSEEN_PEAK UNSEEN_NO_PEAK UNSEEN_UNCONVERGED UNSEEN_TOO_FEW "
         "UNSEEN_BELOW_COUNT UNSEEN_IN_COUNTS UNSEEN_BIASED STRAYS_AS_WELL UNSEEN_NO_REVERSAL UNSEEN_FAST UNSEEN_HALVES UNSEEN_BEND NOTHING_SEEN "
         "DIRECTION_UNKNOWN NONE_KEPT NOT_MEASURED SIGMA_0_UNKNOWN NO_MODEL NOTHING_SEEN_OF NOTHING_COMPARED NOT_TOLD STILL_UNSEEN"
     ),

@@ -388,6 +388,26 @@ def test_a_motion_without_sliding_cannot_tell_a_delay_from_presliding() -> None:
     assert "to the delay of" not in str(said)
 
 
+def test_hardly_more_equations_than_unknowns_estimate_nothing() -> None:
+    """A motion that leaves fewer equations than twice the unknowns has no values, however well it fits, and says how many are needed."""
+    run = record(GRIPPER, noise=2e-4)
+    for part, few in ((slice(0, None, 40), True), (slice(None), False)):
+        assert run.torque is not None
+        assert run.velocity is not None
+        assert run.acceleration is not None
+        less = replace(
+            run,
+            time=run.time[part],
+            velocity=run.velocity[part],
+            acceleration=run.acceleration[part],
+            torque=run.torque[part],
+        )
+        found = fit_tracking(posed(less, decimation=5), values_of(GRIPPER), "revolute", starts=1).fit
+        assert all((e.value is None) is few for e in found.parameters.values())
+        said = {w.kind for e in found.parameters.values() for w in e.warnings}
+        assert (Kind.UNSEEN_TOO_FEW in said) is few
+
+
 @pytest.mark.parametrize("added", [0.0, -3.0])
 def test_an_inertia_below_zero_is_critical(added: float) -> None:
     """A torque that falls with the acceleration makes a fit of which nothing is believed; the joint's own does not."""

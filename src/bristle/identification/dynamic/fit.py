@@ -38,6 +38,8 @@ STARTS = 6
 """One from the other stages, the others at random about it."""
 _SURE_BELOW = 3.0
 """Standard errors by which an inertia is surely below zero: 1 in 700 of a joint that has none."""
+_FEWEST = 2
+"""Equations for each unknown, at the least."""
 _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
 _TRIES = 30
@@ -171,6 +173,10 @@ def _all_estimates(
     estimates |= {name: _refused(name, kind) for name in bent}
     if not solution.minimum.converged:
         estimates = warned(estimates, dict.fromkeys(estimates, Kind.UNSEEN_UNCONVERGED()))
+    equations, unknowns = solution.minimum.residuals.size, len(solution.names)
+    if equations < _FEWEST * unknowns:
+        few = Kind.UNSEEN_TOO_FEW(equations=equations, unknowns=unknowns, least=_FEWEST * unknowns)
+        estimates = warned(estimates, dict.fromkeys(estimates, few))
     estimates = warned(estimates, peak_doubts(problem, solution))
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
