@@ -103,7 +103,7 @@ def warned(
 def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Estimate]) -> dict[ParameterName, Estimate]:
     """The estimates, of which those that the motion does not show have no value, nor what means nothing without them.
 
-    A peak that is asked for by hand stays, if the fit converged.
+    A peak that is asked for by hand stays, if the fit converged on equations enough.
     """
     asked = {"alpha_1", "v_s"} if problem.stribeck == "stribeck" else set[str]()
     weak = {name for name, e in estimates.items() if _is_weak(e)}
@@ -113,8 +113,8 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
         alone = first is not None and not weak.isdisjoint(
             (name._replace(name=first), ParameterName(first, Direction.BOTH))
         )
-        unconverged = any(warning.kind is Kind.UNSEEN_UNCONVERGED for warning in e.warnings)
-        if unconverged or (name.name not in asked and (alone or name in weak)):
+        nothing = any(warning.kind in {Kind.UNSEEN_UNCONVERGED, Kind.UNSEEN_TOO_FEW} for warning in e.warnings)
+        if nothing or (name.name not in asked and (alone or name in weak)):
             out[name] = _without(e, Kind.UNSEEN_COMPANION() if alone else None)
     return out
 
