@@ -3,7 +3,7 @@
 Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +88,12 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
     return {
         name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
     }
+
+
+def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> str:
+    """The line that asks for these regressors, and for those that some parameters are of, in their order."""
+    wanted = [x for x in REGRESSORS if x in names or not set(parameters).isdisjoint(REGRESSORS[x].names)]
+    return f"regressors: [{', '.join(wanted)}]"
 
 
 def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:

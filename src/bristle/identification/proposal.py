@@ -12,7 +12,7 @@ from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.identification.measured import Measured, measure
-from bristle.identification.moving_runs import ONE_RATE, REGRESSORS, refuse_opposing_runs
+from bristle.identification.moving_runs import ONE_RATE, refuse_opposing_runs, regressor_line
 from bristle.identification.static.set_up import (
     BetterSetUp,
     better_for_motion,
@@ -136,9 +136,8 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
         return "", ""
     apart = any(x.set_up.directions != ("both",) for x in known)
     pays = {name for x in known for name in x.set_up.regressors} - ({"offset"} if apart else set())
-    names = [name for name in REGRESSORS if name in pays]
     lines = f"directions: {'separate' if apart else 'symmetric'}"
-    lines += f", regressors: [{', '.join(names)}]" if names or moving else ""
+    lines += f", {regressor_line(pays)}" if pays or moving else ""
     errors = ", ".join(f"{x.error:.2g} % (plainest set-up: {x.asked_error:.2g} %)" for x in known)
     why = f"relative error on parts held out in turn {errors}"
     return f"fit: {{{lines}}}   # {why}", f"fit: {lines}; {why}"

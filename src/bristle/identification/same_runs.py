@@ -9,13 +9,11 @@ from scipy.special import ndtri
 from bristle.diagnostics import Kind
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.repeats import spreader, wider_three
-from bristle.identification.systematic import combined, statistical
+from bristle.identification.systematic import NORMAL, combined, statistical
 from bristle.model.parameters import Direction, ParameterName, least_of
 
 _LEVEL = 1e-3
 """Probability, by chance, that any of the parameters differs."""
-_COVERED = 1.96
-"""Standard errors of the static fit that hold the other one."""
 
 
 def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
@@ -26,8 +24,7 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     Bonferroni over the parameters of both; what errors of constants do is in both alike. A difference that the static
     interval covers is left alone, as is all where LuGre itself does not describe the data.
     """
-    poor = moving is None or any(w.kind in {Kind.UNEXPLAINED, Kind.OUT_OF_STEPS} for w in moving.warnings)
-    if moving is None or poor:
+    if moving is None or any(w.kind in {Kind.UNEXPLAINED, Kind.OUT_OF_STEPS} for w in moving.warnings):
         return dict(static)
     pairs = {
         (d, name): e for d, fit in static.items() for name in fit.parameters if (e := _other(name, d, fit, moving))
@@ -37,7 +34,7 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     for (d, name), other in pairs.items():
         own = static[d].parameters[name]
         apart = (own.value or 0.0) - (other.value or 0.0)
-        if abs(apart) > max(limit * (other.standard_error or 0.0), _COVERED * (own.standard_error or 0.0)):
+        if abs(apart) > max(limit * (other.standard_error or 0.0), NORMAL * (own.standard_error or 0.0)):
             out[d] = _spanning(out[d], name, own, other)
     return out
 

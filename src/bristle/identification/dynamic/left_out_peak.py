@@ -25,15 +25,15 @@ def takes_up_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]
     To first order in alpha_1, at the v_s that the residuals like best; a t test, Bonferroni over these.
     """
     names = list[ParameterName]()
-    if problem.quantity != "torque":
+    without = [d for d in problem.directions if problem.fixed.get(problem.key("alpha_1", d)) == 0]
+    if problem.quantity != "torque" or not without:
         return names
     seen = np.flatnonzero(solution.scaled_errors < np.inf)
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
-    for direction in problem.directions:
-        if problem.fixed.get(problem.key("alpha_1", direction)) != 0:
-            continue
+    inverse = inverse_gram(known)
+    for direction in without:
         columns = _peaks(problem, solution, direction)
-        taken = inverse_gram(known) @ (known.T @ columns)
+        taken = inverse @ (known.T @ columns)
         beside = columns - known @ taken
         scores = -beside / np.maximum(np.einsum("nk,nk->k", beside, beside), 1e-300) * rest[:, None]
         size = scores.sum(axis=0)

@@ -69,8 +69,12 @@ def _delay(
     At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
     well; and what only some equations ask for is no delay.
     """
-    whole = _counted(problem, solution, column, others, np.ones(column.size, dtype=bool))
-    far = _counted(problem, solution, column, others, _far_from_reversals(problem, solution))
+    every = np.ones(column.size, dtype=bool)
+    made = _made_by_counts(problem, solution)
+    whole, far = (
+        _without_counts(_wanted(solution, column, others, rows), made[rows])
+        for rows in (every, _far_from_reversals(problem, solution))
+    )
     alike = far.value * whole.value > 0 and abs(far.value) > _ALIKE * far.error
     if not whole.counts or (not alike and _SURE * far.error < abs(whole.value)):
         return []  # sliding would have shown it
@@ -119,28 +123,29 @@ def _wanted(solution: MultistartSolution[Unknown], column: Array, others: Array,
     return _More(value, float(np.sqrt(score @ score * inflation(score))), value**2 * square / cost, square)
 
 
-def _counted(
-    problem: DynamicProblem,
-    solution: MultistartSolution[Unknown],
-    column: Array,
-    others: Array,
-    rows: NDArray[np.bool_],
-) -> _More:
-    """The delay that some equations ask for, less the one that counts of the encoder make, half of which is its error.
+def _without_counts(more: _More, made: Array) -> _More:
+    """The delay that some equations ask for, less the one that counts of the encoder make there, (n,), half of which is its error."""
+    if not (made.any() and np.isfinite(more.error)):
+        return more
+    delay = float(made.sum()) / more.rest
+    return more._replace(value=more.value - delay, error=float(np.hypot(more.error, delay / 2)))
+
+
+def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
+    """What counts of the encoder add to the delay that each equation asks for, times the squares of the column beside all others, (n,).
 
     Counts make noise in the acceleration, a, which is in the residuals, -J a, and in what a delay multiplies,
     -alpha_2 a - J da/dt: the regression finds a delay of -J alpha_2 sum(a**2) / (squares of the column beside all
     others), which is none (errors in variables).
     """
-    more = _wanted(solution, column, others, rows)
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
-    if not (problem.count and problem.cutoff and inertia and np.isfinite(more.error)):
-        return more
-    noise = _equations(problem.motions, [_count_noise(m, problem.count, problem.cutoff) for m in problem.motions])[rows]
+    if not (problem.count and problem.cutoff and inertia):
+        return np.zeros(sum(m.size for m in problem.motions))
+    noise = _equations(problem.motions, [_count_noise(m, problem.count, problem.cutoff) for m in problem.motions])
     known = parameters(problem, solution.values)
     alpha_2 = known.alpha_2 if isinstance(known, Lugre) else sum(p.alpha_2 for p in known) / 2
-    made = -inertia * alpha_2 * float(noise @ noise) / more.rest
-    return more._replace(value=more.value - made, error=float(np.hypot(more.error, made / 2)))
+    made: Array = -inertia * alpha_2 * noise**2
+    return made
 
 
 def _count_noise(motion: Motion, count: float, cutoff: float) -> Array:
@@ -156,7 +161,7 @@ def _count_noise(motion: Motion, count: float, cutoff: float) -> Array:
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
     """A column per motion, (N,) each, as the fit's equations see it, (n,)."""
-    return np.concatenate([m.weight * m.smoothed(c) for m, c in zip(motions, columns, strict=True)])
+    return np.concatenate([m.weighted(c) for m, c in zip(motions, columns, strict=True)])
 
 
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:

@@ -82,6 +82,10 @@ class Motion:
         """Values at the samples, (N,) or (N, k), as the equations see them, (n,) or (n, k)."""
         return values if self.smooth is None else np.asarray(self.smooth @ values)
 
+    def weighted(self, values: Array) -> Array:
+        """The same, as the equations weigh them."""
+        return self.weight * self.smoothed(values)
+
 
 @dataclass(frozen=True, slots=True)
 class Prior:

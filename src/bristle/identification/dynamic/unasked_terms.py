@@ -8,7 +8,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import explained_beside
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown
-from bristle.identification.moving_runs import REGRESSORS, load_columns
+from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line
 from bristle.model.parameters import SIGNED, unit
 from bristle.model.parameters import Kind as JointKind
 
@@ -37,15 +37,14 @@ def regressor_left_out(problem: DynamicProblem, solution: MultistartSolution[Unk
         """Of a regressor, as the equations see them, (n, k)."""
         signals = {"position": m.position, "velocity": m.velocity}
         of = load_columns((name,), lambda signal: signals[signal], m.time.size)
-        return m.weight * m.smoothed(np.stack(list(of.values()), axis=1))
+        return m.weighted(np.stack(list(of.values()), axis=1))
 
     found = {x: explained_beside(known, rest, np.concatenate([columns(x, m) for m in motions])) for x in names}
     best = max(found, key=lambda x: found[x][1], default=None)
     if best is None or found[best][0] * len(names) > _RARE or found[best][1] < _SHARE:
         return []
-    wanted = [x for x in REGRESSORS if x == best or not asked.isdisjoint(REGRESSORS[x].names)]
-    lines = f"regressors: [{', '.join(wanted)}]"
-    return [Kind.LACKS_A_TERM(advice=Kind.TERM_EXPLAINS(lines=lines, share=found[best][1]))]
+    advice = Kind.TERM_EXPLAINS(lines=regressor_line((best,), asked), share=found[best][1])
+    return [Kind.LACKS_A_TERM(advice=advice)]
 
 
 def offset_or_friction(

@@ -219,6 +219,7 @@ def _lag(s: Array, T: Array, y: Array, g0: float) -> _Lag:
     torque = _torque(s, T, g0)
 
     def fitted(delay: float) -> Array:
+        """The displacements, with the torque so much later, (n,)."""
         columns = torque.columns(s + delay)
         return columns @ (inverse_gram(columns) @ (columns.T @ y))
 

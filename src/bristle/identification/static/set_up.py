@@ -19,7 +19,15 @@ from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import explained_beside
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.moving_runs import DIRECTIONS, LOADS, REGRESSORS, directions, inertia, regressors
+from bristle.identification.moving_runs import (
+    DIRECTIONS,
+    LOADS,
+    REGRESSORS,
+    directions,
+    inertia,
+    regressor_line,
+    regressors,
+)
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
 
@@ -80,7 +88,7 @@ class BetterSetUp:
     def lines(self) -> str:
         """What to write under `fit`, on one line."""
         apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
-        return f"{apart}regressors: [{', '.join(name for name in REGRESSORS if name in self.set_up.regressors)}]"
+        return f"{apart}{regressor_line(self.set_up.regressors)}"
 
 
 def _is_other(warning: Diagnostic) -> bool:
@@ -190,8 +198,8 @@ def quadratic_left_out(problem: Regression, theta: Array) -> list[Diagnostic]:
     p, share = explained_beside(known, rest, (v * np.abs(v))[:, None])
     if p > _RARE:
         return []
-    lines = ", ".join(x for x in REGRESSORS if x == "quadratic" or not asked.isdisjoint(REGRESSORS[x].names))
-    return [Kind.LACKS_A_TERM(advice=Kind.TERM_EXPLAINS(lines=f"regressors: [{lines}]", share=share))]
+    advice = Kind.TERM_EXPLAINS(lines=regressor_line(("quadratic",), asked), share=share)
+    return [Kind.LACKS_A_TERM(advice=advice)]
 
 
 def _errors(set_up: SetUp, trial: _Trial) -> Array | None:
