@@ -75,6 +75,13 @@ def test_a_draw_is_a_joint_however_little_is_known() -> None:
             assert (np.abs(np.log(ratios)) < 5.001).all()
 
 
+def test_a_fit_without_a_value_draws_nothing() -> None:
+    """Where no parameter of the moving runs is identifiable the law is that of another stage, and no joint is drawn from the moving fit."""
+    values = values_of(GRIPPER)
+    own = with_static(joint(unseen(tracked(values), values)), alpha_1=0.1)
+    assert draws_of(own, known_joint(own), WAY, J) == ()
+
+
 def test_one_set_is_of_both_directions() -> None:
     """A fit of one set for both directions gives each direction the same, and is known of `both`."""
     values = {**GRIPPER.positive._asdict(), "inertia": J}

@@ -301,10 +301,12 @@ def draws_by_constants(
 
 def _moves(joint: Joint) -> _Moves | None:
     fit = joint.moving
-    if fit is None or not fit.names:
+    if fit is None:
         return None
     values = {name: e.value for name, e in fit.parameters.items() if e.value is not None}
     names = tuple(name for name in fit.names if name in values)
+    if not names:
+        return None
     rows = [fit.names.index(name) for name in names]
     centre = np.array([values[name] for name in names])
     positive = np.array([name.name in _LOGARITHMIC for name in names]) & (centre > 0)
