@@ -181,7 +181,8 @@ def tried(case: Case) -> Verdict:
 def controlled(case: Case, log: Log, folder: Path) -> Verdict:
     """A clean log: what is falsely warned of, withdrawn or missed, and its errors.
 
-    A warning is true where an estimate of its stage is wrong, or says of a joint without a Stribeck effect that it shows none.
+    A warning is true where an estimate of its stage is wrong, or says of a joint without a Stribeck effect that it shows
+    none, or of one that is not passive that it is not.
     """
     joint = identified(log, folder)
     if isinstance(joint, str):
@@ -190,7 +191,9 @@ def controlled(case: Case, log: Log, folder: Path) -> Verdict:
     flat = {"alpha_1", "v_s"} if not log.truth.alpha_1 else set()
     wrong = {x.fit.split()[0] for x in every if is_wrong(x, true)}
     said = {str(w): w for w in joint.all_warnings() if w.severity in SERIOUS}
-    false = [w for w in said.values() if stage(w) not in wrong and not (flat and w.kind in FLAT)]
+    feeds_back = log.truth.sigma_1 * log.truth.alpha_1 > log.truth.alpha_0 * log.truth.alpha_2
+    true_kinds = (FLAT if flat else set()) | ({Kind.NOT_PASSIVE} if feeds_back else set())
+    false = [w for w in said.values() if stage(w) not in wrong and w.kind not in true_kinds]
     _, silent = judged(joint, log.truth, ())
     names = {x.name for x in every if true.get(x.bare) and x.bare not in flat}
     return Verdict(

@@ -441,6 +441,14 @@ class Kind(Enum):
             "is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the log there."
         ),
     )
+    POSITION_HELD = (
+        _CAUTION,
+        (
+            "The position stays the same for {samples} samples of a motion and then catches up at once: {files!m}, {share:.2g} % "
+            "of the samples. The reading was not refreshed: speeds from it, and the acceleration there, are wrong. Log each "
+            "reading once, with the time at which it was taken."
+        ),
+    )
     STAMPS_JITTER = (
         _CAUTION,
         (
@@ -920,6 +928,21 @@ class Kind(Enum):
         ),
     )
     ODD_DAMPING = _CAUTION, "The damping ratio in presliding{direction!d} would be {ratio:.2g}; 0.1 to 1 is usual."
+    BURSTS = (
+        _CAUTION,
+        (
+            "{few:.0%} of the equations hold {share:.0%} of what the fit leaves, most at {where!m}: that is no noise, and bends "
+            "numbers further than their errors say. Look at the log there: an impact, lost samples, a reading not refreshed."
+        ),
+    )
+    REVERSALS_LEFT = (
+        _CAUTION,
+        (
+            "About reversals the fit leaves {ratio:.2g} times what it leaves elsewhere (rms): it does not describe how the joint "
+            "turns, and numbers of the bristle, the peak and the inertia may be further off than their errors say. Backlash, a "
+            "flexible coupling and a slipping encoder look like that; LuGre has none of them."
+        ),
+    )
     TORQUE_DELAYED = (
         _CAUTION,
         (
@@ -972,6 +995,18 @@ class Kind(Enum):
             "which is more than chance: believe that one. The standard error here is multiplied by {factor:.2g} to reach "
             "it."
         ),
+    )
+    STATIC_SUPERSEDED = (
+        _NOTE,
+        (
+            "Presliding decides these runs: without it the relative error is {error:.2g} %, with it {other:.2g} %. Use the "
+            "fit of all parameters; warnings of the static law beside it are left out."
+        ),
+    )
+    SEE_MOVING = _NOTE, "No number without presliding: see the fit of all parameters of the same runs."
+    WIDENED_TO_MOVING = (
+        _NOTE,
+        "The standard error is multiplied by {factor:.2g} to reach {value:.4g} +/- {error:.2g} {unit} of the fit of all parameters.",
     )
     STAGES_DO_NOT_FIT = (
         _CRITICAL,
@@ -2058,12 +2093,12 @@ REASONS: Mapping[str, str] = {
         "STICK_SLIP POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
     ),
     "A pattern is left, which biases what takes part of it up.": (
-        "LACKS_A_TERM DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK TORQUE_DELAYED TURNS_LATE "
-        "DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS"
+        "LACKS_A_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK "
+        "TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS"
     ),
     "Samples are wrong or missing, and what they do to the number is not in its error.": (
-        "CLIPPED LOST_SAMPLES POSITION_JUMPS STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS "
-        "DEAD_ZONE LOADED_AT_START ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
+        "CLIPPED LOST_SAMPLES POSITION_JUMPS POSITION_HELD STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS DEAD_ZONE LOADED_AT_START "
+        "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
     ),
     "Encoder counts bias the number by about its error.": (
         "COARSE_ACCELERATION COARSE_VELOCITY COUNT_BIAS COUNTS_BIAS FEW_COUNTS WITHIN_NOISE SIGMA_0_AT_LEAST COUNT_ROUNDED COUNT_BIAS_UNKNOWN "
@@ -2133,12 +2168,12 @@ REASONS: Mapping[str, str] = {
     ),
     "Its effect is in the interval already, or in no number.": (
         "CORRELATED TORQUE_UNSURE WHOLE_COUNT REST_EXCLUDES COUNTS_HIDE COARSE_LOOPS COARSE_LOOPS_BETWEEN TORQUE_EXACT TORQUE_UNCERTAIN "
-        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH"
+        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH WIDENED_TO_MOVING"
     ),
     "It says what was not computed, and why.": (
         "NO_BOOTSTRAP NO_BLOCKS NOT_FITTED NO_STRIBECK_ASKED NO_SIGMA_1 NO_COUNTS NOTHING_BELOW_G0 STAGE_UNSEEN NONE_COMPARED NO_GRID_FIT "
         "NOTHING_TRIED SOBOL_NOT_ASKED SOBOL_WITHOUT_INTERVALS NO_SOBOL NO_FORMULAS TOO_FEW_FOR_MODELS LUGRE_IS_ITS_CURVE NOT_COMPARABLE "
-        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS"
+        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS STATIC_SUPERSEDED SEE_MOVING"
     ),
     "It says how the fit ended, or that two routes agree.": (
         "STATIC_CONVERGED STATIC_AS_ASKED CONVERGED REFITTED_FROM_GRID REFITTED WITHOUT_STICK_SLIP GRID_LOWER ROUTES_AGREE IPOPT_AGREES "

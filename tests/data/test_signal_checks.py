@@ -187,6 +187,22 @@ def test_what_comes_back_is_no_lost_sample() -> None:
     assert checked(stamped, "ramp", time={"column": "t", "unit": "s"}) == ()
 
 
+@pytest.mark.parametrize("counted", [True, False])
+@pytest.mark.parametrize(("held", "every"), [(5, 200), (9, 10)])
+def test_a_reading_that_is_not_refreshed(counted: bool, held: int, every: int) -> None:
+    """A position held now and then, or read more seldom than logged, is a caution with the samples that it stays; read each time, it is none."""
+    for seed in range(20):
+        record, v = moving(seed, ["sines", "trapezia"][seed % 2])
+        assert record.position is not None
+        q = record.position if counted else np.cumsum(v) / RATE
+        k = np.arange(v.size)
+        stays = q[np.maximum.accumulate(np.where((k % every < held) & (k > 0), 0, k))]
+        (found,) = [d for d in checked(replace(record, position=stays)) if d.kind is Kind.POSITION_HELD]
+        assert found.severity is Severity.CAUTION
+        assert found.numbers["samples"] == pytest.approx(held, abs=1)
+        assert not [d for d in checked(replace(record, position=q)) if d.kind is Kind.POSITION_HELD]
+
+
 @pytest.mark.parametrize("share", [0.1, 0.4])
 @pytest.mark.parametrize("levels", [None, 400])
 def test_a_clipped_torque_of_a_moving_run(share: float, levels: int | None) -> None:

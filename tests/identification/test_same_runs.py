@@ -40,7 +40,7 @@ def moving(scale: float) -> Record:
 
 
 def test_an_inertia_that_presliding_spoils_is_as_unsure_as_it_is_wrong() -> None:
-    """A static inertia more than three standard errors off has, beside LuGre's, which is right, an interval that holds the truth, and a caution."""
+    """A static inertia more than three standard errors off has, beside LuGre's, which is right, an interval that holds the truth, and a note."""
     run = moving(5.0)
     start = {ParameterName(n, Direction.BOTH): x for n, x in GRIPPER._asdict().items()} | {INERTIA: J}
     lugre = fit_tracking(dynamic_problem([run], ("both",), ("inertia",), 5, None), start, "revolute", starts=1).fit
@@ -53,9 +53,38 @@ def test_an_inertia_that_presliding_spoils_is_as_unsure_as_it_is_wrong() -> None
     assert after.value == before.value
     assert after.interval is not None
     assert after.interval[0] < J < after.interval[1]
-    (said,) = [w for w in after.warnings if w.kind is Kind.STATIC_WITHOUT_PRESLIDING]
-    assert said.severity is Severity.CAUTION
+    (said,) = after.warnings
+    assert said.kind is Kind.WIDENED_TO_MOVING
     assert said.numbers["value"] == pytest.approx(J, rel=1e-3)
+
+
+def test_a_poorer_law_of_the_same_runs_warns_of_nothing() -> None:
+    """Where LuGre's fit describes the runs, the static fit has no caution but LuGre's, intervals that hold LuGre's values, and no peak that is not seen."""
+    run, flat = moving(5.0), GRIPPER._replace(alpha_1=0.0)
+    assert run.velocity is not None
+    assert run.acceleration is not None
+    left = np.asarray(run.torque) - rollout(run.velocity, STEP, GRIPPER, None).torque
+    for truth in (GRIPPER, flat):
+        records = [replace(run, torque=left + rollout(run.velocity, STEP, truth, None).torque)]
+        start = {ParameterName(n, Direction.BOTH): x for n, x in GRIPPER._asdict().items()} | {INERTIA: J}
+        lugre = fit_tracking(
+            dynamic_problem(records, ("both",), ("inertia",), 5, None), start, "revolute", starts=2
+        ).fit
+        problem, _, _ = from_records(records, ("both",), ("inertia",), 5)
+        fit = beside_moving(fit_static(problem, FitOptions(), "revolute", PointInfo())[0], lugre)["both"]
+        said = {w for w in fit.all_warnings() if w.severity is not Severity.NOTE}
+        assert said <= set(lugre.all_warnings())
+        assert bool(said) is (truth is flat)
+        assert Kind.STATIC_SUPERSEDED in [w.kind for w in fit.warnings]
+        for name, e in fit.parameters.items():
+            known = {n.name: x.value for n, x in lugre.parameters.items()}[name]
+            if known is None:
+                assert e.value is None
+            if e.value is not None:
+                assert e.interval is not None
+                assert known is not None
+                assert e.interval[0] < known < e.interval[1]
+        assert fit.covariance.shape == (len(fit.names), len(fit.names))
 
 
 def estimate(name: str, value: float | None, error: float) -> Estimate:

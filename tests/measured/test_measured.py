@@ -289,7 +289,7 @@ def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", [KINOVA, EMPS.replace("DIRECTIONS", "separate"), SERVO], ids=["kinova", "emps", "servo"]
+    "text", [KINOVA, EMPS.replace("DIRECTIONS", "symmetric"), SERVO], ids=["kinova", "emps", "servo"]
 )
 def test_no_sentence_decides_on_measured_joints(
     measured_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str

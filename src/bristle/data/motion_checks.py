@@ -34,6 +34,12 @@ _SPANS = (4, 16, 64, 256)
 """Samples over which travel is compared."""
 _FEWEST = 20
 """Spans that tell a lag."""
+_HELD = 3
+"""Times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample."""
+_SMALLEST = 0.05
+"""Share of the steps of a position that its count is sought in."""
+_BESIDE = 20
+"""Samples on either side of a held reading that tell its speed."""
 _LAG = (1.0, 0.01)
 """A lag is told beyond so many samples, where it changes the velocity by this share (rms)."""
 
@@ -99,6 +105,40 @@ def _noise(off: Array) -> Array:
     padded = np.pad(of_block, 1, mode="edge")
     widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
     return np.repeat(widest, [b.size for b in blocks])
+
+
+def held_position(record: Record) -> Diagnostic | None:
+    """A reading that stays the same in the midst of a motion, and then catches up at once: it was not refreshed."""
+    if record.position is None or record.time.size < 2 * _BLOCK:
+        return None
+    found = [(s.start + k, n) for s in between_gaps(record) for k, n in _held(record.position[s])]
+    if not found:
+        return None
+    first = found[0][0] + 1 if record.lines is None else int(record.lines[found[0][0]])
+    return Kind.POSITION_HELD(
+        files=(f"{record.file} ({len(found)} times, first at {'row' if record.lines is None else 'line'} {first})",),
+        samples=int(np.median([n for _, n in found])),
+        share=100 * sum(n for _, n in found) / record.position.size,
+    )
+
+
+def _held(position: Array) -> list[tuple[int, int]]:
+    """Where a position (n,) starts to repeat, and how often; the smallest steps that occur are no smaller than a count."""
+    steps = np.diff(position)
+    moves = np.flatnonzero(steps)
+    if not moves.size:
+        return []
+    count = float(np.quantile(np.abs(steps[moves]), _SMALLEST))
+    start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
+    ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
+    start, end, times = start[ok], end[ok], times[ok]
+    before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
+    speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
+    caught, due = steps[end], speed * (times + 1)
+    held = (
+        (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due)) & (np.abs(caught) > fastest + _HELD * count)
+    )
+    return [(int(k), int(n)) for k, n in zip(start[held], times[held], strict=True)]
 
 
 def irregular_sampling(record: Record) -> Diagnostic | None:

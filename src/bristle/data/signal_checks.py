@@ -16,7 +16,7 @@ from bristle.data.differentiation import ORDER, between_gaps, smoothed, usable
 from bristle.data.encoder import POSITION_UNITS, count_mismatch, smallest_step
 from bristle.data.experiment.schema import FitOptions, RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
-from bristle.data.motion_checks import irregular_sampling, position_jumps, shortened, velocity_lag
+from bristle.data.motion_checks import held_position, irregular_sampling, position_jumps, shortened, velocity_lag
 from bristle.data.record import Record
 from bristle.data.torque_checks import check_torque
 from bristle.diagnostics import Diagnostic, Kind, Severity
@@ -86,7 +86,8 @@ def check_signals(
     found: list[Diagnostic | None] = [*check_torque(record, kind)]
     if kind != "points":
         factor = _velocity_factor(record, signals, context)
-        found += [factor, position_jumps(record, signals, context), count_mismatch(record, signals.position, context)]
+        found += [factor, position_jumps(record, signals, context), held_position(record)]
+        found.append(count_mismatch(record, signals.position, context))
     if kind == "tracking":
         found += [
             _coarse(record, context, options),

@@ -48,21 +48,23 @@ def solve_from_starts(
     random: Sequence[Start],
     finish: Callable[[LeastSquares[Name], Minimum], tuple[LeastSquares[Name], Minimum]],
     progress: Progress | None = None,
+    known: tuple[LeastSquares[Name], Minimum] | None = None,
 ) -> MultistartSolution[Name]:
     """The lowest minimum from several starts, and the covariance there.
 
     Args:
         solve: poses the problem about a start, and solves it from there in so many steps at most; it may give up where
             it comes to an end that is worse than the lowest cost known, the last argument.
-        starts: at least one.
+        starts: each is solved to its end.
         random: further starts; one where nothing depends on anything is passed over.
         finish: what is still done at the lowest end.
         progress: told of each start.
+        known: an end found before, and finished; without it there is a start.
 
     Raises InputError as `solve` does.
     """
-    ends, count = list[tuple[LeastSquares[Name], Minimum]](), len(starts) + len(random)
-    tell = teller(progress, count)
+    ends, count = [known] if known else [], len(starts) + len(random) + (known is not None)
+    tell = teller(progress, len(starts) + len(random))
     for start in starts:
         tell("fitting the moving runs")
         ends.append(solve(start, _STEPS, np.inf))
@@ -70,7 +72,8 @@ def solve_from_starts(
         tell("fitting the moving runs, random starts")
         with suppress(InputError):
             ends.append(solve(start, _TRIES, min(end.cost for _, end in ends)))
-    posed, minimum = finish(*min(ends, key=lambda end: end[1].cost))
+    lowest = min(ends, key=lambda end: end[1].cost)
+    posed, minimum = lowest if lowest is known else finish(*lowest)
     same = minimum.cost * (1 + max(SAME, _OF_VARIANCE / minimum.residuals.size)) + _NOTHING
     reached = max(sum(end.cost <= same for _, end in ends), 1)
     names, values = posed.unknowns.names, posed.unknowns.values(minimum.x)

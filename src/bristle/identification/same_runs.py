@@ -6,14 +6,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtri
 
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.repeats import spreader, wider_three
 from bristle.identification.systematic import NORMAL, combined, statistical
-from bristle.model.parameters import Direction, ParameterName, least_of
+from bristle.model.parameters import Direction, ParameterName, Stribeck, least_of
 
 _LEVEL = 1e-3
 """Probability, by chance, that any of the parameters differs."""
+_LEFT = 0.9
+"""Presliding matters where LuGre's fit leaves less than this share of what the static law leaves of the torque, in power."""
+_NO_DOUBT = {Kind.UNSEEN, Kind.NOTHING_SEEN, Kind.HARDLY_SEEN, Kind.NOT_PASSIVE, Kind.ONLY_SUM_SEEN_OF_FIT}
+"""Warnings about LuGre's fit that leave the numbers it gives as they are."""
 
 
 def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
@@ -23,31 +27,71 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     estimates differ from LuGre's by less than the standard error of those (Hausman, 1978). Two-sided normal test at 0.1 %,
     Bonferroni over the parameters of both; what errors of constants do is in both alike. A difference that the static
     interval covers is left alone, as is all where LuGre itself does not describe the data.
+
+    Where LuGre's fit is not in doubt and explains a tenth or more of what the static law leaves, the static law is only
+    the poorer model of the same runs. One note then says so in place of its warnings; each parameter has the doubts that
+    LuGre's fit has about it, and no number where that sees none.
     """
     if moving is None or any(w.kind in {Kind.UNEXPLAINED, Kind.OUT_OF_STEPS} for w in moving.warnings):
         return dict(static)
-    pairs = {
-        (d, name): e for d, fit in static.items() for name in fit.parameters if (e := _other(name, d, fit, moving))
-    }
+    out = {d: _superseded(d, fit, moving) if _is_poorer(fit, moving) else fit for d, fit in static.items()}
+    pairs = {(d, name): e for d, fit in out.items() for name in fit.parameters if (e := _other(name, d, fit, moving))}
     limit = float(ndtri(1 - _LEVEL / (2 * max(len(pairs), 1))))
-    out = dict(static)
     for (d, name), other in pairs.items():
-        own = static[d].parameters[name]
+        own = out[d].parameters[name]
         apart = (own.value or 0.0) - (other.value or 0.0)
         if abs(apart) > max(limit * (other.standard_error or 0.0), NORMAL * (own.standard_error or 0.0)):
             out[d] = _spanning(out[d], name, own, other)
     return out
 
 
+def _is_poorer(fit: StaticFit, moving: TrackingFit) -> bool:
+    """Whether LuGre's fit is not in doubt, and presliding explains what the static law leaves."""
+    critical = any(w.severity is Severity.CRITICAL for w in moving.all_warnings())
+    if critical or any(w.kind not in _NO_DOUBT for w in _doubts(moving.warnings)):
+        return False
+    return fit.relative_error is not None and moving.relative_error**2 < _LEFT * fit.relative_error**2
+
+
+def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFit:
+    """The fit with one note in place of its warnings, and without what LuGre's fit does not see."""
+    parameters = {}
+    for name, e in fit.parameters.items():
+        other = moving.parameters.get(_key(name, direction), e)
+        if e.value is None or other.value is None:
+            parameters[name] = replace(e, value=None, interval=None, warnings=(Kind.SEE_MOVING(),))
+        else:
+            parameters[name] = replace(e, warnings=_doubts(other.warnings))
+    seen = [name for name in fit.names if parameters[name].value is not None]
+    keep = [fit.names.index(name) for name in seen]
+    why = Kind.STATIC_SUPERSEDED(error=fit.relative_error, other=moving.relative_error)
+    return replace(
+        fit,
+        parameters=parameters,
+        names=tuple(seen),
+        covariance=fit.covariance[np.ix_(keep, keep)],
+        uncertainty={name: x for name, x in fit.uncertainty.items() if name in seen},
+        warnings=(why, *(w for w in moving.warnings if w.kind is Kind.ONLY_SUM_SEEN_OF_FIT)),
+    )
+
+
+def _doubts(warnings: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
+    return tuple(w for w in warnings if w.severity is not Severity.NOTE)
+
+
+def _key(name: str, direction: str) -> ParameterName:
+    """What LuGre's fit calls a static parameter."""
+    shared = direction == Direction.SHARED or name not in Stribeck._fields
+    return ParameterName(name, Direction.SHARED if shared else Direction(direction))
+
+
 def _other(name: str, direction: str, fit: StaticFit, moving: TrackingFit) -> Estimate | None:
     """The same parameter from all together; None where one of the two has none, or the static law is the fuller one."""
-    own = fit.parameters[name]
-    shared = direction == Direction.SHARED or name not in {"alpha_0", "alpha_1", "alpha_2", "v_s"}
-    key = ParameterName(name, Direction.SHARED if shared else Direction(direction))
+    own, key = fit.parameters[name], _key(name, direction)
     other = moving.parameters.get(key)
     if other is None or not (own.value is not None and own.standard_error and other.value and other.standard_error):
         return None
-    if shared:
+    if key.direction == Direction.SHARED:
         return other
     has_peak, peak = fit.parameters.get("alpha_1"), moving.parameters.get(key._replace(name="alpha_1"))
     own_alone = has_peak is not None and has_peak.value is not None and (peak is None or peak.value is None)
@@ -63,7 +107,9 @@ def _spanning(fit: StaticFit, name: str, own: Estimate, other: Estimate) -> Stat
     if ends is not None:
         low, high = spread(np.array(ends)).tolist()
         ends = combined((low, high), value, own.systematic or 0.0, least_of(name))
-    why = Kind.STATIC_WITHOUT_PRESLIDING(value=other.value, error=other.standard_error, unit=own.unit, factor=factor)
+    told = any(w.kind is Kind.STATIC_SUPERSEDED for w in fit.warnings)
+    said = Kind.WIDENED_TO_MOVING if told else Kind.STATIC_WITHOUT_PRESLIDING
+    why = said(value=other.value, error=other.standard_error, unit=own.unit, factor=factor)
     wider = replace(own, standard_error=factor * error, interval=ends, warnings=(*own.warnings, why))
     by = np.array([factor if n == name else 1.0 for n in fit.names])
     return replace(

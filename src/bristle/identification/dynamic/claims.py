@@ -160,6 +160,7 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
     """
     n = sum(m.size for m in problem.motions)
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
+    J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)  # what differs does so in any unit
     parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
     looked_at = {
         name: k for name, k in parameters.items() if name.name in _BRISTLE and solution.scaled_errors[k] < np.inf

@@ -4,7 +4,8 @@ A parametric bootstrap at the estimate measures the bias, and takes it off. The 
 the smoothest that the counts allow: readings that are only differentiated carry the counts themselves, and counting
 them again shows hardly any bias. It keeps as near to the readings as these to the truth, q / sqrt(12) for a count q, so
 that by the triangle inequality it errs by at most twice as much as they do. A fit that explains it more than twice as
-badly as the readings is one of the counts; then nothing is taken off, and presliding and the peak are not identifiable.
+badly as the readings is one of the counts, and so is one that, of its own torque, would leave more than twice what the
+readings leave of the measured one. Then nothing is taken off, and presliding and the peak are not identifiable.
 
 The bias b is that at the estimate. With a parameter theta it changes by about b / theta of itself on the way from the
 estimate to the truth; where this is more than half a standard error, and b more than one, the parameter is not
@@ -67,9 +68,7 @@ def without_count_bias(
     smooth = pose(true, solved.problem.fixed)
     ratio = _worse(solved, smooth)
     if ratio > _LOST:
-        slow = (n for n, e in solved.fit.parameters.items() if n.name in _SLOW and n in solved.values and e.value)
-        left = _doubted(solved, solved.fit, dict.fromkeys(slow, Kind.UNSEEN_IN_COUNTS(ratio=ratio)))
-        return replace(left, warnings=(*left.warnings, Kind.COUNT_BIAS_UNKNOWN()))
+        return _of_counts(solved, ratio)
     torque = np.concatenate(modelled(smooth, solved.values))
     torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
@@ -84,7 +83,10 @@ def without_count_bias(
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
         problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma)
-        values, _ = fit(problem, solved.values, _STEPS)
+        values, minimum = fit(problem, solved.values, _STEPS)
+        ratio = float(np.sqrt(minimum.cost / max(solved.solution.minimum.cost, 1e-300)))
+        if ratio > _LOST:
+            return _of_counts(solved, ratio)
         ends.append([values[name] for name in known])
     bias = np.mean(ends, axis=0) - np.array([solved.values[name] for name in known])
     moved = zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)
@@ -119,6 +121,13 @@ def _worse(solved: DynamicSolution, smooth: DynamicProblem) -> float:
     """Root mean square residuals of the smooth motion over those of the readings, both at the estimate."""
     left, right = (residuals(problem, solved.values)[0] for problem in (smooth, solved.problem))
     return float(np.linalg.norm(left)) / max(float(np.linalg.norm(right)), 1e-300)
+
+
+def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
+    """The fit where it is one of the counts: without what shows near reversals alone, and with its biases unknown."""
+    slow = (n for n, e in solved.fit.parameters.items() if n.name in _SLOW and n in solved.values and e.value)
+    left = _doubted(solved, solved.fit, dict.fromkeys(slow, Kind.UNSEEN_IN_COUNTS(ratio=ratio)))
+    return replace(left, warnings=(*left.warnings, Kind.COUNT_BIAS_UNKNOWN()))
 
 
 def _counted(record: Record, torque: Array, cutoff: float, resolution: float, phase: float) -> Record:

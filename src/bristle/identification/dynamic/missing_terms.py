@@ -1,6 +1,6 @@
 """What the residuals of moving runs would like to have been otherwise.
 
-A torque logged earlier or later, another inertia than the one given.
+A torque logged earlier or later, another inertia than the one given, another model in a few moments.
 """
 
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from bristle.arrays import Array
 from bristle.control.plant import quantise
@@ -37,6 +38,16 @@ _LOST = 1e-9
 """A column that keeps less of its length far from reversals is not seen there."""
 _LEAST = 1e-100
 """Of sigma_0: no division by zero."""
+_BURST, _TOP = 0.25, 0.01
+"""Share of the squares left, that this share of the equations may hold: 0.08 of normal noise, 0.16 of Laplace's."""
+_ENOUGH, _INDEPENDENT = 300, 30
+"""Equations that tell it, and how many of them must be independent."""
+_TURNING, _BESIDE = 0.1, 2
+"""An equation is about a reversal where it is slower than this share of the rms speed, or one of two neighbours is, ..."""
+_TURNS_WORSE, _FEWEST = 2.0, 20
+"""... and so many of them may not leave more than so many times what the others do, rms: 1.0 to 1.1 times of clean runs."""
+_PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1
+"""Places named, s between two, and their squares beside the largest."""
 _PHASE = 0.37
 """Where in a count the joint rests in a draw of what counting does."""
 
@@ -99,6 +110,30 @@ class _More(NamedTuple):
     def counts(self) -> bool:
         """Whether it is worth a sentence."""
         return abs(self.value) > _SURE * self.error and self.share > _SHARE
+
+
+def bursts(problem: DynamicProblem, rows: Array) -> list[Diagnostic]:
+    """Whether the fit leaves much more about reversals than elsewhere, or most in a few equations; of what it leaves, (n,)."""
+    squares, speed = rows**2, np.abs(problem.velocity)
+    turns = minimum_filter1d(speed, 2 * _BESIDE + 1) < _TURNING * np.sqrt(np.mean(speed**2))
+    total, few = float(squares.sum()), round(_TOP * rows.size)
+    if rows.size < _ENOUGH or not total > 0 or rows.size < _INDEPENDENT * inflation(rows):
+        return []
+    if min(turns.sum(), (~turns).sum()) >= _FEWEST:
+        ratio = float(np.sqrt(squares[turns].mean() / max(squares[~turns].mean(), 1e-300)))
+        if ratio > _TURNS_WORSE:
+            return [Kind.REVERSALS_LEFT(ratio=ratio)]
+    worst = np.argsort(-squares)[:few]
+    share = float(squares[worst].sum()) / total
+    if share < _BURST:
+        return []
+    file = np.repeat([m.file for m in problem.motions], [m.size for m in problem.motions])
+    places = list[int]()
+    for k in worst[squares[worst] > _LARGE * squares[worst[0]]].tolist():
+        near = (abs(problem.time[k] - problem.time[j]) < _BETWEEN for j in places if file[j] == file[k])
+        if len(places) < _PLACES and not any(near):
+            places.append(k)
+    return [Kind.BURSTS(share=share, few=_TOP, where=tuple(f"{file[k]} at {problem.time[k]:.5g} s" for k in places))]
 
 
 def _wanted(solution: MultistartSolution[Unknown], column: Array, others: Array, rows: NDArray[np.bool_]) -> _More:

@@ -220,7 +220,7 @@ def solve_dynamic(
     best = solve_from_starts(solve, (first, *others), random, finish, progress)
     mirrored = _mirrored(problem, best.values) if starts > 1 and best.reached <= best.starts / 2 else []
     while mirrored:
-        again = solve_from_starts(solve, (best.values,), mirrored, finish)
+        again = solve_from_starts(solve, (), mirrored, finish, known=(best.posed, best.minimum))
         if again.minimum.cost > best.minimum.cost * (1 - SAME):
             break
         best = again._replace(starts=best.starts + len(mirrored))
