@@ -34,6 +34,7 @@ from faulty_logs import CLEAN, FAULTS, UNSEEN, Fault, J, Log
 
 FLAT = {
     Kind.NO_STRIBECK, Kind.STATIC_NO_STRIBECK, Kind.UNSEEN, Kind.UNSEEN_PEAK, Kind.UNSEEN_BEND, Kind.UNSEEN_COMPANION,
+    Kind.UNSEEN_NO_PEAK, Kind.NOTHING_SEEN, Kind.ONLY_AS_SUM,
     Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.ONLY_SUM_SEEN, Kind.ONLY_SUM_SEEN_OF_FIT, Kind.AT_BOUND, Kind.INTERVALS_AT_BOUND,
 }  # fmt: skip  # a list
 """What says that alpha_1 or v_s is not identifiable."""

@@ -59,7 +59,7 @@ def test_an_inertia_that_presliding_spoils_is_as_unsure_as_it_is_wrong() -> None
 
 
 def test_a_poorer_law_of_the_same_runs_warns_of_nothing() -> None:
-    """Where LuGre's fit describes the runs, the static fit has no caution but LuGre's, intervals that hold LuGre's values, and no peak that is not seen."""
+    """Where LuGre's fit describes the runs, the static fit has no caution but LuGre's, intervals that hold its values, and no unseen peak."""
     run, flat = moving(5.0), GRIPPER._replace(alpha_1=0.0)
     assert run.velocity is not None
     assert run.acceleration is not None
