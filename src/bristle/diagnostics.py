@@ -999,8 +999,8 @@ class Kind(Enum):
     STATIC_SUPERSEDED = (
         _NOTE,
         (
-            "Presliding decides these runs: without it the relative error is {error:.2g} %, with it {other:.2g} %. Use the "
-            "fit of all parameters; warnings of the static law beside it are left out."
+            "Presliding decides these runs: the relative error is {error:.2g} % without it and {other:.2g} % with it. Use the "
+            "fit of all parameters of the moving runs, not these numbers."
         ),
     )
     SEE_MOVING = _NOTE, "No number without presliding: see the fit of all parameters of the same runs."
@@ -2173,12 +2173,12 @@ REASONS: Mapping[str, str] = {
     "It says what was not computed, and why.": (
         "NO_BOOTSTRAP NO_BLOCKS NOT_FITTED NO_STRIBECK_ASKED NO_SIGMA_1 NO_COUNTS NOTHING_BELOW_G0 STAGE_UNSEEN NONE_COMPARED NO_GRID_FIT "
         "NOTHING_TRIED SOBOL_NOT_ASKED SOBOL_WITHOUT_INTERVALS NO_SOBOL NO_FORMULAS TOO_FEW_FOR_MODELS LUGRE_IS_ITS_CURVE NOT_COMPARABLE "
-        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS STATIC_SUPERSEDED SEE_MOVING"
+        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS SEE_MOVING"
     ),
     "It says how the fit ended, or that two routes agree.": (
-        "STATIC_CONVERGED STATIC_AS_ASKED CONVERGED REFITTED_FROM_GRID REFITTED WITHOUT_STICK_SLIP GRID_LOWER ROUTES_AGREE IPOPT_AGREES "
-        "IPOPT_HIGHER STAGE_AGREES STARTS_REACHED COST_HIGHER COST_LOWER COST_EQUAL STAGES_COMPARED HELD_OUT_RUNS EACH_LEFT_OUT TRUTH_INSIDE "
-        "FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL"
+        "STATIC_CONVERGED STATIC_SUPERSEDED STATIC_AS_ASKED CONVERGED REFITTED_FROM_GRID REFITTED WITHOUT_STICK_SLIP GRID_LOWER ROUTES_AGREE "
+        "IPOPT_AGREES IPOPT_HIGHER STAGE_AGREES STARTS_REACHED COST_HIGHER COST_LOWER COST_EQUAL STAGES_COMPARED HELD_OUT_RUNS EACH_LEFT_OUT "
+        "TRUTH_INSIDE FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL"
     ),
     "It says how a signal was read, or a number made.": (
         "RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION ACCELERATION_FROM_VELOCITY "

@@ -33,7 +33,7 @@ from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, ModelComparison
-from bristle.identification.same_runs import beside_moving
+from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
@@ -229,7 +229,8 @@ def _models(
         comparisons.append(compare_on_points(experiment, np.array([s.velocity for s in points]), pose, static))
     if alone is not None:
         records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
-        comparisons.append(compare_on_motion(experiment, records, tests, {} if points else static, alone))
+        own = {} if points else {d: fit for d, fit in static.items() if not is_superseded(fit)}
+        comparisons.append(compare_on_motion(experiment, records, tests, own, alone))
     if timings is not None:
         timings["models"] = perf_counter() - started
     return tuple(x for x in comparisons if x is not None)

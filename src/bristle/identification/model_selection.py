@@ -80,7 +80,7 @@ def compare_on_motion(
         experiment: with its options.
         records: training runs.
         held: hold-out runs.
-        static: static fits of the moving runs themselves; empty where other runs gave them.
+        static: static fits of the moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
         alone: all parameters of the moving runs.
 
     Raises InputError as the fits of moving runs do.

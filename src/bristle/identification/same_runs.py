@@ -31,8 +31,8 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     interval covers is left alone, as is all where LuGre itself does not describe the data.
 
     Where LuGre's fit is not in doubt and explains a tenth or more of what the static law leaves, the static law is only
-    the poorer model of the same runs. One note then says so in place of its warnings; each parameter has the doubts that
-    LuGre's fit has about it, and no number where that sees none.
+    the poorer model of the same runs. Its outcome then says so, and its own warnings are left out; each parameter has the
+    doubts that LuGre's fit has about it, and no number where that sees none.
     """
     if moving is None or any(w.kind in {Kind.UNEXPLAINED, Kind.OUT_OF_STEPS} for w in moving.warnings):
         return dict(static)
@@ -47,6 +47,11 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     return out
 
 
+def is_superseded(fit: StaticFit) -> bool:
+    """Whether the fit of all parameters of the same runs is the one to use."""
+    return fit.outcome.kind is Kind.STATIC_SUPERSEDED
+
+
 def _is_poorer(fit: StaticFit, moving: TrackingFit) -> bool:
     """Whether LuGre's fit is not in doubt, and presliding explains what the static law leaves."""
     critical = any(w.severity is Severity.CRITICAL for w in moving.all_warnings())
@@ -56,7 +61,7 @@ def _is_poorer(fit: StaticFit, moving: TrackingFit) -> bool:
 
 
 def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFit:
-    """The fit with one note in place of its warnings, and without what LuGre's fit does not see."""
+    """The fit with an outcome that says so in place of its warnings, and without what LuGre's fit does not see."""
     parameters = {}
     for name, e in fit.parameters.items():
         other = moving.parameters.get(_key(name, direction), e)
@@ -66,14 +71,14 @@ def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFi
             parameters[name] = replace(e, warnings=_doubts(other.warnings))
     seen = [name for name in fit.names if parameters[name].value is not None]
     keep = [fit.names.index(name) for name in seen]
-    why = Kind.STATIC_SUPERSEDED(error=fit.relative_error, other=moving.relative_error)
     return replace(
         fit,
+        outcome=Kind.STATIC_SUPERSEDED(error=fit.relative_error, other=moving.relative_error),
         parameters=parameters,
         names=tuple(seen),
         covariance=fit.covariance[np.ix_(keep, keep)],
         uncertainty={name: x for name, x in fit.uncertainty.items() if name in seen},
-        warnings=(why, *(w for w in moving.warnings if w.kind is Kind.ONLY_SUM_SEEN_OF_FIT)),
+        warnings=tuple(w for w in moving.warnings if w.kind is Kind.ONLY_SUM_SEEN_OF_FIT),
     )
 
 
@@ -109,8 +114,7 @@ def _spanning(fit: StaticFit, name: str, own: Estimate, other: Estimate) -> Stat
     if ends is not None:
         low, high = spread(np.array(ends)).tolist()
         ends = combined((low, high), value, own.systematic or 0.0, least_of(name))
-    told = any(w.kind is Kind.STATIC_SUPERSEDED for w in fit.warnings)
-    said = Kind.WIDENED_TO_MOVING if told else Kind.STATIC_WITHOUT_PRESLIDING
+    said = Kind.WIDENED_TO_MOVING if is_superseded(fit) else Kind.STATIC_WITHOUT_PRESLIDING
     why = said(value=other.value, error=other.standard_error, unit=own.unit, factor=factor)
     wider = replace(own, standard_error=factor * error, interval=ends, warnings=(*own.warnings, why))
     by = np.array([factor if n == name else 1.0 for n in fit.names])
