@@ -277,6 +277,7 @@ class Fault(NamedTuple):
 DRIFT = (Kind.DRIFT_IN_ORDER, Kind.DRIFT_OVER_RUNS, Kind.RESIDUAL_TREND)
 TERM = (Kind.LACKS_A_TERM, Kind.RESIDUAL_TREND)
 DELAY = (Kind.TORQUE_DELAYED,)
+WARMS = (Kind.TORQUE_DRIFTS_IN_RUNS, Kind.RESIDUAL_TREND)
 RIPPLE = (Kind.RESIDUAL_RIPPLE, Kind.LACKS_A_TERM)
 SPEED = (Kind.VELOCITY_FACTOR, Kind.VELOCITY_UNRELATED)
 COARSE = (Kind.COARSE_VELOCITY, Kind.COARSE_ACCELERATION, Kind.WHOLE_POSITIONS, Kind.COUNT_BIAS)
@@ -288,17 +289,17 @@ STICKS = (Kind.STICK_SLIP, Kind.STICK_SLIP_POINTS)
 
 FAULTS: dict[str, Fault] = {
     "torque late by 2, 8 ms": Fault(motion, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (2e-3, 8e-3), DELAY),
-    "torque through a slow filter": Fault(motion, torque(lambda x, s: low_passed(x.torque, s)), (20.0, 3.0), DELAY),
+    "torque through a slow filter": Fault(motion, torque(lambda x, s: low_passed(x.torque, s)), (20.0, 3.0), (*DELAY, Kind.REVERSALS_LEFT)),
     "torque of the wrong sign": Fault(motion, torque(lambda x, s: -s * x.torque), (1.0, 2.0)),
     "torque clipped": Fault(motion, torque(lambda x, s: np.clip(x.torque, -s * rms(x.torque), s * rms(x.torque))), (1.4, 1.0), (Kind.CLIPPED,)),
     "torque overflows its integer": Fault(motion, torque(lambda x, s: wrapped(x.torque, s * largest(x))), (0.9, 0.6)),
-    "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4)),
+    "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4), (Kind.TORQUE_COARSE,)),
     "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), (Kind.DEAD_ZONE,)),
     "torque offset": Fault(motion, torque(lambda x, s: x.torque + s), (0.05, 0.2), SIDES),
     "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), (Kind.HUBER_DIFFERS,)),
     "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0)),
     "hum of 50 Hz": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(2 * np.pi * 50 * x.t)), (0.1, 0.4)),
-    "temperature drift": Fault(motion, torque(lambda x, s: x.torque * (1 + s * (0.5 - x.t / x.t[-1]))), (0.1, 0.4), TERM),
+    "temperature drift": Fault(motion, torque(lambda x, s: x.torque * (1 + s * (0.5 - x.t / x.t[-1]))), (0.1, 0.4), WARMS),
     "quadratic drag": Fault(motion, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.1, 0.4), TERM),
     "gravity": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(x.q)), (0.1, 1.0), (*TERM, Kind.RESIDUAL_RIPPLE)),
     "cogging": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(20 * x.q)), (0.03, 0.1), RIPPLE),

@@ -420,6 +420,13 @@ class Kind(Enum):
             "has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; switch it off, or add it to the torque."
         ),
     )
+    TORQUE_COARSE = (
+        _CAUTION,
+        (
+            "The torque of {files!l} comes in {levels} steps of {step:.2g} (SI): what it rounds off is no noise and does not average "
+            "out. Numbers may be off by half a step, those of reversals by more; log it with more digits, or from a finer sensor."
+        ),
+    )
     LOADED_AT_START = (
         _CAUTION,
         (
@@ -940,7 +947,7 @@ class Kind(Enum):
         (
             "About reversals the fit leaves {ratio:.2g} times what it leaves elsewhere (rms): it does not describe how the joint "
             "turns, and numbers of the bristle, the peak and the inertia may be further off than their errors say. Backlash, a "
-            "flexible coupling and a slipping encoder look like that; LuGre has none of them."
+            "flexible coupling, a slipping encoder and a filter of the torque look like that; LuGre has none of them."
         ),
     )
     TORQUE_DELAYED = (
@@ -950,6 +957,14 @@ class Kind(Enum):
             "explain {share:.0%} of the residuals far from reversals: check the time stamps, or add {delay:.2g} s to the delay of "
             "its signal and fit again (a voltage held until the next sample is half a sample early: its delay is "
             "negative)."
+        ),
+    )
+    TORQUE_DRIFTS_IN_RUNS = (
+        _CAUTION,
+        (
+            "The torque {how} by {by:.0%} in the course of a run, all else alike, which would explain {share:.0%} of what the fit "
+            "leaves: a joint that warms up, or a sensor that does. Numbers are of the middle of the run; warm the joint up first, or "
+            "fit its parts apart."
         ),
     )
     DELAY_OR_PRESLIDING = (
@@ -2094,11 +2109,11 @@ REASONS: Mapping[str, str] = {
     ),
     "A pattern is left, which biases what takes part of it up.": (
         "LACKS_A_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK "
-        "TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS"
+        "TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS TORQUE_DRIFTS_IN_RUNS"
     ),
     "Samples are wrong or missing, and what they do to the number is not in its error.": (
-        "CLIPPED LOST_SAMPLES POSITION_JUMPS POSITION_HELD STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS DEAD_ZONE LOADED_AT_START "
-        "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
+        "CLIPPED LOST_SAMPLES POSITION_JUMPS POSITION_HELD STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS DEAD_ZONE TORQUE_COARSE "
+        "LOADED_AT_START ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
     ),
     "Encoder counts bias the number by about its error.": (
         "COARSE_ACCELERATION COARSE_VELOCITY COUNT_BIAS COUNTS_BIAS FEW_COUNTS WITHIN_NOISE SIGMA_0_AT_LEAST COUNT_ROUNDED COUNT_BIAS_UNKNOWN "

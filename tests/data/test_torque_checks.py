@@ -112,3 +112,18 @@ def test_a_dead_zone(width: float) -> None:
             torque=np.where(still, 0.0, torque[at]),
         )
         assert kinds(resting, "tracking") == []
+
+
+@pytest.mark.parametrize("levels", [8, 30])
+def test_a_torque_of_few_levels(levels: int) -> None:
+    """A torque that is rounded to a few levels is named with the level and how many there are, unless its noise is larger than one."""
+    for seed in range(20):
+        record = moving(seed)[0]
+        step = float(np.ptp(torque_of(record))) / levels
+        noise = step * np.random.default_rng(seed).standard_normal(record.time.size)
+        smooth = np.convolve(torque_of(record), np.ones(25) / 25, "same")
+        (found,) = check_torque(replace(record, torque=step * np.round(smooth / step)), "tracking")
+        assert found.kind is Kind.TORQUE_COARSE
+        assert found.numbers["step"] == pytest.approx(step)
+        assert found.numbers["levels"] <= levels + 1
+        assert kinds(replace(record, torque=step * np.round((smooth + noise) / step)), "tracking") == []

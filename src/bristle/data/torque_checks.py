@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
@@ -18,8 +19,10 @@ _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
 _CLIPPED = (0.005, 8)
 """... which is at least this share of its samples, and so many of them."""
-_DEAD = (0.001, 8)
+_DEAD = (5e-4, 4)
 """A dead zone takes at least this share of the samples, and so many of them."""
+_COARSE = (64, 0.5)
+"""A torque of fewer levels than this, that stays at one from sample to sample more often than not, is rounded coarsely."""
 _CROSSES = 0.5
 """Of the samples at zero, those that lie between torques of opposite sign."""
 _RESTS = 0.001
@@ -46,6 +49,7 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Diagnostic]:
     checks = [_clipped(record) if kind != "presliding" or _moves_at_limits(record) else None]
     checks += [_loaded_at_start(record)] if kind == "presliding" else []
     checks += [_dead_zone(record)] if kind == "tracking" else []
+    checks += [_coarse(record)] if kind != "points" else []
     yield from filter(None, checks)
 
 
@@ -114,6 +118,18 @@ def _dead_zone(record: Record) -> Diagnostic | None:
     if rests or samples[crosses].sum() < _CROSSES * samples.sum():
         return None
     return Kind.DEAD_ZONE(files=(record.file,), share=float(zero.mean()))
+
+
+def _coarse(record: Record) -> Diagnostic | None:
+    """A torque in so few steps that rounding does not average out: its noise is less than a step."""
+    torque = record.torque
+    if torque is None or record.voltage is not None or torque.size < _PARTS:
+        return None
+    step, reach = smallest_step(torque), float(np.ptp(torque))
+    most, stays = _COARSE
+    if not step or reach > most * step or np.mean(np.diff(torque) == 0) < stays:
+        return None
+    return Kind.TORQUE_COARSE(files=(record.file,), step=step, levels=round(reach / step) + 1)
 
 
 def _most_often(values: Array) -> int:

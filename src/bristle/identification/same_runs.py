@@ -41,9 +41,12 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     limit = float(ndtri(1 - _LEVEL / (2 * max(len(pairs), 1))))
     for (d, name), other in pairs.items():
         own = out[d].parameters[name]
-        apart = (own.value or 0.0) - (other.value or 0.0)
-        if abs(apart) > max(limit * (other.standard_error or 0.0), NORMAL * (own.standard_error or 0.0)):
-            out[d] = _spanning(out[d], name, own, other)
+        error, reach = own.standard_error or 0.0, other.standard_error or 0.0
+        apart = abs((own.value or 0.0) - (other.value or 0.0))
+        if apart > max(limit * reach, NORMAL * error):
+            out[d] = _spanning(out[d], name, other, float(np.hypot(error, apart)) / error)
+        elif is_superseded(out[d]) and reach > error:  # the poorer model knows no more than the better one
+            out[d] = _spanning(out[d], name, other, float(np.hypot(reach, apart)) / error)
     return out
 
 
@@ -105,10 +108,10 @@ def _other(name: str, direction: str, fit: StaticFit, moving: TrackingFit) -> Es
     return None if own_alone else other  # with a peak on one side only, the law with it is the fuller one
 
 
-def _spanning(fit: StaticFit, name: str, own: Estimate, other: Estimate) -> StaticFit:
-    """The fit with the standard error of one parameter widened by its distance to another estimate."""
+def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float) -> StaticFit:
+    """The fit with the standard error of one parameter multiplied, so that it spans its distance to another estimate."""
+    own = fit.parameters[name]
     value, error = own.value or 0.0, own.standard_error or 1.0
-    factor = float(np.hypot(error, value - (other.value or 0.0))) / error
     spread = spreader(value, factor, name, logarithmic=name == "v_s")
     ends = statistical(own)
     if ends is not None:

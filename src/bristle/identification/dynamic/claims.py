@@ -23,6 +23,8 @@ _SAMPLES = 5
 """In which a motion has to pass the bristle's deflection."""
 _LEVEL = 0.01
 """Of the tests: of each Stribeck term, and whether the halves of the record agree, over all parameters of bristles together."""
+_NOTHING = 1e-8
+"""Share of its column that a half must have, to say anything of a parameter."""
 _BRISTLE = ("sigma_0", "sigma_1")
 _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
 """What means nothing without another parameter, and without which."""
@@ -160,7 +162,6 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
     """
     n = sum(m.size for m in problem.motions)
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
-    J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)  # what differs does so in any unit
     parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
     looked_at = {
         name: k for name, k in parameters.items() if name.name in _BRISTLE and solution.scaled_errors[k] < np.inf
@@ -173,9 +174,11 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
     sizes = [sum(m.size for m in run) for _, run in groupby(problem.motions, key=lambda m: m.file)]
     first = np.concatenate([np.arange(size) < size // 2 for size in sizes])
     for rows in (first, ~first):
-        inverse = inverse_gram(J[rows])
-        steps.append(-inverse @ (J[rows].T @ left[rows]))
-        spreads.append(variance * np.diag(inverse))
+        size = np.linalg.norm(J[rows], axis=0)
+        size[size <= _NOTHING * np.linalg.norm(J, axis=0)] = np.inf
+        inverse = inverse_gram(J[rows] / size)
+        steps.append(-inverse @ (J[rows].T @ left[rows] / size) / size)
+        spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
     limit = float(stdtrit(freedom, 1 - _LEVEL / (2 * len(looked_at))))
     apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
     return {name: Kind.UNSEEN_HALVES(apart=abs(apart[k])) for name, k in looked_at.items() if abs(apart[k]) > limit}

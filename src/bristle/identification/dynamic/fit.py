@@ -36,8 +36,6 @@ from bristle.progress import Progress
 SEED = 0
 STARTS = 6
 """One from the other stages, the others at random about it."""
-_SURE_BELOW = 3.0
-"""Standard errors by which an inertia is surely below zero: 1 in 700 of a joint that has none."""
 _FEWEST = 2
 """Equations for each unknown, at the least."""
 _EDGE = 0.01
@@ -230,11 +228,10 @@ def _refused(name: ParameterName, kind: JointKind) -> Estimate:
 
 
 def _below_zero(inertia: Estimate | None) -> list[Diagnostic]:
-    """Whether the inertia is surely below zero, which none is."""
-    value, error = (inertia.value, inertia.standard_error) if inertia else (None, None)
-    if inertia is None or value is None or error is None or value >= -_SURE_BELOW * error:
+    """Whether the whole interval of the inertia is below zero, where none is."""
+    if inertia is None or inertia.value is None or inertia.interval is None or inertia.interval[1] >= 0:
         return []
-    return [Kind.INERTIA_BELOW_ZERO(value=value, error=error, unit=inertia.unit)]
+    return [Kind.INERTIA_BELOW_ZERO(value=inertia.value, error=inertia.standard_error, unit=inertia.unit)]
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
@@ -293,7 +290,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
             se = size * error
             low, high = value - reach * se, value + reach * se
             relative = se / abs(value) if value else np.inf
-            if bare.startswith(("alpha", "sigma", "inertia")):
+            if bare.startswith(("alpha", "sigma", "inertia")) and value >= 0:
                 low = max(low, 0.0)
             if value == 0.0 and bare.startswith(("alpha", "sigma")):
                 warnings.append(Kind.AT_BOUND())

@@ -1,6 +1,6 @@
 """What the residuals of moving runs would like to have been otherwise.
 
-A torque logged earlier or later, another inertia than the one given, another model in a few moments.
+A torque logged earlier or later, one that drifts, another inertia than the one given, another model in a few moments.
 """
 
 from collections.abc import Sequence
@@ -53,7 +53,7 @@ _PHASE = 0.37
 
 
 def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
-    """What is doubted: a shift in time between torque and motion, and about an inertia that was given and not fitted.
+    """What is doubted: a shift in time between torque and motion, that nothing drifts, and an inertia that was given and not fitted.
 
     One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first
     order.
@@ -61,12 +61,18 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
     if problem.quantity != "torque":
         return []
     motions = problem.motions
-    torque = zip(modelled(problem, solution.values), motions, strict=True)
+    torque = list(zip(modelled(problem, solution.values), motions, strict=True))
     late = _equations(motions, [-np.gradient(T, m.time) for T, m in torque])
+    drift = _equations(motions, [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in torque])
     inert = _equations(motions, [np.gradient(m.velocity, m.time) for m in motions])
     given = INERTIA not in problem.names
     warnings = _delay(problem, solution, late, inert[:, None] if given else np.zeros((inert.size, 0)))
-    more = _wanted(solution, inert, late[:, None], np.ones(inert.size, dtype=bool))
+    every = np.ones(inert.size, dtype=bool)
+    grows = _wanted(solution, drift, late[:, None], every)
+    if grows.counts:
+        how = "grows" if grows.value > 0 else "falls"
+        warnings.append(Kind.TORQUE_DRIFTS_IN_RUNS(how=how, by=abs(grows.value), share=grows.share))
+    more = _wanted(solution, inert, late[:, None], every)
     if given and more.counts:
         warnings.append(Kind.INERTIA_DOUBTED(more=more.value, error=more.error, unit=unit("inertia", kind)))
     return warnings

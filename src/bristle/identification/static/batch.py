@@ -31,6 +31,8 @@ _CROSSED = 1e-8
 """This near to one, the statistic's root is on the threshold."""
 _LOOKS = Looks(first=17, near=9, again=4, drawn=1)
 """Over v_s's interval, for the extremes of the other parameters."""
+_UNSEEN = 300.0
+"""Logarithm of how much alpha_1 may be of the torque, where hardly anything is left of its column; squares stay finite."""
 _NEIGHBOURS = np.arange(-2, 4)
 _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=True))
 """From six neighbouring values to the coefficients of their polynomial in t, which counts grid steps."""
@@ -248,7 +250,8 @@ class Batch:
     def _conditional(self, x: Array) -> Conditional:
         """The linear parameters at grid coordinates x, (sets, q, 1)."""
         at = self._at(x[..., 0])
-        lost = np.concatenate([-at.inside[0], np.exp(-at.log_length)[None]])
+        unit = np.exp(np.minimum(-at.log_length, _UNSEEN))
+        lost = np.concatenate([-at.inside[0], unit[None]])
         theta = lost * at.along
         theta[:-1] += self._without[..., None]
         spread = lost[:, None] * lost[None]
