@@ -967,6 +967,14 @@ class Kind(Enum):
             "fit its parts apart."
         ),
     )
+    FRICTION_BY_LOAD = (
+        _CAUTION,
+        (
+            "Friction changes with the load, by {by:.2g} +/- {error:.1g} of the gravity torque, which would explain {share:.0%} of "
+            "what the fit leaves, as in a gear: the model has none of it. Numbers are of the load on average; unload the joint, or "
+            "fit runs of one load."
+        ),
+    )
     DELAY_OR_PRESLIDING = (
         _CAUTION,
         (
@@ -2109,7 +2117,7 @@ REASONS: Mapping[str, str] = {
     ),
     "A pattern is left, which biases what takes part of it up.": (
         "LACKS_A_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK "
-        "TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS TORQUE_DRIFTS_IN_RUNS"
+        "TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS TORQUE_DRIFTS_IN_RUNS FRICTION_BY_LOAD"
     ),
     "Samples are wrong or missing, and what they do to the number is not in its error.": (
         "CLIPPED LOST_SAMPLES POSITION_JUMPS POSITION_HELD STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS DEAD_ZONE TORQUE_COARSE "

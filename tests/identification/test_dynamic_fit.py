@@ -597,3 +597,35 @@ def test_an_offset_of_moving_runs_is_an_offset_or_friction(offset: float) -> Non
     assert len(said) == bool(offset)
     for d in said:
         assert d.numbers["offset"] == pytest.approx(offset, rel=0.2)
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.1, -0.3])
+def test_a_torque_that_drifts_is_named_with_how_far(drift: float) -> None:
+    """A torque that grows or falls over the run is a caution with by how much; a steady one, with its noise, none."""
+    run = record(GRIPPER, 2e-4)
+    assert run.torque is not None
+    drifting = replace(run, torque=run.torque * (1 + drift * (run.time / run.time[-1] - 0.5)))
+    found = fit_tracking(posed(drifting, decimation=5), values_of(GRIPPER), "revolute", starts=1).fit.warnings
+    said = [d for d in found if d.kind is Kind.TORQUE_DRIFTS_IN_RUNS]
+    assert len(said) == bool(drift)
+    for d in said:
+        assert d.numbers["by"] == pytest.approx(abs(drift), rel=0.1)
+        assert d.numbers["how"] == ("grows" if drift > 0 else "falls")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_friction_that_grows_with_the_load_is_named(share: float) -> None:
+    """Under gravity, friction that is a share of it more is a caution with that share; with gravity alone there is none."""
+    run = record(GRIPPER, 1e-4)
+    assert run.velocity is not None
+    assert run.torque is not None
+    q = 2 * np.cumsum(run.velocity) * STEP
+    gravity = 0.05 * np.sin(q)
+    loaded = replace(run, position=q, torque=run.torque + gravity + share * np.abs(gravity) * np.sign(run.velocity))
+    problem = dynamic_problem([loaded], ("both",), ("inertia", "gravity"), 5, None)
+    start = values_of(GRIPPER) | dict.fromkeys(problem.extra_names[1:], 0.0)
+    found = fit_tracking(problem, start, "revolute", starts=1).fit.warnings
+    said = [d for d in found if d.kind is Kind.FRICTION_BY_LOAD]
+    assert len(said) == bool(share)
+    for d in said:
+        assert d.numbers["by"] == pytest.approx(share, rel=0.2)

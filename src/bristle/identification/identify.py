@@ -41,7 +41,10 @@ from bristle.identification.static.set_up import better_for_motion, better_for_p
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress, step
 
-_OF_THE_DATA = {Kind.LACKS_A_TERM, Kind.OFFSET_OR_FRICTION}
+_OF_THE_DATA = {
+    Kind.LACKS_A_TERM, Kind.OFFSET_OR_FRICTION, Kind.DIRECTIONS_DIFFER, Kind.TORQUE_DRIFTS_IN_RUNS, Kind.FRICTION_BY_LOAD,
+    Kind.TORQUE_DELAYED,
+}  # fmt: skip  # a list of values
 """Warnings about a fit of moving runs that hold of every fit of them."""
 
 

@@ -72,6 +72,13 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
     if grows.counts:
         how = "grows" if grows.value > 0 else "falls"
         warnings.append(Kind.TORQUE_DRIFTS_IN_RUNS(how=how, by=abs(grows.value), share=grows.share))
+    weight = [k for k, name in enumerate(problem.extra_names) if name.name.startswith("gravity")]
+    if weight:
+        force = np.array([solution.values.get(n, problem.fixed.get(n, 0.0)) for n in problem.extra_names])[weight]
+        by_load = [np.abs(m.extra[:, weight] @ force) * np.sign(m.velocity) for m in motions]
+        loaded = _wanted(solution, _equations(motions, by_load), late[:, None], every)
+        if loaded.counts:
+            warnings.append(Kind.FRICTION_BY_LOAD(by=loaded.value, error=loaded.error, share=loaded.share))
     more = _wanted(solution, inert, late[:, None], every)
     if given and more.counts:
         warnings.append(Kind.INERTIA_DOUBTED(more=more.value, error=more.error, unit=unit("inertia", kind)))
