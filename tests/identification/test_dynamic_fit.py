@@ -629,3 +629,16 @@ def test_friction_that_grows_with_the_load_is_named(share: float) -> None:
     assert len(said) == bool(share)
     for d in said:
         assert d.numbers["by"] == pytest.approx(share, rel=0.2)
+
+
+@pytest.mark.parametrize("v_s", [1e-4, 1e-3, GRIPPER.v_s])
+def test_a_peak_of_which_there_is_no_sign_hides_no_bristle(v_s: float) -> None:
+    """Of a joint without a Stribeck effect sigma_0 is found, from whatever v_s the fit starts: a peak below all speeds is taken for no bristle."""
+    flat = GRIPPER._replace(alpha_1=0.0)
+    start = values_of(GRIPPER._replace(v_s=v_s, alpha_1=5 * GRIPPER.alpha_0))
+    fit_of = fit_tracking(posed(record(flat, 2e-4), decimation=5), start, "revolute", starts=3).fit
+    found, peak = (fit_of.parameters[parse(name)] for name in ("sigma_0", "alpha_1"))
+    assert peak.value is None
+    assert found.value is not None
+    assert found.standard_error is not None
+    assert abs(found.value - flat.sigma_0) < 4 * found.standard_error < 0.4 * flat.sigma_0

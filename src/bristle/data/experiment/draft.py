@@ -168,7 +168,8 @@ def _key(guess: ColumnGuess, path: Path) -> Key:
 
 def _values(path: Path, guess: ColumnGuess) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
     key = _key(guess, path)
-    return np.asarray(read_table(path, [key]).columns[key], dtype=float).ravel()
+    values = np.asarray(read_table(path, [key]).columns[key], dtype=float).ravel()
+    return values[np.isfinite(values)]
 
 
 def _rises(path: Path) -> bool:

@@ -19,6 +19,8 @@ from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Valu
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import Direction, ParameterName
 
+WIDE = 0.5
+"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
 _SAMPLES = 5
 """In which a motion has to pass the bristle's deflection."""
 _LEVEL = 0.01

@@ -15,8 +15,8 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.claims import bristle_doubts, peak_doubts, warned, without_weak
-from bristle.identification.dynamic.left_out_peak import takes_up_peak
+from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_doubts, warned, without_weak
+from bristle.identification.dynamic.left_out_peak import absent_peaks, takes_up_peak
 from bristle.identification.dynamic.missing_terms import bursts, missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
@@ -46,8 +46,6 @@ _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
 _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
-WIDE = 0.5
-"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
 
 
 class DynamicSolution(NamedTuple):
@@ -86,9 +84,9 @@ def fit_tracking(
 
     Raises InputError where a start shows no dependence on any parameter.
     """
-    problem, solution, bent = _settled(problem, start, starts, seed, others, progress)
+    problem, solution, dropped = _settled(problem, start, starts, seed, others, progress)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _all_estimates(problem, solution, kind, bent)
+    estimates = _all_estimates(problem, solution, kind, dropped)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
@@ -135,8 +133,8 @@ def _settled(
     seed: int,
     others: Sequence[Values],
     progress: Progress | None,
-) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, float]]:
-    """The problem as it is solved in the end, its solution, and what Stribeck terms that are none are fixed at.
+) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Diagnostic]]:
+    """The problem as it is solved in the end, its solution, and why Stribeck terms that are none are not in it.
 
     It has the weights that its runs ask for, and not those terms. Between its first and its last form, from all starts
     each, it is solved from where the first one ended alone.
@@ -149,7 +147,16 @@ def _settled(
     problem = replace(problem, fixed={**problem.fixed, **bent}) if bent else problem
     if bent or (changed and starts > 1):
         solution = solve_dynamic(problem, _unbent(solution.values, bent), starts, seed, progress=progress)
-    return problem, solution, bent
+    dropped = dict.fromkeys(bent, Kind.UNSEEN_BEND())
+    absent = absent_peaks(problem, solution)
+    if absent:
+        without = replace(problem, fixed={**problem.fixed, **absent})
+        rest = {name: x for name, x in without_deflections(solution.values).items() if name not in absent}
+        found = solve_dynamic(without, rest, 1, seed, progress=progress)
+        if found.minimum.converged:
+            problem, solution = without, found._replace(starts=solution.starts, reached=solution.reached)
+            dropped |= dict.fromkeys(absent, Kind.UNSEEN_NO_PEAK())
+    return problem, solution, dropped
 
 
 def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
@@ -161,14 +168,17 @@ def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[Paramet
 
 
 def _all_estimates(
-    problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind, bent: Mapping[ParameterName, float]
+    problem: DynamicProblem,
+    solution: MultistartSolution[Unknown],
+    kind: JointKind,
+    dropped: Mapping[ParameterName, Diagnostic],
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
 
     None has where the fit did not converge.
     """
     estimates = _estimates(solution, kind)
-    estimates |= {name: _refused(name, kind) for name in bent}
+    estimates |= {name: _refused(name, kind, why) for name, why in dropped.items()}
     if not solution.minimum.converged:
         estimates = warned(estimates, dict.fromkeys(estimates, Kind.UNSEEN_UNCONVERGED()))
     equations, unknowns = solution.minimum.residuals.size, len(solution.names)
@@ -177,6 +187,7 @@ def _all_estimates(
         estimates = warned(estimates, dict.fromkeys(estimates, few))
     estimates = warned(estimates, peak_doubts(problem, solution))
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
+    bent = [name for name, why in dropped.items() if why.kind is Kind.UNSEEN_BEND]
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, Kind.ONLY_SUM_SEEN()))
@@ -222,8 +233,7 @@ def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dic
     return bent
 
 
-def _refused(name: ParameterName, kind: JointKind) -> Estimate:
-    why = Kind.UNSEEN_BEND()
+def _refused(name: ParameterName, kind: JointKind, why: Diagnostic) -> Estimate:
     return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), warnings=(why,))
 
 

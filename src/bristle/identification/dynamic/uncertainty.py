@@ -20,7 +20,8 @@ from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.profile_likelihood import Profiled, profiles
-from bristle.identification.dynamic.fit import SEED, WIDE, DynamicSolution
+from bristle.identification.dynamic.claims import WIDE
+from bristle.identification.dynamic.fit import SEED, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, solve_dynamic, without_deflections
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
