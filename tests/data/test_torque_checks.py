@@ -88,6 +88,16 @@ def test_few_points_that_are_clipped(limit: float) -> None:
         assert kinds(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points") == [Kind.CLIPPED]
 
 
+@pytest.mark.parametrize("limit", [0.3, 0.5])
+def test_points_that_are_clipped_almost_all(limit: float) -> None:
+    """Where most points of a direction have one torque to the last digit it is a limit, however few levels are left."""
+    for seed in range(20):
+        record = table(seed, n=6)
+        (found,) = check_torque(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points")
+        assert found.kind is Kind.CLIPPED
+        assert found.numbers["limits"].lstrip("-") == f"{limit:.4g}"
+
+
 @pytest.mark.parametrize("width", [0.1, 0.4])
 def test_a_dead_zone(width: float) -> None:
     """A torque that is zero wherever it changes its sign is named with the share of the samples; a command of zero at rest is not."""

@@ -135,3 +135,15 @@ def test_a_file_that_is_no_experiment_is_refused(tmp_path: Path, runs: str) -> N
     half.write_text("joint: {name: a}\nruns:\n" + runs)
     with pytest.raises(InputError):
         api.complete(half)
+
+
+def test_rows_that_are_not_finite_are_passed_over(tmp_path: Path) -> None:
+    """Two infinite positions in a row, of a sensor that lost its signal, are passed over without a warning of NumPy's."""
+    log = swung(tmp_path)
+    rows = log.read_text().splitlines()
+    for k in (700, 701):
+        time, _, current = rows[k].split(",")
+        rows[k] = f"{time},inf,{current}"
+    (tmp_path / "gap.csv").write_text("\n".join(rows) + "\n")
+    text, _ = api.draft(tmp_path / "gap.csv", told=MOTOR, folder=tmp_path)
+    assert "experiment: tracking" in text

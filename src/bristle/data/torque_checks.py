@@ -19,6 +19,8 @@ _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
 _CLIPPED = (0.005, 8)
 """... which is at least this share of its samples, and so many of them."""
+_SAME = 4
+"""Points of one direction, more than half of them, that do not have the very same torque by chance."""
 _DEAD = (5e-4, 4)
 """A dead zone takes at least this share of the samples, and so many of them."""
 _COARSE = (64, 0.5)
@@ -47,6 +49,7 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Diagnostic]:
     if record.torque is None or kind == "ramp":
         return
     checks = [_clipped(record) if kind != "presliding" or _moves_at_limits(record) else None]
+    checks += [_constant(record)] if kind == "points" and not any(checks) else []
     checks += [_loaded_at_start(record)] if kind == "presliding" else []
     checks += [_dead_zone(record)] if kind == "tracking" else []
     checks += [_coarse(record)] if kind != "points" else []
@@ -72,6 +75,19 @@ def _clipped(record: Record) -> Diagnostic | None:
         return None
     share = sum(int(counts[k]) for k in at) / record.torque.size
     return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
+
+
+def _constant(record: Record) -> Diagnostic | None:
+    """Points of a direction most of which have the very same torque, their largest: a limit, and no friction over velocity."""
+    if record.torque is None or record.velocity is None:
+        return None
+    for sign in (1, -1):
+        torque = sign * record.torque[record.velocity * sign > 0]
+        at = int(np.count_nonzero(torque == torque.max(initial=-np.inf)))
+        if at >= _SAME and 2 * at > torque.size:
+            share = at / record.torque.size
+            return Kind.CLIPPED(files=(record.file,), share=share, limits=f"{sign * torque.max():.4g}")
+    return None
 
 
 def _moves_at_limits(record: Record) -> bool:

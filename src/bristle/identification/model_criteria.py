@@ -117,13 +117,9 @@ def _scores(c: ModelCandidate, effective: float, power: float) -> tuple[float | 
 
 
 def _keeps_stribeck(static: Mapping[str, StaticFit], alone: TrackingFit | None) -> bool:
-    """Whether the fit of these data keeps a Stribeck term in any direction.
-
-    The static one, or else that of moving runs.
-    """
+    """Whether a fit of these data keeps a Stribeck term in any direction: the static one, or that of all parameters."""
     estimates = [f.parameters.get("alpha_1") for f in static.values()]
-    if not static and alone is not None:
-        estimates = [e for name, e in alone.parameters.items() if name.name == "alpha_1"]
+    estimates += [e for name, e in (alone.parameters if alone else {}).items() if name.name == "alpha_1"]
     return any(e is not None and e.value is not None for e in estimates)
 
 

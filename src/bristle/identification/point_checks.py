@@ -21,6 +21,8 @@ from bristle.model.parameters import Direction, ParameterName, unit
 
 _RARE = 5e-4
 """Of clean experiments, in which a test finds something all the same."""
+_IN_DOUBT = 0.01
+"""The same of holds in the order of speed, where nothing else would show a drift."""
 _ENOUGH = 5
 """Points of a direction that show an order, or a drift."""
 _MANY = 10
@@ -72,7 +74,9 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     mean = float(weight @ slopes)
     error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
     across = abs(mean) * _elapsed(points, durations)
-    if not error or 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) > _RARE or across < 2 * scatter:
+    level_of_test = _IN_DOUBT if in_order else _RARE
+    chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
+    if chance > level_of_test or across < 2 * scatter:
         return
     if not in_order:
         yield Kind.DRIFT_OVER_RUNS(slope=mean, across=across, share=across / level)

@@ -18,6 +18,7 @@ _LEFT = 0.9
 """Presliding matters where LuGre's fit leaves less than this share of what the static law leaves of the torque, in power."""
 _NO_DOUBT = {
     Kind.UNSEEN, Kind.NOTHING_SEEN, Kind.HARDLY_SEEN, Kind.ONLY_AS_SUM, Kind.ONLY_AGAINST, Kind.ONLY_SUM_SEEN_OF_FIT, Kind.NOT_PASSIVE,
+    Kind.COUNT_BIAS,
 }  # fmt: skip  # a list of values
 """Warnings about LuGre's fit that leave the numbers it gives as they are."""
 

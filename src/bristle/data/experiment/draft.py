@@ -168,8 +168,10 @@ def _key(guess: ColumnGuess, path: Path) -> Key:
 
 def _values(path: Path, guess: ColumnGuess) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
     key = _key(guess, path)
-    values = np.asarray(read_table(path, [key]).columns[key], dtype=float).ravel()
-    return values[np.isfinite(values)]
+    values: np.ndarray[tuple[int], np.dtype[np.float64]] = np.asarray(
+        read_table(path, [key]).columns[key], float
+    ).ravel()
+    return np.compress(np.isfinite(values), values)
 
 
 def _rises(path: Path) -> bool:
