@@ -12,7 +12,7 @@ from bristle.diagnostics import Kind, Severity
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.same_runs import beside_moving
+from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_records
 from bristle.model.parameters import INERTIA, Direction, ParameterName, unit
@@ -134,6 +134,10 @@ def test_only_what_differs_is_widened() -> None:
     failed = lugre_fit(inertia=(3.1, 0.01))
     poor = replace(failed, warnings=(Kind.UNEXPLAINED(error=30.0, noise=1.0, advice=()),))
     assert widened(own, failed) == {"inertia"}
+    better = replace(lugre_fit(alpha_0=(1.0, 0.01), inertia=(3.0, 0.01)), relative_error=0.1)
+    assert is_superseded(beside_moving({"both": own}, better)["both"])
+    nothing = replace(lugre_fit(alpha_0=(None, 0.01), inertia=(3.0, 0.01)), relative_error=0.1)
+    assert beside_moving({"both": own}, nothing) == {"both": own}
     assert widened(own, poor) == set()
     assert beside_moving({"both": own}, None) == {"both": own}
     peaked = static_fit(alpha_0=(1.0, 0.01), alpha_1=(0.5, 0.01), inertia=(3.0, 0.01))

@@ -57,9 +57,10 @@ def is_superseded(fit: StaticFit) -> bool:
 
 
 def _is_poorer(fit: StaticFit, moving: TrackingFit) -> bool:
-    """Whether LuGre's fit is not in doubt, and presliding explains what the static law leaves."""
+    """Whether LuGre's fit is not in doubt, finds friction, and explains by presliding what the static law leaves."""
     critical = any(w.severity is Severity.CRITICAL for w in moving.all_warnings())
-    if critical or any(w.kind not in _NO_DOUBT for w in _doubts(moving.warnings)):
+    unseen = any(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0")
+    if critical or unseen or any(w.kind not in _NO_DOUBT for w in _doubts(moving.warnings)):
         return False
     return fit.relative_error is not None and moving.relative_error**2 < _LEFT * fit.relative_error**2
 

@@ -21,6 +21,7 @@ from bristle.identification.dynamic.missing_terms import bursts, missing_terms
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
 from bristle.identification.dynamic.unknowns import (
+    FEWEST,
     LOGARITHMIC,
     equations_left,
     fit,
@@ -36,8 +37,6 @@ from bristle.progress import Progress
 SEED = 0
 STARTS = 6
 """One from the other stages, the others at random about it."""
-_FEWEST = 2
-"""Equations for each unknown, at the least."""
 _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
 _TRIES = 30
@@ -139,6 +138,8 @@ def _settled(
     It has the weights that its runs ask for, and not those terms. Between its first and its last form, from all starts
     each, it is solved from where the first one ended alone.
     """
+    if sum(m.size for m in problem.motions) < FEWEST * len(problem.names):  # of which nothing is estimated
+        starts, others = 1, ()
     solution = solve_dynamic(problem, start, starts, seed, others, progress)
     problem, changed = _weighted(problem, solution)
     if changed:
@@ -182,8 +183,8 @@ def _all_estimates(
     if not solution.minimum.converged:
         estimates = warned(estimates, dict.fromkeys(estimates, Kind.UNSEEN_UNCONVERGED()))
     equations, unknowns = solution.minimum.residuals.size, len(solution.names)
-    if equations < _FEWEST * unknowns:
-        few = Kind.UNSEEN_TOO_FEW(equations=equations, unknowns=unknowns, least=_FEWEST * unknowns)
+    if equations < FEWEST * unknowns:
+        few = Kind.UNSEEN_TOO_FEW(equations=equations, unknowns=unknowns, least=FEWEST * unknowns)
         estimates = warned(estimates, dict.fromkeys(estimates, few))
     estimates = warned(estimates, peak_doubts(problem, solution))
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))

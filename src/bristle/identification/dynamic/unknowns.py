@@ -27,6 +27,8 @@ from bristle.model.parameters import SIGNED, STRIBECK_REACH, Lugre, ParameterNam
 from bristle.model.rollout import rollout
 from bristle.progress import Progress
 
+FEWEST = 2
+"""Equations for each unknown, at the least: fewer estimate nothing."""
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
 _LARGE = 50_000
@@ -98,9 +100,9 @@ def polished(
 ) -> tuple[LeastSquares[Unknown], Minimum]:
     """A minimum that ran out of steps, brought to its end by more of them, of simulated positions by windows that settle by themselves.
 
-    It is kept where it is lower.
+    It is kept where it is lower. One of too few equations stays as it is.
     """
-    if minimum.converged:
+    if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
     near = least_squares(problem, values)
