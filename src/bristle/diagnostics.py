@@ -935,6 +935,14 @@ class Kind(Enum):
         ),
     )
     ODD_DAMPING = _CAUTION, "The damping ratio in presliding{direction!d} would be {ratio:.2g}; 0.1 to 1 is usual."
+    LACKS_UNKNOWN_TERM = (
+        _CAUTION,
+        (
+            "What the fit leaves is a pattern and hardly any noise (correlation of neighbours {lag_one:.2f}): the model lacks a "
+            "term, and numbers may be further off than their errors say. Look at the residuals; friction that depends on load, "
+            "position or temperature leaves such patterns."
+        ),
+    )
     BURSTS = (
         _CAUTION,
         (
@@ -2116,8 +2124,8 @@ REASONS: Mapping[str, str] = {
         "STICK_SLIP POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
     ),
     "A pattern is left, which biases what takes part of it up.": (
-        "LACKS_A_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER TAKES_UP_PEAK "
-        "TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS TORQUE_DRIFTS_IN_RUNS FRICTION_BY_LOAD"
+        "LACKS_A_TERM LACKS_UNKNOWN_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER "
+        "TAKES_UP_PEAK TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS TORQUE_DRIFTS_IN_RUNS FRICTION_BY_LOAD"
     ),
     "Samples are wrong or missing, and what they do to the number is not in its error.": (
         "CLIPPED LOST_SAMPLES POSITION_JUMPS POSITION_HELD STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS DEAD_ZONE TORQUE_COARSE "

@@ -18,7 +18,7 @@ from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.missing_terms import bursts
+from bristle.identification.dynamic.missing_terms import pattern_left
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
     InitialState,
@@ -391,25 +391,28 @@ def test_a_motion_without_sliding_cannot_tell_a_delay_from_presliding() -> None:
 
 
 def test_what_is_left_in_a_few_moments_is_named() -> None:
-    """Noise that is even says nothing, in 200 records; more about reversals is named by how much more it is, a few large misses by where they are."""
+    """Even noise says nothing, in 200 records; drift is called a pattern, more about reversals is named by how much, large misses by where."""
     _, v = motion()
     problem = posed(record(GRIPPER, noise=0.0))
     rng = np.random.default_rng(0)
     white = rng.standard_normal((200, v.size))
-    assert not any(bursts(problem, rows) for rows in white)
-    assert not any(bursts(problem, rows) for rows in lfilter([1.0], [1.0, -0.95], white))
-    assert not any(bursts(problem, rows) for rows in np.cumsum(white, axis=1))
+    assert not any(pattern_left(problem, rows) for rows in white)
+    assert not any(pattern_left(problem, rows) for rows in lfilter([1.0], [1.0, -0.8], white))
+    for rows in lfilter([1.0], [1.0, -0.97], white):
+        (said,) = pattern_left(problem, rows)
+        assert said.kind is Kind.LACKS_UNKNOWN_TERM
+        assert said.numbers["lag_one"] == pytest.approx(0.97, abs=0.02)
     slow = np.abs(v) < 0.1 * np.sqrt(np.mean(v**2))
     for times in (4.0, 10.0):
-        (said,) = bursts(problem, np.where(slow, times, 1.0) * white[0])
+        (said,) = pattern_left(problem, np.where(slow, times, 1.0) * white[0])
         assert said.kind is Kind.REVERSALS_LEFT
         assert 0.6 * times < said.numbers["ratio"] < 1.1 * times
     fast = int(np.argmax(np.abs(v)))
-    (said,) = bursts(problem, white[0] + 100.0 * (np.abs(np.arange(v.size) - fast) < 5))
+    (said,) = pattern_left(problem, white[0] + 100.0 * (np.abs(np.arange(v.size) - fast) < 5))
     assert said.kind is Kind.BURSTS
     (where,) = said.numbers["where"]
     assert float(where.split()[-2]) == pytest.approx(problem.time[fast], abs=0.01)
-    assert bursts(problem, np.zeros(v.size)) == []
+    assert pattern_left(problem, np.zeros(v.size)) == []
 
 
 def test_hardly_more_equations_than_unknowns_estimate_nothing() -> None:

@@ -17,7 +17,7 @@ from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_doubts, warned, without_weak
 from bristle.identification.dynamic.left_out_peak import absent_peaks, takes_up_peak
-from bristle.identification.dynamic.missing_terms import bursts, missing_terms
+from bristle.identification.dynamic.missing_terms import missing_terms, pattern_left
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
 from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
 from bristle.identification.dynamic.unknowns import (
@@ -256,7 +256,7 @@ def _lack_of_fit(problem: DynamicProblem, rows: Array) -> tuple[Diagnostic, ...]
     if problem.quantity == "position":
         return ()
     patterns = residual_warnings(rows, problem.velocity, problem.time, problem.position)
-    return (*unexplained(rows, problem.extent), *patterns, *bursts(problem, rows))
+    return (*unexplained(rows, problem.extent), *patterns, *pattern_left(problem, rows))
 
 
 def _percent(rows: Array, problem: DynamicProblem) -> float:

@@ -15,7 +15,7 @@ from bristle.control.plant import quantise
 from bristle.data.differentiation import derivative, smoothed, usable
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, modelled, parameters
@@ -40,6 +40,8 @@ _LEAST = 1e-100
 """Of sigma_0: no division by zero."""
 _BURST, _TOP = 0.25, 0.01
 """Share of the squares left, that this share of the equations may hold: 0.08 of normal noise, 0.16 of Laplace's."""
+_PATTERN = 0.9
+"""Correlation of neighbours in what is left, beyond which hardly any of it is noise: 1 - 0.9**2 at the most."""
 _ENOUGH, _INDEPENDENT = 300, 30
 """Equations that tell it, and how many of them must be independent."""
 _TURNING, _BESIDE = 0.1, 2
@@ -125,8 +127,11 @@ class _More(NamedTuple):
         return abs(self.value) > _SURE * self.error and self.share > _SHARE
 
 
-def bursts(problem: DynamicProblem, rows: Array) -> list[Diagnostic]:
-    """Whether the fit leaves much more about reversals than elsewhere, or most in a few equations; of what it leaves, (n,)."""
+def pattern_left(problem: DynamicProblem, rows: Array) -> list[Diagnostic]:
+    """Whether what the fit leaves, (n,), is a pattern throughout, or much more about reversals than elsewhere, or most of it in a few equations."""
+    correlation = lag_one(rows)
+    if correlation > _PATTERN:
+        return [Kind.LACKS_UNKNOWN_TERM(lag_one=correlation)]
     squares, speed = rows**2, np.abs(problem.velocity)
     turns = minimum_filter1d(speed, 2 * _BESIDE + 1) < _TURNING * np.sqrt(np.mean(speed**2))
     total, few = float(squares.sum()), round(_TOP * rows.size)
