@@ -1,5 +1,7 @@
 """Whether position, logged velocity and time of a moving record go together: jumps, irregular sampling, a lag."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from bristle.arrays import Array
@@ -65,12 +67,8 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Diagno
         counted = counted and (not found or bool(np.ptp(intervals) <= _REGULAR))
     if not places:
         return None
-    rate = None if signals.time is None else signals.time.rate
-    rows = [round(float(record.time[k + 1]) * rate) + 1 if rate else k + 2 for k, *_ in places]
-    if record.lines is not None:
-        rows = [int(record.lines[k + 1]) for k, *_ in places]
-    word = f"{'row' if record.lines is None else 'line'}{'s' * (len(rows) > 1)}"
-    where = f"{record.file} {word} {', '.join(shortened(list(map(str, rows))))}"
+    word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
+    where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
     if counted and all(samples > 0 for *_, samples in places):
         return Kind.LOST_SAMPLES(files=(f"{where} (about {sum(n for *_, n in places):.1f} samples)",))
     largest = max((size for _, size, _ in places), key=abs)
@@ -107,16 +105,24 @@ def _noise(off: Array) -> Array:
     return np.repeat(widest, [b.size for b in blocks])
 
 
-def held_position(record: Record) -> Diagnostic | None:
+def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str, list[int]]:
+    """What the file calls its rows, and the numbers of these samples: lines of a text file, else rows of data."""
+    if record.lines is not None:
+        return "line", [int(record.lines[k]) for k in samples]
+    rate = None if signals.time is None else signals.time.rate
+    return "row", [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k in samples]
+
+
+def held_position(record: Record, signals: Signals) -> Diagnostic | None:
     """A reading that stays the same in the midst of a motion, and then catches up at once: it was not refreshed."""
     if record.position is None or record.time.size < 2 * _BLOCK:
         return None
     found = [(s.start + k, n) for s in between_gaps(record) for k, n in _held(record.position[s])]
     if not found:
         return None
-    first = found[0][0] + 1 if record.lines is None else int(record.lines[found[0][0]])
+    word, (first,) = _rows(record, signals, [found[0][0]])
     return Kind.POSITION_HELD(
-        files=(f"{record.file} ({len(found)} times, first at {'row' if record.lines is None else 'line'} {first})",),
+        files=(f"{record.file} ({len(found)} times, first at {word} {first})",),
         samples=int(np.median([n for _, n in found])),
         share=100 * sum(n for _, n in found) / record.position.size,
     )

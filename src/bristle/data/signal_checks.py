@@ -86,7 +86,7 @@ def check_signals(
     found: list[Diagnostic | None] = [*check_torque(record, kind)]
     if kind != "points":
         factor = _velocity_factor(record, signals, context)
-        found += [factor, position_jumps(record, signals, context), held_position(record)]
+        found += [factor, position_jumps(record, signals, context), held_position(record, signals)]
         found.append(count_mismatch(record, signals.position, context))
     if kind == "tracking":
         found += [

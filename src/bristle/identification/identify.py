@@ -200,10 +200,10 @@ def _static(
     if points:
         fits, checks = fit_points(measured, points, timings)
         better = better_for_points(measured.experiment, pulled_points(points, fits))
-        lacks = {w.kind: w for fit in fits.values() for w in fit.warnings if w.kind is Kind.LACKS_A_TERM}
+        lacks = [w for fit in fits.values() for w in fit.warnings if w.kind is Kind.LACKS_A_TERM][:1]
         for d, fit in fits.items():  # what one direction lacks the joint does
-            more = tuple(w for kind, w in lacks.items() if kind not in {own.kind for own in fit.warnings})
-            fits[d] = replace(fit, warnings=(*fit.warnings, *more))
+            if all(own.kind is not Kind.LACKS_A_TERM for own in fit.warnings):
+                fits[d] = replace(fit, warnings=(*fit.warnings, *lacks))
         return {d: better.warned(fit) if better else fit for d, fit in fits.items()}, checks, ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
