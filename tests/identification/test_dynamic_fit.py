@@ -15,6 +15,7 @@ from bristle.data.record import Record
 from bristle.diagnostics import NOT_IDENTIFIABLE, Kind, Severity
 from bristle.estimation.nonlinear import minimise
 from bristle.identification.dynamic import unknowns
+from bristle.identification.dynamic.claims import bristle_doubts
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
@@ -645,3 +646,24 @@ def test_a_peak_of_which_there_is_no_sign_hides_no_bristle(v_s: float) -> None:
     assert found.value is not None
     assert found.standard_error is not None
     assert abs(found.value - flat.sigma_0) < 4 * found.standard_error < 0.4 * flat.sigma_0
+
+
+def test_the_halves_of_a_record_are_compared_in_any_unit() -> None:
+    """In what the halves of a record differ, and by how many standard errors, does not change with the size of the Jacobian's columns."""
+    v = motion()[1]
+    run = record(GRIPPER, 2e-4, velocity=v)
+    assert run.torque is not None
+    softer = record(GRIPPER._replace(sigma_0=0.5 * GRIPPER.sigma_0), 2e-4, velocity=v)
+    assert softer.torque is not None
+    both = replace(run, torque=np.where(np.arange(v.size) < v.size // 2, run.torque, softer.torque))
+    solved = fit_tracking(posed(both, decimation=5), values_of(GRIPPER), "revolute", starts=1)
+    minimum, estimates = solved.solution.minimum, solved.fit.parameters
+    told = bristle_doubts(solved.problem, solved.solution, estimates)
+    assert Kind.UNSEEN_HALVES in {d.kind for d in told.values()}
+    for size in (1e-170, 1e-3, 1e100):
+        other = solved.solution._replace(minimum=minimum._replace(jacobian=size * minimum.jacobian))
+        again = bristle_doubts(solved.problem, other, estimates)
+        assert {name: d.kind for name, d in again.items()} == {name: d.kind for name, d in told.items()}
+        for name, d in told.items():
+            if d.kind is Kind.UNSEEN_HALVES:
+                assert again[name].numbers["apart"] == pytest.approx(d.numbers["apart"], rel=1e-6)

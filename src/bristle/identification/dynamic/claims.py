@@ -164,6 +164,8 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
     """
     n = sum(m.size for m in problem.motions)
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
+    largest = np.abs(J).max(axis=0)
+    J = J / np.where(largest > 0, largest, 1.0)  # how far apart in standard errors is the same in any unit
     parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
     looked_at = {
         name: k for name, k in parameters.items() if name.name in _BRISTLE and solution.scaled_errors[k] < np.inf
