@@ -96,10 +96,15 @@ def _to_json(value: Value) -> Any:
 
 
 def _read(x: WrittenDiagnostic) -> Diagnostic:
-    """The diagnostic; one of a kind that this version does not know keeps its sentence."""
-    if x.kind not in Kind.__members__:
+    """The diagnostic; one of a kind, or with numbers, that this version does not know keeps its sentence."""
+    if x.kind not in Kind.__members__ or not _names(Kind[x.kind].template) <= x.numbers.keys():
         return replace(Kind.UNKNOWN(text=x.text), subject=x.subject)
     return Diagnostic(Kind[x.kind], {name: _from_json(value) for name, value in x.numbers.items()}, x.subject)
+
+
+def _names(template: str) -> set[str]:
+    """What a sentence names."""
+    return {name for _, name, _, _ in _FORMATTER.parse(template) if name}
 
 
 def _from_json(value: Any) -> Value:
@@ -503,6 +508,13 @@ class Kind(Enum):
             "the speeds in random order."
         ),
     )
+    POINTS_REPEATED = (
+        _CAUTION,
+        (
+            "{count} of {points} points of {file} repeat the speed and the torque of another exactly, first {where}: if they were written "
+            "twice, errors are too small, by up to {factor:.2g} times. Leave the copies out with `exclude` under fit."
+        ),
+    )
     DRIFT_OF_ROWS = (
         _CAUTION,
         (
@@ -633,13 +645,13 @@ class Kind(Enum):
     # static fits
     STRAYS = (
         _CAUTION,
-        "{count} point{count!e} off the law of the others: {points!m}. {other} To leave out, write `stray: drop` under fit.",
+        "{count} point{count!e} off the law of the others: {points!m}. {other} {advice}",
     )
     STRAYS_MATTER = (
         _CRITICAL,
         (
             "{count} point{count!e} off the law of the others: {points!m}. {other} That is more than one standard error of "
-            "{moved!l}. To leave out, write `stray: drop` under fit."
+            "{moved!l}. {advice}"
         ),
     )
     STRAYS_LEFT_OUT = (
@@ -647,6 +659,11 @@ class Kind(Enum):
         (
             "{count} point{count!e} off the law of the others, left out: {points!m}. {other} To keep, write `stray: report` under fit."
         ),
+    )
+    TO_LEAVE_OUT = _NOTE, "To leave out, write `stray: drop` under fit."
+    TERM_FIRST = (
+        _NOTE,
+        "But a term that the fit lacks explains more than that: add it first (see below); then look which points are still off.",
     )
     STRAY_POINT = _NOTE, "{file} {where} ({torque:.4g} at {velocity:.3g}, {deviations:+.0f} standard deviations off)"
     POINT_NAMED = _NOTE, "{file} {where} ({torque:.4g} at {velocity:.3g})"
@@ -955,7 +972,7 @@ class Kind(Enum):
         (
             "About reversals the fit leaves {ratio:.2g} times what it leaves elsewhere (rms): it does not describe how the joint "
             "turns, and numbers of the bristle, the peak and the inertia may be further off than their errors say. Backlash, a "
-            "flexible coupling, a slipping encoder and a filter of the torque look like that; LuGre has none of them."
+            "flexible coupling, a slipping encoder, and a torque that is late or filtered look like that; LuGre has none of them."
         ),
     )
     TORQUE_DELAYED = (
@@ -1067,7 +1084,7 @@ class Kind(Enum):
         "No run breaks away{direction!d}: g0 is at least {held:.3g}{bend}, and the interval of sigma_0 allows for every such g0; "
         "add ramp runs, or load up to breakaway once.",
     )
-    G0_BY_BEND = _NOTE, ", from {low:.3g} to {high:.3g} by the bend of LuGre's loading curve"
+    G0_BY_BEND = _NOTE, ", from {low:.4g} to {high:.4g} by the bend of LuGre's loading curve"
     SOFTENS = (
         _CAUTION,
         (
@@ -1109,6 +1126,14 @@ class Kind(Enum):
         (
             "{open} of {cycles} hysteresis cycles not closed, by up to {most:+.0%} of their range, and left out: "
             "friction differs between the directions at these peaks, or the first cycle started from rest."
+        ),
+    )
+    CYCLES_MOVE = (
+        _CAUTION,
+        (
+            "Each of {cycles} closed hysteresis cycles ends away from where it began, by {share:+.1%} of its range on average, "
+            "where LuGre under an even torque comes back: the position drifts, the torque has an offset, or friction differs between the "
+            "directions. sigma_0 is off by about half of that or more, one way in (+), the other in (-)."
         ),
     )
     TURNS_LATE = (
@@ -1178,7 +1203,14 @@ class Kind(Enum):
     )
     OFFSET_LEFT_OUT = (
         _NOTE,
-        "With separate directions an offset cannot be separated from the two Coulomb terms; it is not fitted.",
+        "With separate directions an offset of the torque cannot be told from alpha_0 that differs; it is not fitted.{amount!t}",
+    )
+    OFFSET_IF_ALIKE = (
+        _NOTE,
+        (
+            "If alpha_0 were the same in both, the offset would be {offset:.3g} {unit} and alpha_0 {common:.4g}: look whether the torque "
+            "is zero where nothing loads the joint."
+        ),
     )
     LOSS_OF_STATIC_FIT = (
         _NOTE,
@@ -2161,7 +2193,7 @@ REASONS: Mapping[str, str] = {
     ),
     "Another minimum is about as good.": "SECOND_MINIMUM LOWER_OUTSIDE_RANGE POLISHING_MOVES LUGRE_UNSETTLED",
     "The fit stands, and the model or what it is used for is physically doubtful.": (
-        "NOT_PASSIVE ODD_DAMPING ABOVE_G0 SOFTENS OPEN_CYCLES OF_LARGEST_HELD"
+        "NOT_PASSIVE ODD_DAMPING ABOVE_G0 SOFTENS OPEN_CYCLES CYCLES_MOVE OF_LARGEST_HELD"
     ),
     "Something is assumed that was not measured.": (
         "PRIOR DIRECTION_TAKEN INERTIA_GUESSED GUESSED NOISE_OF_HOLDS_GUESSED NOISE_OF_MOTION_GUESSED NOISE_OF_OTHER_POINTS DEFAULT_PID "
@@ -2182,20 +2214,21 @@ REASONS: Mapping[str, str] = {
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (
         "TOO_SHORT TRANSIENT AT_REST ACCELERATING HUNTING UNSTEADY UNSETTLED SATURATED SETTLING POINT_AT_REST POINT_TOO_SLOW BELOW_BREAKAWAY "
-        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT"
+        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT OFFSET_IF_ALIKE"
     ),
     "A part of another sentence, whose severity counts.": (
         "OR_MINIMUM_DURATION G0_BY_BEND TERM_EXPLAINS DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY "
         "OR_MINIMUM_VELOCITY OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS "
-        "STRAY_POINT POINT_NAMED WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE "
-        "EDGES NO_STRIBECK_TERM POINTS_WITHOUT_NOISE TOO_FEW_TO_VALIDATE FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE "
-        "CAPPED_BY_DECIMATION CAPPED_BY_SAMPLING PEAK_TO_LOOK_FOR AMID_THE_SPEEDS BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS "
-        "RATE_OF_ZERO DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL WITH_GUESSED_INERTIA AS_HELD TIMES_FOR_CORRELATION "
-        "LOWEST_BIC LOWEST_BIC_OF_SUPPORTED NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN "
-        "IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OPEN_IN ONE_SESSION BOTH_SESSIONS CHANGED_BY CHANGED_BY_POWERS "
-        "SETS_CHANGED_TOO MORE_NOT_COMPARABLE IN_BOTH_DIRECTIONS HEADER_LINE MORE_LINES TORQUE_REST_EXACT ENDS OF_STATIC_FIT OF_MOVING_RUNS "
-        "OF_EXPERIMENT_FILE OF_STATIC_FIT_WITHOUT_PEAK OF_MOVING_RUNS_WITHOUT_PEAK OF_BREAKAWAY CREEP_ADDED MISSES_TOGETHER MORE_UNSEEN "
-        "ONCE_SETTLED AT_EVERY_AMPLITUDE NOT_AT_THE_LARGEST FROM_AMPLITUDE SOBOL_INDEX INTERACTIONS DRAWN_SPAN DRAWN_LOGARITHM PRINTED_IS_ANOTHER"
+        "STRAY_POINT POINT_NAMED TO_LEAVE_OUT TERM_FIRST WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS "
+        "NO_INERTIA ONE_EDGE EDGES NO_STRIBECK_TERM POINTS_WITHOUT_NOISE TOO_FEW_TO_VALIDATE FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH "
+        "CAPPED_BY_RATE CAPPED_BY_DECIMATION CAPPED_BY_SAMPLING PEAK_TO_LOOK_FOR AMID_THE_SPEEDS BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE "
+        "FAR_POINTS RATE_OF_ZERO DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL WITH_GUESSED_INERTIA AS_HELD "
+        "TIMES_FOR_CORRELATION LOWEST_BIC LOWEST_BIC_OF_SUPPORTED NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC "
+        "BRISTLE_NOT_SHOWN IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OPEN_IN ONE_SESSION BOTH_SESSIONS CHANGED_BY "
+        "CHANGED_BY_POWERS SETS_CHANGED_TOO MORE_NOT_COMPARABLE IN_BOTH_DIRECTIONS HEADER_LINE MORE_LINES TORQUE_REST_EXACT ENDS OF_STATIC_FIT "
+        "OF_MOVING_RUNS OF_EXPERIMENT_FILE OF_STATIC_FIT_WITHOUT_PEAK OF_MOVING_RUNS_WITHOUT_PEAK OF_BREAKAWAY CREEP_ADDED MISSES_TOGETHER "
+        "MORE_UNSEEN ONCE_SETTLED AT_EVERY_AMPLITUDE NOT_AT_THE_LARGEST FROM_AMPLITUDE SOBOL_INDEX INTERACTIONS DRAWN_SPAN DRAWN_LOGARITHM "
+        "PRINTED_IS_ANOTHER"
     ),
     "Its effect is in the interval already, or in no number.": (
         "CORRELATED TORQUE_UNSURE WHOLE_COUNT REST_EXCLUDES COUNTS_HIDE COARSE_LOOPS COARSE_LOOPS_BETWEEN TORQUE_EXACT TORQUE_UNCERTAIN "

@@ -18,6 +18,8 @@ _BLOCK = 100
 """Samples that tell the noise of that."""
 _JUMP = 10.0
 """Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
+_MANY, _ALIKE = 20, 0.1
+"""Jumps, and the share of their size that they differ by: so many alike may be counts."""
 _MISSING = 0.75
 """Samples' travel; less is none."""
 _REGULAR = 1e-3
@@ -65,7 +67,7 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Diagno
         found = _jumps(np.diff(record.position[s]), intervals, count)
         places += [(s.start + k, size, samples) for k, size, samples in found]
         counted = counted and (not found or bool(np.ptp(intervals) <= _REGULAR))
-    if not places:
+    if not places or _are_counts(places):
         return None
     word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
     where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
@@ -74,6 +76,12 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Diagno
     largest = max((size for _, size, _ in places), key=abs)
     most = "up to " if len(places) > 1 else ""
     return Kind.POSITION_JUMPS(files=(f"{where} (by {most}{abs(largest):.2g} {si('position', context)})",))
+
+
+def _are_counts(places: Sequence[tuple[int, float, float]]) -> bool:
+    """Whether many jumps of one size, among next to no travel, are the counts of an encoder under something that drifts."""
+    _, sizes, samples = np.abs(np.array(places)).T
+    return bool(sizes.size > _MANY and np.ptp(sizes) < _ALIKE * sizes.mean() and np.median(samples) > _JUMP)
 
 
 def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:

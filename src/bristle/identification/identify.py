@@ -29,7 +29,7 @@ from bristle.identification.moving_runs import (
     smeared_by_counts,
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
-from bristle.identification.point_checks import point_warnings
+from bristle.identification.point_checks import offset_left_out, point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, ModelComparison
@@ -38,6 +38,7 @@ from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points
+from bristle.identification.static.stray_report import advised
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress, step
 
@@ -204,7 +205,7 @@ def _static(
         for d, fit in fits.items():  # what one direction lacks the joint does
             if all(own.kind is not Kind.LACKS_A_TERM for own in fit.warnings):
                 fits[d] = replace(fit, warnings=(*fit.warnings, *lacks))
-        return {d: better.warned(fit) if better else fit for d, fit in fits.items()}, checks, ()
+        return {d: advised(better.warned(fit) if better else fit) for d, fit in fits.items()}, checks, ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)
@@ -304,14 +305,13 @@ def _joint_warnings(
         why = Kind.NONE_KEPT(tried=tried) if tried else Kind.NOT_MEASURED()
         warnings.append(Kind.DIRECTION_UNKNOWN(direction=other, why=why))
     warnings += _segment_warnings(measured)
-    if not points and experiment.fit.directions == "separate":
-        warnings.append(Kind.OFFSET_LEFT_OUT())
     unused = [run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out]
     if unused:
         warnings.append(Kind.HELD_OUT_UNUSED(files=tuple(unused)))
     if experiment.truth and not experiment.simulated:
         warnings.append(Kind.TRUTH_UNDECLARED())
     warnings += point_warnings(measured, points, static)
+    warnings += offset_left_out(experiment, static, warnings)
     if experiment.fit.loss == "huber" and alone is not None:
         warnings.append(Kind.LOSS_OF_STATIC_FIT())
     warnings += smeared_by_counts(experiment, measured.moving(hold_out=False), alone.parameters if alone else {})

@@ -10,6 +10,7 @@ from scipy.special import fdtrc, stdtr
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.fits import StaticFit
@@ -27,6 +28,8 @@ _ENOUGH = 5
 """Points of a direction that show an order, or a drift."""
 _MANY = 10
 """Points of a direction whose torque may go with their rows ..."""
+_COPIES = 3
+"""Points that repeat others, from which that is no chance."""
 _MIXED = 0.5
 """... and the rank correlation of speed and row up to which that is no matter of speed."""
 _IN_ORDER = 0.9
@@ -57,7 +60,33 @@ def point_warnings(
     if scatter:
         yield from _drift([s for s in points if s.file in records], records, max(scatter))
     yield from _drift_by_row(measured, points)
+    yield from _repeated(measured, points)
     yield from _offset(measured, points)
+
+
+def offset_left_out(
+    experiment: Experiment, static: Mapping[str, StaticFit], told: Sequence[Diagnostic]
+) -> list[Diagnostic]:
+    """That an offset is not fitted beside a friction of each direction, and what it would be, where nothing says so yet.
+
+    Args:
+        experiment: how its directions are fitted.
+        static: the fits.
+        told: warnings of the joint.
+    """
+    said = {w.kind for w in (*told, *(w for fit in static.values() for w in fit.warnings))}
+    if (
+        experiment.fit.directions != "separate"
+        or not set(DIRECTIONS) <= static.keys()
+        or Kind.OFFSET_OR_FRICTION in said
+    ):
+        return []
+    plus, minus = (static[d].parameters["alpha_0"].value for d in ("+", "-"))
+    amount: tuple[Diagnostic, ...] = ()
+    if plus is not None and minus is not None:
+        common, of = (plus + minus) / 2, unit("torque", experiment.joint.kind)
+        amount = (Kind.OFFSET_IF_ALIKE(offset=(plus - minus) / 2, unit=of, common=common),)
+    return [Kind.OFFSET_LEFT_OUT(amount=amount)]
 
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Diagnostic]:
@@ -112,6 +141,18 @@ def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Dia
         if abs(across) > 2 * np.sqrt(free.cost / freedom):
             share = abs(across) / float(np.median(np.abs(law.torque)))
             yield Kind.DRIFT_OF_ROWS(direction=d, file=file, across=across, share=share)
+
+
+def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:
+    """Given points that are copies of others: where speeds recur, the torque always does too."""
+    for file in (run.record.file for run in measured.runs if run.kind == "points" and not run.hold_out):
+        own = [s for s in points if s.file == file]
+        values = np.array([(s.velocity, s.torque) for s in own]).reshape(-1, 2)
+        distinct = np.unique(values, axis=0, return_index=True)[1]
+        copies = np.setdiff1d(np.arange(len(own)), distinct)
+        if copies.size >= _COPIES and distinct.size == np.unique(values[:, 0]).size:
+            factor, where = float(np.sqrt(len(own) / distinct.size)), own[copies[0]].subject[1]
+            yield Kind.POINTS_REPEATED(count=copies.size, points=len(own), file=file, where=where, factor=factor)
 
 
 def _strays(measured: Measured) -> set[tuple[str, int, int]]:

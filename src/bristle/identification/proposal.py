@@ -24,6 +24,8 @@ from bristle.progress import Progress, teller
 
 _MIXED = 0.25
 """Of a run's motion: more of another experiment is said."""
+_NOTHING = 100.0
+"""Percent: an error of so much tells nothing."""
 _ANY: RunKind = "ramp"
 """As which a run is read before it is known what it is: a velocity, no acceleration."""
 
@@ -138,9 +140,20 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
     pays = {name for x in known for name in x.set_up.regressors} - ({"offset"} if apart else set())
     lines = f"directions: {'separate' if apart else 'symmetric'}"
     lines += f", {regressor_line(pays)}" if pays or moving else ""
-    errors = ", ".join(f"{x.error:.2g} % (plainest set-up: {x.asked_error:.2g} %)" for x in known)
-    why = f"relative error on parts held out in turn {errors}"
+    why = f"relative error on parts held out in turn {', '.join(map(_errors, known))}"
     return f"fit: {{{lines}}}   # {why}", f"fit: {lines}; {why}"
+
+
+def _errors(x: BetterSetUp) -> str:
+    """The error of a set-up beside the plainest, where that tells anything."""
+    one = x.asked.directions in {("+",), ("-",)}
+    plain = "without regressors" if one else "with one friction for both directions"
+    error = (
+        f"{x.error:.2g} %"
+        if x.error < _NOTHING
+        else "above 100 %: too few points to tell, so what assumes least is taken"
+    )
+    return f"{error} ({plain}: {x.asked_error:.2g} %)"
 
 
 def _with_kinds(text: str, path: Path) -> tuple[str, str]:

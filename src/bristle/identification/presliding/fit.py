@@ -37,6 +37,10 @@ from bristle.model.vectorize import evaluate
 
 _FEW = 8
 """Count edges in a loading below which they are called few."""
+_MOVED = 3.0
+"""Counts by which the end of a closed cycle has surely moved from its beginning, ..."""
+_MOVES = 0.01
+"""... and the share of its range from which that is said."""
 _OUTLIER = 0.2
 """A breakaway torque this far from the median, relative, is named."""
 _SINGLE = 0.1
@@ -250,6 +254,10 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float]) -> list[Diagn
     if drifts:
         most = max(drifts, key=abs)
         warnings.append(Kind.OPEN_CYCLES(open=len(drifts), cycles=len(drifts) + len(loops), most=most))
+    shares = np.array([(x.position[-1] - x.position[0]) / (2 * x.displacement_amplitude) for x in loops])
+    seen = all(abs(share) * x.counts > _MOVED or not x.counts for share, x in zip(shares, loops, strict=True))
+    if shares.size > 1 and seen and abs(shares.mean()) > max(_MOVES, 2 * float(np.ptp(shares))):
+        warnings.append(Kind.CYCLES_MOVE(cycles=len(loops), share=float(shares.mean())))
     return warnings
 
 

@@ -1,13 +1,14 @@
 """What is said of points that do not belong to the law: how far off they are, and what the fit becomes without them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.fits import Estimate, OtherPoints, Stray
+from bristle.identification.fits import Estimate, OtherPoints, StaticFit, Stray
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, solve_static
@@ -69,11 +70,38 @@ def report_strays(
         warning = Kind.STRAYS_LEFT_OUT(count=len(named), points=named, other=Kind.WITH_STRAYS(**numbers))
     elif moved:
         other = Kind.WITHOUT_STRAYS(**numbers)
-        warning = Kind.STRAYS_MATTER(count=len(named), points=named, other=other, moved=moved)
+        warning = Kind.STRAYS_MATTER(
+            count=len(named), points=named, other=other, moved=moved, advice=Kind.TO_LEAVE_OUT()
+        )
     else:
-        warning = Kind.STRAYS(count=len(named), points=named, other=Kind.WITHOUT_STRAYS(**numbers))
+        warning = Kind.STRAYS(
+            count=len(named), points=named, other=Kind.WITHOUT_STRAYS(**numbers), advice=Kind.TO_LEAVE_OUT()
+        )
     parts = search.problem.directions
     return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
+
+
+def advised(fit: StaticFit) -> StaticFit:
+    """The fit, whose strays are not to be left out before a term is added that explains more of what it leaves than they do."""
+    explained = [_share(w.numbers["advice"]) for w in fit.warnings if w.kind is Kind.LACKS_A_TERM]
+    if not explained:
+        return fit
+    return replace(
+        fit,
+        warnings=tuple(
+            w.but(advice=Kind.TERM_FIRST())
+            if w.kind in {Kind.STRAYS, Kind.STRAYS_MATTER} and _share(w.numbers["other"]) < max(explained)
+            else w
+            for w in fit.warnings
+        ),
+    )
+
+
+def _share(changed: Any) -> float:
+    """Of the squares that a fit leaves, what a change of it explains."""
+    x = changed.numbers
+    before = x.get("now", x.get("asked"))
+    return float(x["share"] if "share" in x else 1 - (x["error"] / before) ** 2)
 
 
 def _named(search: PointSearch, k: int) -> Diagnostic:
