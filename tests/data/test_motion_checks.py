@@ -68,6 +68,15 @@ def test_an_encoder_that_slips_is_named_by_its_row(samples: float, stamped: bool
             )
 
 
+def test_counts_under_something_that_drifts_are_no_jumps() -> None:
+    """A coarse encoder whose reading drifts, as where a clock or a second encoder is subtracted, steps by counts, and does not slip."""
+    t = np.arange(30_000) / RATE
+    q = 2e-6 * np.round(2e-4 * np.sin(2 * np.pi * t / 20) / 2e-6) + 2e-8 * t * RATE
+    record, _ = moving(0, "sines")
+    found = said(replace(record, time=t, position=q, velocity=None, torque=np.sin(2 * np.pi * t / 20)))
+    assert Kind.POSITION_JUMPS not in {d.kind for d in found}
+
+
 def test_a_joint_that_stops_or_starts_does_not_slip() -> None:
     """Steps from rest, stops, and reversals within one sample are motions."""
     for seed in range(20):

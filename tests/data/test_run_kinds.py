@@ -71,6 +71,16 @@ def test_slow_loading_is_presliding(rate: float) -> None:
     assert kind(log(rate, small)) == "tracking"
 
 
+def test_slow_loading_until_it_slides_both_ways_is_presliding() -> None:
+    """A slow cycle of torque that breaks the joint away in each direction is slow loading, though the second begins elsewhere."""
+    rate, quarter = 500.0, np.linspace(0, 0.99 * G0, 5000)
+    way = np.cumsum(np.gradient(quarter) / (STIFFNESS * (1 - quarter / G0)))
+    slide = np.linspace(0, 1.0, 1500)
+    q = np.concatenate([way, way[-1] + slide, way[-1] + 1.0 - way, 0.0 - slide])
+    T = np.concatenate([quarter, np.full(1500, 1.05 * G0), -quarter, np.full(1500, -1.05 * G0)])
+    assert kind(log(rate, np.gradient(q) * rate, q, T)) == "presliding"
+
+
 def test_few_speeds_tell_more_as_tracking() -> None:
     """Three speeds are no Stribeck curve: with a third of the time between them such a run is tracking; six over several logs are ramps."""
     few = Stretches(held=10, loaded=0, broken=0, moving=5, total=16, speeds=(0.1, 0.2, 0.4, -0.1, -0.2, -0.4))

@@ -127,6 +127,28 @@ def test_a_drift_over_the_rows_of_points_is_said(tmp_path: Path) -> None:
     assert sum(bool(rows(tmp_path, both, 0.0, seed)) for seed in range(100)) <= 1
 
 
+def test_points_that_are_written_twice_are_said(tmp_path: Path) -> None:
+    """Copies of points are named, with what they do to the errors; a speed that was measured twice, or a torque that recurs, is no copy."""
+    rng, v = np.random.default_rng(4), np.geomspace(0.05, 2, 8)
+    (torque,) = steady_points(TRUTH, np.tile(v, 2), NOISE, rng, 1)
+
+    def said(v: Array, T: Array) -> list[Diagnostic]:
+        """Of copies, in these points."""
+        points = tuple(
+            Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
+            for k, (x, t) in enumerate(zip(v.tolist(), T.tolist(), strict=True))
+        )
+        record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=T)
+        given = measured(tmp_path, (Run(kind="points", record=record),), (points,))
+        return [d for d in point_warnings(given, points, fits(NOISE)) if d.kind is Kind.POINTS_REPEATED]
+
+    assert said(np.tile(v, 2), torque) == []
+    assert said(np.concatenate([v, 1.1 * v]), np.tile(torque[:8], 2)) == []
+    (copies,) = said(np.tile(v, 2), np.tile(torque[:8], 2))
+    assert (copies.numbers["count"], copies.numbers["points"], copies.numbers["where"]) == (8, 16, "row 9")
+    assert copies.numbers["factor"] == pytest.approx(2**0.5)
+
+
 def directions(folder: Path, seed: int, offset: float, negative: Lugre[float] = TRUTH) -> list[Diagnostic]:
     """What is said of points in both directions with an offset, or with another friction backward."""
     rng, v, noise = np.random.default_rng(seed), speeds(both=False), 1e-4

@@ -77,6 +77,20 @@ def test_a_stray_is_named_judged_and_kept(tmp_path: Path) -> None:
         assert stray.without[name] == pytest.approx(e.value)
 
 
+def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
+    """Points off the law because of drag, v * abs(v), are not advised to be left out, but the term to be added; a stray is."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    for share in (0.3, 0.5):
+        drag = torques() + share * GRIPPER.alpha_2 / SPEEDS.max() * SPEEDS**2
+        (first,) = of({Kind.STRAYS_MATTER}, static(experiment(tmp_path / "a", SPEEDS, drag)))
+        assert first.numbers["advice"].kind is Kind.TERM_FIRST
+    T = torques()
+    T[10] += 20 * NOISE
+    (then,) = of({Kind.STRAYS, Kind.STRAYS_MATTER}, static(experiment(tmp_path / "b", SPEEDS, T)))
+    assert then.numbers["advice"].kind is Kind.TO_LEAVE_OUT
+
+
 def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
     """With `fit.stray: drop` the fit, the cross-check, the models and a plan are those of a file without the point; the fit with it stands beside."""
     T = torques()
@@ -200,3 +214,15 @@ def test_a_stray_among_torques_of_zero_is_named_without_a_relative_error(tmp_pat
     assert [stray.where for stray in fit.strays] == ["line 12"]
     assert fit.other_points is not None
     assert np.isnan(fit.other_points.relative_error)
+
+
+def test_what_an_offset_would_be_is_noted(tmp_path: Path) -> None:
+    """Where the directions differ otherwise too an offset is noted with its size: half the difference of alpha_0."""
+    v = np.concatenate([SPEEDS, -SPEEDS])
+    other = GRIPPER._replace(alpha_0=0.8 * GRIPPER.alpha_0, alpha_2=1.3 * GRIPPER.alpha_2)
+    T = np.concatenate([curve(SPEEDS, GRIPPER), -curve(SPEEDS, other)])
+    joint = bristle.identify(experiment(tmp_path, v, T)).joints[0]
+    (noted,) = [w for w in joint.warnings if w.kind is Kind.OFFSET_LEFT_OUT]
+    (amount,) = noted.numbers["amount"]
+    assert amount.numbers["offset"] == pytest.approx(0.1 * GRIPPER.alpha_0, rel=1e-6)
+    assert amount.numbers["common"] == pytest.approx(0.9 * GRIPPER.alpha_0, rel=1e-6)

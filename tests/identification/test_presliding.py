@@ -228,10 +228,17 @@ def test_a_displacement_that_is_rounding_has_no_stiffness(size: float) -> None:
 
 
 def cycles(
-    seed: int, delay: float, *, sine: bool = False, softer: float = 0.0, bits: int = 20, noise: float = 1e-3
+    seed: int,
+    delay: float,
+    *,
+    sine: bool = False,
+    softer: float = 0.0,
+    bits: int = 20,
+    noise: float = 1e-3,
+    seconds: float = 32.0,
 ) -> Record:
-    """Two slow cycles to 0.85 g0 in each direction with the torque logged late, s; a bristle that softens more, or not."""
-    t = np.arange(0, 32, 0.005)
+    """Slow cycles of 16 s to 0.85 g0 in each direction with the torque logged late, s; a bristle that softens more, or not."""
+    t = np.arange(0, seconds, 0.005)
     wave = np.sin(2 * np.pi * t / 16) if sine else np.interp(t % 16, [0, 4, 8, 12, 16], [0, 1, 0, -1, 0])
     torque = 0.85 * G0 * wave
     dT = np.diff(torque, prepend=0.0)
@@ -274,3 +281,17 @@ def test_a_torque_that_is_held_at_its_turns_names_no_delay(half: float) -> None:
     y = np.cumsum(dT / (GRIPPER.sigma_0 * (1 - np.sign(dT) * torque / G0)))
     noise = 0.01 * G0 * np.random.default_rng(5).standard_normal(t.size)
     assert delays(Record(file="held.csv", time=t, position=y, torque=torque + noise)) == []
+
+
+@pytest.mark.parametrize("bits", [12, 16, 20])
+def test_cycles_that_move_are_said(bits: int) -> None:
+    """A position that drifts by a few percent of the range in a cycle is named with its share; cycles that come back are not."""
+    record = cycles(3, 0.0, bits=bits, seconds=64.0)
+    still = identify_presliding([record], {"+": LEVEL, "-": LEVEL}, None, FitOptions(), None, "revolute")
+    assert Kind.CYCLES_MOVE not in {d.kind for d in still.warnings}
+    assert len(still.loops) == 3
+    across = 2 * still.loops[0].displacement_amplitude
+    moved = replace(record, position=np.asarray(record.position) - 0.04 * across * record.time / 16)
+    found = identify_presliding([moved], {"+": LEVEL, "-": LEVEL}, None, FitOptions(), None, "revolute")
+    (said,) = [d for d in found.warnings if d.kind is Kind.CYCLES_MOVE]
+    assert said.numbers["share"] == pytest.approx(-0.04, rel=0.1)

@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Thresholds, find_segments
 from bristle.data.differentiation import smoothed
 from bristle.data.record import Record
@@ -177,14 +176,15 @@ def _until_unloaded(record: Record, loading: Loading) -> tuple[int, int]:
 
 
 def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
+    """Whether position and torque go together in the stretches that load; each begins anew, where the joint slid to."""
     if record.position is None or record.torque is None or np.count_nonzero(loaded) < 2:
         return False
-    q, T = _centred(record.position[loaded]), _centred(record.torque[loaded])
+    bounds = np.flatnonzero(np.diff(loaded, prepend=False, append=False)).reshape(-1, 2)
+    q, T = (
+        np.concatenate([x[start:stop] - x[start:stop].mean() for start, stop in bounds])
+        for x in (record.position, record.torque)
+    )
     return float(q @ T) > _SPRING * float(np.sqrt((q @ q) * (T @ T)))
-
-
-def _centred(x: Array) -> Array:
-    return np.asarray(x - x.mean())
 
 
 def _breaks_away(record: Record, loadings: Sequence[Loading], loaded: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -69,6 +69,8 @@ def to_si(value: object, target: str) -> float:
     if target in ("rad", "m") and (per := _PER_TURN.fullmatch(text)) and 0 < float(per[1]) < LARGEST:
         return _sane(factor(per[2], target) / float(per[1]), value, target)
     match = _QUANTITY.fullmatch(text)
+    if match and target in ("rad", "m") and _COUNTS.match(match[2]) and "/" in match[2]:
+        raise InputError(f"got {short(value)}; expected a positive number of counts, such as '4096 counts/rev'")
     if match and match[2]:
         return _sane(float(match[1]) * factor(match[2], target), value, target)
     raise InputError(f"got {short(value)}; expected a number with its unit, such as {_example(target)}")

@@ -143,7 +143,9 @@ def _training(measured: Measured) -> tuple[Record, ...]:
     for record in measured.slow:
         if record.position is not None and record.torque is not None:
             bent = record.position - record.position.mean()
-            refuse_noise(experiment, bent, record.torque, f"of {record.file}", np.zeros((bent.size, 0)))
+            refuse_noise(
+                experiment, bent, record.torque, f"of {record.file}, taken as presliding", np.zeros((bent.size, 0))
+            )
     if training:
         refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)

@@ -98,10 +98,11 @@ def advised(fit: StaticFit) -> StaticFit:
 
 
 def _share(changed: Any) -> float:
-    """Of the squares that a fit leaves, what a change of it explains."""
+    """Of the squares that a fit leaves, what a change of it explains; all where it predicts parts held out, which strays do not make it do."""
+    if changed.kind is Kind.SET_UP_PAYS:
+        return 1.0
     x = changed.numbers
-    before = x.get("now", x.get("asked"))
-    return float(x["share"] if "share" in x else 1 - (x["error"] / before) ** 2)
+    return float(x["share"] if "share" in x else 1 - (x["error"] / x["now"]) ** 2)
 
 
 def _named(search: PointSearch, k: int) -> Diagnostic:
