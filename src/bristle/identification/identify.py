@@ -203,11 +203,12 @@ def _static(
     if points:
         fits, checks = fit_points(measured, points, timings)
         better = better_for_points(measured.experiment, pulled_points(points, fits))
+        fits = {d: advised(better.warned(fit) if better else fit) for d, fit in fits.items()}
         lacks = [w for fit in fits.values() for w in fit.warnings if w.kind is Kind.LACKS_A_TERM][:1]
         for d, fit in fits.items():  # what one direction lacks the joint does
             if all(own.kind is not Kind.LACKS_A_TERM for own in fit.warnings):
                 fits[d] = replace(fit, warnings=(*fit.warnings, *lacks))
-        return {d: advised(better.warned(fit) if better else fit) for d, fit in fits.items()}, checks, ()
+        return fits, checks, ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)
