@@ -1203,13 +1203,9 @@ class Kind(Enum):
     )
     OFFSET_LEFT_OUT = (
         _NOTE,
-        "With separate directions an offset of the torque cannot be told from alpha_0 that differs; it is not fitted.{amount!t}",
-    )
-    OFFSET_IF_ALIKE = (
-        _NOTE,
         (
-            "If alpha_0 were the same in both, the offset would be {offset:.3g} {unit} and alpha_0 {common:.4g}: look whether the torque "
-            "is zero where nothing loads the joint."
+            "An offset of the torque cannot be told from a difference of alpha_0, and is not fitted. If alpha_0 were {common:.4g} in both "
+            "directions, the offset would be {offset:.3g} {unit}: see whether the torque is zero where nothing loads the joint."
         ),
     )
     LOSS_OF_STATIC_FIT = (
@@ -2214,7 +2210,7 @@ REASONS: Mapping[str, str] = {
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (
         "TOO_SHORT TRANSIENT AT_REST ACCELERATING HUNTING UNSTEADY UNSETTLED SATURATED SETTLING POINT_AT_REST POINT_TOO_SLOW BELOW_BREAKAWAY "
-        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT OFFSET_IF_ALIKE"
+        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT"
     ),
     "A part of another sentence, whose severity counts.": (
         "OR_MINIMUM_DURATION G0_BY_BEND TERM_EXPLAINS DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY "

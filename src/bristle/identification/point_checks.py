@@ -67,7 +67,7 @@ def point_warnings(
 def offset_left_out(
     experiment: Experiment, static: Mapping[str, StaticFit], told: Sequence[Diagnostic]
 ) -> list[Diagnostic]:
-    """That an offset is not fitted beside a friction of each direction, and what it would be, where nothing says so yet.
+    """That an offset is not fitted beside a friction of each direction, and what it would be, where alpha_0 differs and nothing says so yet.
 
     Args:
         experiment: how its directions are fitted.
@@ -81,12 +81,12 @@ def offset_left_out(
         or Kind.OFFSET_OR_FRICTION in said
     ):
         return []
-    plus, minus = (static[d].parameters["alpha_0"].value for d in ("+", "-"))
-    amount: tuple[Diagnostic, ...] = ()
-    if plus is not None and minus is not None:
-        common, of = (plus + minus) / 2, unit("torque", experiment.joint.kind)
-        amount = (Kind.OFFSET_IF_ALIKE(offset=(plus - minus) / 2, unit=of, common=common),)
-    return [Kind.OFFSET_LEFT_OUT(amount=amount)]
+    values = [(e.value, e.standard_error or 0.0) for e in (static[d].parameters["alpha_0"] for d in DIRECTIONS)]
+    (plus, one), (minus, other) = values
+    if plus is None or minus is None or abs(plus - minus) < 2 * np.hypot(one, other):
+        return []
+    of = unit("torque", experiment.joint.kind)
+    return [Kind.OFFSET_LEFT_OUT(offset=(plus - minus) / 2, unit=of, common=(plus + minus) / 2)]
 
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Diagnostic]:
