@@ -508,6 +508,14 @@ class Kind(Enum):
             "the speeds in random order."
         ),
     )
+    HOLDS_SWING = (
+        _CAUTION,
+        (
+            "In {count} of {points} holds the velocity swings by up to {swing:.0%} of its mean (rms) where friction bends over speed: the mean "
+            "torque is then not the friction at the mean speed, and is off by up to {ratio:.2g} times the residuals of the fit ({file} {where}). "
+            "Tune the speed loop, or hold these speeds again."
+        ),
+    )
     POINTS_REPEATED = (
         _CAUTION,
         (
@@ -1132,8 +1140,8 @@ class Kind(Enum):
         _CAUTION,
         (
             "Each of {cycles} closed hysteresis cycles ends away from where it began, by {share:+.1%} of its range on average, "
-            "where LuGre under an even torque comes back: the position drifts, the torque has an offset, or friction differs between the "
-            "directions. sigma_0 is off by about half of that or more, one way in (+), the other in (-)."
+            "where LuGre comes back: the position drifts, the torque has an offset, or friction differs between the directions. By a drift "
+            "sigma_0 is off by up to about half of that, one way in (+), the other in (-)."
         ),
     )
     TURNS_LATE = (
@@ -2149,7 +2157,7 @@ REASONS: Mapping[str, str] = {
     "The motion is not the one that the method is for.": "YIELDS NOT_POSITIVE",
     # caution
     "Sticking, a drift or a contradiction moves the point by more than its error.": (
-        "STICK_SLIP POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
+        "STICK_SLIP HOLDS_SWING POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
     ),
     "A pattern is left, which biases what takes part of it up.": (
         "LACKS_A_TERM LACKS_UNKNOWN_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER "

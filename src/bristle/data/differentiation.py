@@ -59,11 +59,12 @@ def usable(record: Record, cutoff: float) -> float:
     return cutoff if cutoff < nyquist else 0.8 * nyquist
 
 
-def smoothed(record: Record, values: Array, cutoff: float) -> Array:
+def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = False) -> Array:
     """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
 
-    Never across a gap. Raises InputError where the cut-off is so far below the sampling rate that the filter's own
-    rounding hides the signal.
+    Never across a gap. Beyond its ends the signal goes on turned about them: about its first and last sample or, where it
+    is `noisy`, about where a line through half a period of the cut-off ends. Raises InputError where the cut-off is so
+    far below the sampling rate that the filter's own rounding hides the signal.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -74,13 +75,23 @@ def smoothed(record: Record, values: Array, cutoff: float) -> Array:
         )
     sections = butter(ORDER, cutoff, fs=1 / record.step, output="sos")
     reach = max(_PAD, round(1 / (record.step * cutoff)))
-    # scipy-stubs cannot tell which of the layouts `butter` returns
-    return np.concatenate(
-        [
-            np.asarray(sosfiltfilt(sections, values[s], padlen=min(reach, s.stop - s.start - 1)), dtype=float)
-            for s in between_gaps(record)
-        ]
-    )
+
+    def one(x: Array) -> Array:
+        """A piece between gaps, (m,)."""
+        pad = min(reach, x.size - 1)
+        if noisy and pad > 1:
+            first, last = (_end(part) for part in (x[pad // 2 :: -1], x[-pad // 2 - 1 :]))
+            x = np.concatenate([2 * first - x[pad:0:-1], x, 2 * last - x[-2 : -pad - 2 : -1]])
+        # scipy-stubs cannot tell which of the layouts `butter` returns
+        smooth = np.asarray(sosfiltfilt(sections, x, padlen=pad), dtype=float)
+        return smooth[pad : x.size - pad] if noisy and pad > 1 else smooth
+
+    return np.concatenate([one(values[s]) for s in between_gaps(record)])
+
+
+def _end(part: Array) -> float:
+    """Where a line through some samples is at the last one."""
+    return float(np.polyfit(np.arange(part.size) - (part.size - 1.0), part, 1)[1])
 
 
 def derivative(record: Record, values: Array, order: int = 1) -> Array:

@@ -249,7 +249,7 @@ def _quantum(record: Record, position: Array, resolution: float | None) -> float
 
 def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
     """A signal, (n,), through the low pass; the signal itself where the cut-off is not below the Nyquist frequency."""
-    return smoothed(record, values, cutoff) if cutoff < 0.5 / record.step else values
+    return smoothed(record, values, cutoff, noisy=True) if cutoff < 0.5 / record.step else values
 
 
 def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

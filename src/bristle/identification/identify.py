@@ -23,6 +23,7 @@ from bristle.identification.measured import Measured, nothing_to_fit
 from bristle.identification.model_selection import compare_on_motion, compare_on_points
 from bristle.identification.moving_runs import (
     DIRECTIONS,
+    loads_slowly,
     refuse_mixed_rates,
     refuse_noise,
     refuse_opposing_runs,
@@ -37,7 +38,7 @@ from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
-from bristle.identification.static.set_up import better_for_motion, better_for_points
+from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
 from bristle.identification.static.stray_report import advised
 from bristle.model.parameters import INERTIA, Direction, ParameterName
 from bristle.progress import Progress, step
@@ -141,11 +142,10 @@ def _training(measured: Measured) -> tuple[Record, ...]:
     """
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     for record in measured.slow:
-        if record.position is not None and record.torque is not None:
-            bent = record.position - record.position.mean()
-            refuse_noise(
-                experiment, bent, record.torque, f"of {record.file}, taken as presliding", np.zeros((bent.size, 0))
-            )
+        q, torque = record.position, record.torque
+        if q is not None and torque is not None and not loads_slowly(record, experiment.fit.presliding_cutoff):
+            nothing = np.zeros((q.size, 0))
+            refuse_noise(experiment, q - q.mean(), torque, f"of {record.file}, taken as presliding", nothing)
     if training:
         refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)
@@ -204,11 +204,7 @@ def _static(
         fits, checks = fit_points(measured, points, timings)
         better = better_for_points(measured.experiment, pulled_points(points, fits))
         fits = {d: advised(better.warned(fit) if better else fit) for d, fit in fits.items()}
-        lacks = [w for fit in fits.values() for w in fit.warnings if w.kind is Kind.LACKS_A_TERM][:1]
-        for d, fit in fits.items():  # what one direction lacks the joint does
-            if all(own.kind is not Kind.LACKS_A_TERM for own in fit.warnings):
-                fits[d] = replace(fit, warnings=(*fit.warnings, *lacks))
-        return fits, checks, ()
+        return with_one_advice(fits), checks, ()
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)

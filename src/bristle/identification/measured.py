@@ -13,6 +13,7 @@ from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, short, short_list
+from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.points import PointSearch, search_points, without_strays
 
 _STILL = 1e-12
@@ -129,8 +130,19 @@ def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segmen
 
 def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
     if run.kind == "ramp":
-        return find_segments(run.record, experiment.segments, experiment.encoder_resolution)
+        return _with_loads(run.record, find_segments(run.record, experiment.segments, experiment.encoder_resolution))
     return _given_points(run.record, experiment.segments.minimum_velocity) if run.kind == "points" else ()
+
+
+def _with_loads(record: Record, segments: tuple[Segment, ...]) -> tuple[Segment, ...]:
+    """The segments with what gravity's terms are on average while the joint passes: over a long hold not what they are in its middle."""
+    q = record.position
+    if q is None:
+        return segments
+    columns = load_columns(("gravity",), lambda _: q, q.size)
+    return tuple(
+        replace(s, loads={name: float(x[s.start : s.stop].mean()) for name, x in columns.items()}) for s in segments
+    )
 
 
 def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:

@@ -11,6 +11,7 @@ from scipy import signal, sparse
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
+from bristle.data.differentiation import smoothed
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
@@ -23,6 +24,8 @@ from bristle.model.functions import load_terms_function
 from bristle.model.parameters import ParameterName
 from bristle.model.vectorize import evaluate
 
+_PASSES, _MOSTLY = 0.3, 0.5
+"""A slow torque passes its mean less often, in periods of the cut-off (noise: 1.15), and has more of the variance."""
 _RELATED = 0.01
 """Probability, by chance, of so close a relation between torque and motion."""
 _ROUGHER = 3.0
@@ -121,6 +124,15 @@ def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str
             f"{experiment.path.name}: the torque has nothing to do with the motion {what}, and is noise of {np.std(torque):.3g} "
             f"about {np.mean(torque):.3g} (SI); name the column of the torque under signals, or move against more friction than that noise"
         )
+
+
+def loads_slowly(record: Record, cutoff: float) -> bool:
+    """Whether the torque of a record is mostly slow, Hz, and turns seldom, as one that is commanded does and noise does not."""
+    torque = np.asarray(record.torque)
+    slow = smoothed(record, torque, cutoff, noisy=True) if cutoff < 0.5 / record.step else torque
+    passes = np.count_nonzero(np.diff(np.signbit(slow - slow.mean())))
+    seldom = passes < max(_PASSES * cutoff * torque.size * record.step, 2)
+    return bool(seldom and np.var(slow) > _MOSTLY * np.var(torque))
 
 
 def refuse_opposing(

@@ -16,9 +16,12 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
+from bristle.identification.same_runs import is_superseded
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.strays import refit
+from bristle.model import functions
 from bristle.model.parameters import Direction, ParameterName, unit
+from bristle.model.vectorize import evaluate
 
 _RARE = 5e-4
 """Of clean experiments, in which a test finds something all the same."""
@@ -30,6 +33,10 @@ _MANY = 10
 """Points of a direction whose torque may go with their rows ..."""
 _COPIES = 3
 """Points that repeat others, from which that is no chance."""
+_SWINGS = 0.15
+"""Of its mean: a velocity that swings by less, rms, bends no torque."""
+_PHASES = 16
+"""Of a sine, for the average over it."""
 _MIXED = 0.5
 """... and the rank correlation of speed and row up to which that is no matter of speed."""
 _IN_ORDER = 0.9
@@ -59,6 +66,7 @@ def point_warnings(
     scatter = [fit.rms for fit in static.values() if fit.rms is not None]
     if scatter:
         yield from _drift([s for s in points if s.file in records], records, max(scatter))
+    yield from _swinging(points, static)
     yield from _drift_by_row(measured, points)
     yield from _repeated(measured, points)
     yield from _offset(measured, points)
@@ -75,10 +83,12 @@ def offset_left_out(
         told: warnings of the joint.
     """
     said = {w.kind for w in (*told, *(w for fit in static.values() for w in fit.warnings))}
+    superseded = any(is_superseded(fit) for fit in static.values())
     if (
         experiment.fit.directions != "separate"
         or not set(DIRECTIONS) <= static.keys()
         or Kind.OFFSET_OR_FRICTION in said
+        or superseded
     ):
         return []
     values = [(e.value, e.standard_error or 0.0) for e in (static[d].parameters["alpha_0"] for d in DIRECTIONS)]
@@ -141,6 +151,31 @@ def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Dia
         if abs(across) > 2 * np.sqrt(free.cost / freedom):
             share = abs(across) / float(np.median(np.abs(law.torque)))
             yield Kind.DRIFT_OF_ROWS(direction=d, file=file, across=across, share=share)
+
+
+def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Diagnostic]:
+    """Holds whose velocity swings where friction bends over speed: the mean torque is off the friction at the mean speed.
+
+    What a sine of that size would do to it is the average of the fitted law over the sine.
+    """
+    phases = np.sin(2 * np.pi * (np.arange(_PHASES) + 0.5) / _PHASES)
+    off = list[tuple[float, Segment]]()
+    for d, fit in static.items():
+        law, sign = fit.values(), DIRECTIONS.get(d)
+        own = [s for s in points if s.swing > _SWINGS * abs(s.velocity) and (sign is None or s.velocity * sign > 0)]
+        if law is None or not fit.rms or not own:
+            continue
+        v, swing = (np.array([[getattr(s, name)] for s in own]) for name in ("velocity", "swing"))
+        speeds = np.hstack([np.abs(v), np.abs(v) + np.sqrt(2) * swing * phases])
+        (torque,) = evaluate(functions.steady_torque_function(), speeds, *law)
+        moved: Array = torque[:, 1:].mean(axis=1) - torque[:, 0]
+        off += [(float(x) / fit.rms, s) for s, x in zip(own, np.abs(moved), strict=True) if x > fit.rms]
+    if off:
+        ratio, worst = max(off, key=lambda x: x[0])
+        largest = max(s.swing / abs(s.velocity) for _, s in off)
+        yield Kind.HOLDS_SWING(
+            count=len(off), points=len(points), swing=largest, file=worst.file, where=worst.where, ratio=ratio
+        )
 
 
 def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:

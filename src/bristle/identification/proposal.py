@@ -13,6 +13,7 @@ from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.identification.measured import Measured, measure
 from bristle.identification.moving_runs import ONE_RATE, refuse_opposing_runs, regressor_line
+from bristle.identification.static.runs import refuse_opposing_points
 from bristle.identification.static.set_up import (
     BetterSetUp,
     better_for_motion,
@@ -24,6 +25,8 @@ from bristle.progress import Progress, teller
 
 _MIXED = 0.25
 """Of a run's motion: more of another experiment is said."""
+_BETWEEN = 0.5
+"""The same of a run that holds velocities, and has to get from one to the next."""
 _NOTHING = 100.0
 """Percent: an error of so much tells nothing."""
 _ANY: RunKind = "ramp"
@@ -46,7 +49,7 @@ def draft_of_logs(
     tell = teller(progress, 3)
     tell("reading the logs")
     draft = draft_experiment(files, told, folder)
-    path = (files[0].parent if folder is None else folder) / "draft.yaml"
+    path = (files[0].parent if folder is None else folder) / f"the draft for {files[0].name}"
     runs = [DraftedRun("points", "neither time nor position is logged")] * len(files)
     said = list(draft.guessed)
     if not draft.of_points:
@@ -73,7 +76,7 @@ def _sorted(draft: Draft, experiment: Experiment, read: Sequence[Run]) -> tuple[
             said.append(
                 f"runs: {file} is left out: tracking runs of one experiment have one sampling rate; draft it by itself"
             )
-        elif does.unused(kind) > _MIXED:
+        elif does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED):
             said.append(
                 f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
             )
@@ -134,6 +137,8 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
         *([proposed_for_motion(measured.experiment, moving)] if moving else []),
     ]
     known = [proposal for proposal in proposals if proposal is not None]
+    if points and not any("gravity" in x.set_up.regressors for x in known):
+        refuse_opposing_points(measured.experiment, points, ("offset",))
     if not known:
         return "", ""
     apart = any(x.set_up.directions != ("both",) for x in known)

@@ -61,6 +61,10 @@ class Segment:
     """temperature and load of its run."""
     torque_shifts: Mapping[str, Number] = field(default_factory=dict, metadata=UNWRITTEN)
     """Change of the mean torque per standard error of each constant behind it, N*m, as in `Record`."""
+    loads: Mapping[str, Number] = field(default_factory=dict, metadata=UNWRITTEN)
+    """Means of what multiplies the parameters of gravity (`law.load_terms`); empty of a given point, whose position tells them."""
+    swing: Number = field(default=0.0, metadata=UNWRITTEN)
+    """Standard deviation of the velocity that is not noise, rad/s; 0 where noise hides it."""
     line: int | None = None
     """Of its first sample, the line in the file; None where that is not known."""
     last_line: int | None = None
@@ -188,6 +192,7 @@ def _segment(
         time=float(middle),
         position=None if record.position is None else float(record.position[part].mean()),
         torque_shifts={name: float(shift[part].mean()) for name, shift in record.torque_shifts.items()},
+        swing=e.swing,
         labels=record.labels,
     )
 

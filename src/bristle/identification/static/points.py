@@ -157,7 +157,11 @@ def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Seq
         """Of each point, (n,)."""
         return np.array([getattr(s, name) for s in points], dtype=float)
 
-    velocity, torque, extra = signal("velocity"), signal("torque"), load_columns(asked, signal, len(points))
+    velocity, torque, middles = signal("velocity"), signal("torque"), load_columns(asked, signal, len(points))
+    extra = {
+        name: np.array([s.loads.get(name, x) for s, x in zip(points, middle, strict=True)])
+        for name, middle in middles.items()
+    }
     names = dict.fromkeys(name for s in points for name in s.torque_shifts)
     shifts = {name: np.array([s.torque_shifts.get(name, 0.0) for s in points]) for name in names}
     return from_points(velocity, torque, sides, extra, shifts)

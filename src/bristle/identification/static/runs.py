@@ -24,6 +24,20 @@ from bristle.identification.static.problem import Regression, from_records, with
 from bristle.model.parameters import INERTIA, Stribeck
 
 
+def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], asked: Sequence[str]) -> None:
+    """Raise InputError where the torque of points is noise, or opposes their velocity: of each direction, or of both about an offset.
+
+    Where gravity is asked for, which may outweigh friction, nothing is refused.
+    """
+    v, T = (np.array([getattr(s, name) for s in points]) for name in ("velocity", "torque"))
+    for d, sign in DIRECTIONS.items() if not asked else ():
+        own = v * sign > 0
+        refuse_opposing(experiment, v[own], T[own], f"at the {np.count_nonzero(own)} points of direction {d}")
+    if asked and "gravity" not in asked and v.size and v.min() < 0 < v.max():
+        middle = (T[v > 0].mean() + T[v < 0].mean()) / 2
+        refuse_opposing(experiment, v, T - middle, f"at the {v.size} points, an offset apart")
+
+
 def fit_points(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
@@ -40,9 +54,7 @@ def fit_points(
     held = measured.points(hold_out=True)
     static: dict[str, StaticFit] = {}
     checks: dict[str, Crosscheck] = {}
-    for d, sign in DIRECTIONS.items() if not asked else ():
-        v, T = (np.array([getattr(s, x) for s in points if s.velocity * sign > 0]) for x in ("velocity", "torque"))
-        refuse_opposing(experiment, v, T, f"at the {v.size} points of direction {d}")
+    refuse_opposing_points(experiment, points, asked)
     searches = {search.sides: search for search in measured.searches}
     for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())

@@ -4,7 +4,7 @@ Friction without a bristle, with columns at a few v_s in place of the Stribeck t
 small solve.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple, TypeVar
@@ -89,6 +89,18 @@ class BetterSetUp:
         """What to write under `fit`, on one line."""
         apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
         return f"{apart}{regressor_line(self.set_up.regressors)}"
+
+
+def with_one_advice(fits: Mapping[str, StaticFit]) -> dict[str, StaticFit]:
+    """The fits, of which each has what one of them lacks: a term belongs to the joint; one that predicts parts held out goes before a test's."""
+    lacks = [w for fit in fits.values() for w in fit.warnings if not _is_other(w)]
+    tried = [w for w in lacks if w.numbers["advice"].kind is Kind.SET_UP_PAYS]
+    given = {}
+    for d, fit in fits.items():
+        own = [w for w in fit.warnings if not _is_other(w)]
+        rest = tuple(filter(_is_other, fit.warnings))
+        given[d] = replace(fit, warnings=(*(tried or own or lacks)[:1], *rest))
+    return given
 
 
 def _is_other(warning: Diagnostic) -> bool:
