@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
 from bristle.diagnostics import REASONS, Diagnostic, Kind, Severity
 
@@ -141,6 +142,20 @@ def test_a_diagnostic_is_a_value() -> None:
     assert type(Kind.ILL_CONDITIONED(condition=np.float64(1e4)).numbers["condition"]) is float
     with pytest.raises(FrozenInstanceError):
         made.kind = Kind.BOUND  # type: ignore[misc]
+
+
+def test_a_diagnostic_of_another_version_keeps_its_sentence() -> None:
+    """One that lacks a number which its sentence names by now is read with the sentence that was written."""
+    read = TypeAdapter(Diagnostic)
+    written = {
+        "kind": "STRAYS",
+        "severity": "caution",
+        "text": "As it was.",
+        "numbers": {"count": 1},
+        "subject": ["static", "+"],
+    }
+    found = read.validate_python(written)
+    assert (str(found), found.kind, found.subject) == ("As it was.", Kind.UNKNOWN, ("static", "+"))
 
 
 def test_but_changes_a_copy() -> None:

@@ -42,6 +42,18 @@ def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
     np.testing.assert_allclose(smoothed(_record(t, sine), sine, 20.0)[inside], sine[inside] / 2, atol=2e-3)
 
 
+def test_a_noisy_end_does_not_pin_the_signal() -> None:
+    """The ends of a ramp come back with hardly any of the noise of the end samples; a ramp without noise comes back as it is, either way."""
+    time, rng = np.arange(2000) / 500, np.random.default_rng(5)
+    ramp, record = 0.3 * time, _record(time, time)
+    for noisy in (False, True):
+        assert smoothed(record, ramp, 2.0, noisy=noisy) == pytest.approx(ramp, abs=2e-3)
+    noise = rng.standard_normal((200, time.size))
+    ends = {noisy: [smoothed(record, ramp + x, 2.0, noisy=noisy)[0] for x in noise] for noisy in (False, True)}
+    assert np.std(ends[True]) < 0.35
+    assert np.std(ends[False]) == pytest.approx(1, rel=0.15)
+
+
 def test_nothing_crosses_a_gap() -> None:
     """Each segment is what it would be alone, whatever stands in the other."""
     t = np.arange(100) * 1e-2

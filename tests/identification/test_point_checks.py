@@ -1,5 +1,6 @@
 """What points cannot tell apart is said: drift in the order of speed, an offset or friction that differs, and a torque of noise alone."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +9,16 @@ import pytest
 import bristle
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment, find_segments
-from bristle.data.differentiation import estimate_motion
+from bristle.data.differentiation import estimate_motion, smoothed
 from bristle.data.experiment.load import Run, load_experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import refuse_opposing, smeared_by_counts, unrelated
+from bristle.identification.moving_runs import loads_slowly, refuse_opposing, smeared_by_counts, unrelated
 from bristle.identification.point_checks import point_warnings
+from bristle.identification.static.runs import refuse_opposing_points
 from bristle.model.parameters import Lugre, ParameterName
 from bristle.simulation.bench import steady_points
 
@@ -127,6 +129,45 @@ def test_a_drift_over_the_rows_of_points_is_said(tmp_path: Path) -> None:
     assert sum(bool(rows(tmp_path, both, 0.0, seed)) for seed in range(100)) <= 1
 
 
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.35])
+def test_holds_that_swing_are_said(tmp_path: Path, share: float) -> None:
+    """A speed loop that swings by a third of the speed moves the mean torque, and is named with its size; one by a tenth does not."""
+    rng, rate = np.random.default_rng(6), 500
+    v = np.repeat(np.concatenate([SPEEDS, -SPEEDS]), 3 * rate)
+    time = np.arange(v.size) / rate
+    swinging = v * (1 + share * np.sin(2 * np.pi * 7 * time))
+    (torque,) = steady_points(TRUTH, swinging, NOISE, rng, 1)
+    record = Record(file="ramps.csv", time=time, velocity=swinging, torque=torque)
+    segments = find_segments(record, measured(tmp_path, (), ()).experiment.segments)
+    law = {name: Estimate(value=getattr(TRUTH, name), unit="") for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")}
+    static = {d: replace(fit, parameters=law) for d, fit in fits(NOISE / np.sqrt(600)).items()}
+    kept = [s for s in segments if s.accepted]
+    found = point_warnings(measured(tmp_path, (Run(kind="ramp", record=record),), (segments,)), kept, static)
+    said = [d for d in found if d.kind is Kind.HOLDS_SWING]
+    assert len(said) == (share > 0.2)
+    for d in said:
+        assert d.numbers["swing"] == pytest.approx(share / np.sqrt(2), rel=0.1)
+
+
+def test_gravity_of_a_hold_is_its_mean(tmp_path: Path) -> None:
+    """Holds that pass most of a turn: friction and gravity come back with the means of sin and cos, not with those of the middle."""
+    rate, K = 200, 0.15 * TRUTH.alpha_0
+    v = np.concatenate([np.full(int(min(4.0 / s, 20) * rate), x) for s in SPEEDS for x in (s, -s)])
+    time, q = np.arange(v.size) / rate, np.cumsum(v) / rate
+    torque = steady_points(TRUTH, v, 0.05 * TRUTH.alpha_0, np.random.default_rng(0), 1)[0] + K * np.sin(q)
+    np.savetxt(tmp_path / "log.csv", np.column_stack([time, q, torque]), "%.17g", ",", header="t,q,tau", comments="")
+    (tmp_path / "e.yaml").write_text(
+        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        "  torque: {column: tau, unit: N*m}\nruns: [{files: log.csv, experiment: ramp}]\n"
+        "fit: {directions: symmetric, regressors: [gravity]}\n",
+        encoding="utf-8",
+    )
+    found = bristle.identify(tmp_path / "e.yaml").joints[0].static["both"].parameters
+    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
+        assert found[name].value == pytest.approx(getattr(TRUTH, name), rel=0.03)
+    assert found["gravity_sin"].value == pytest.approx(K, rel=0.03)
+
+
 def test_points_that_are_written_twice_are_said(tmp_path: Path) -> None:
     """Copies of points are named, with what they do to the errors; a speed that was measured twice, or a torque that recurs, is no copy."""
     rng, v = np.random.default_rng(4), np.geomspace(0.05, 2, 8)
@@ -211,6 +252,20 @@ def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Pa
     refuse_opposing(own, v, friction, "at the points")
     with pytest.raises(InputError, match="scale: -1"):
         refuse_opposing(own, v, -friction, "at the points")
+    both = np.concatenate([v, -v])
+    for way in (1.0, -1.0):
+        points = [
+            Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=y, standard_error=None, accepted=True)
+            for k, (x, y) in enumerate(
+                zip(both.tolist(), (way * np.concatenate([friction, -friction]) + 0.1).tolist(), strict=True)
+            )
+        ]
+        refuse_opposing_points(own, points, ("gravity",))
+        if way < 0:
+            with pytest.raises(InputError, match="scale: -1"):
+                refuse_opposing_points(own, points, ("offset",))
+        else:
+            refuse_opposing_points(own, points, ("offset",))
 
 
 @pytest.mark.parametrize("kind", ["tracking", "presliding"])
@@ -228,6 +283,16 @@ def test_runs_whose_torque_is_noise_are_refused(tmp_path: Path, kind: str, level
     with pytest.raises(InputError, match=r"nothing to do with the motion .* is noise of") as caught:
         bristle.identify(tmp_path / "e.yaml")
     assert "scale" not in str(caught.value)
+
+
+@pytest.mark.parametrize("reach", [0.8, 1.1, 1.3])
+def test_a_slow_torque_is_no_noise(reach: float) -> None:
+    """Cycles of a slow torque, noisy ones too, are commanded, however little the position goes with them; noise, slow or white, is not."""
+    t, rng = np.arange(20_000) / 500, np.random.default_rng(8)
+    cycle = reach * np.interp(t % 20, [0, 5, 15, 20], [0, 1, -1, 0]) + 0.05 * rng.standard_normal(t.size)
+    noise = rng.standard_normal(t.size)
+    slow = smoothed(Record(file="a", time=t), noise, 1.5)
+    assert [loads_slowly(Record(file="a", time=t, torque=x), 2.0) for x in (cycle, noise, slow)] == [True, False, False]
 
 
 @pytest.mark.parametrize("coarser", [4.0, 16.0])

@@ -40,14 +40,15 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     out = {d: _superseded(d, fit, moving) if _is_poorer(fit, moving) else fit for d, fit in static.items()}
     pairs = {(d, name): e for d, fit in out.items() for name in fit.parameters if (e := _other(name, d, fit, moving))}
     limit = float(ndtri(1 - _LEVEL / (2 * max(len(pairs), 1))))
+    trust = Kind.MOVING_IN_DOUBT() if _is_in_doubt(moving) else Kind.BELIEVE_MOVING()
     for (d, name), other in pairs.items():
         own = out[d].parameters[name]
         error, reach = own.standard_error or 0.0, other.standard_error or 0.0
         apart = abs((own.value or 0.0) - (other.value or 0.0))
         if apart > max(limit * reach, NORMAL * error):
-            out[d] = _spanning(out[d], name, other, float(np.hypot(error, apart)) / error)
+            out[d] = _spanning(out[d], name, other, float(np.hypot(error, apart)) / error, trust)
         elif is_superseded(out[d]) and reach > error:  # the poorer model knows no more than the better one
-            out[d] = _spanning(out[d], name, other, float(np.hypot(reach, apart)) / error)
+            out[d] = _spanning(out[d], name, other, float(np.hypot(reach, apart)) / error, trust)
     return out
 
 
@@ -58,11 +59,16 @@ def is_superseded(fit: StaticFit) -> bool:
 
 def _is_poorer(fit: StaticFit, moving: TrackingFit) -> bool:
     """Whether LuGre's fit is not in doubt, finds friction, and explains by presliding what the static law leaves."""
-    critical = any(w.severity is Severity.CRITICAL for w in moving.all_warnings())
     unseen = any(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0")
-    if critical or unseen or any(w.kind not in _NO_DOUBT for w in _doubts(moving.warnings)):
+    if unseen or _is_in_doubt(moving):
         return False
     return fit.relative_error is not None and moving.relative_error**2 < _LEFT * fit.relative_error**2
+
+
+def _is_in_doubt(moving: TrackingFit) -> bool:
+    """Whether anything is critical about LuGre's fit, or anything that is not about single numbers calls for caution."""
+    critical = any(w.severity is Severity.CRITICAL for w in moving.all_warnings())
+    return critical or any(w.kind not in _NO_DOUBT for w in _doubts(moving.warnings))
 
 
 def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFit:
@@ -110,7 +116,7 @@ def _other(name: str, direction: str, fit: StaticFit, moving: TrackingFit) -> Es
     return None if own_alone else other  # with a peak on one side only, the law with it is the fuller one
 
 
-def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float) -> StaticFit:
+def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float, trust: Diagnostic) -> StaticFit:
     """The fit with the standard error of one parameter multiplied, so that it spans its distance to another estimate."""
     own = fit.parameters[name]
     value, error = own.value or 0.0, own.standard_error or 1.0
@@ -119,8 +125,9 @@ def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float) -> Stat
     if ends is not None:
         low, high = spread(np.array(ends)).tolist()
         ends = combined((low, high), value, own.systematic or 0.0, least_of(name))
-    said = Kind.WIDENED_TO_MOVING if is_superseded(fit) else Kind.STATIC_WITHOUT_PRESLIDING
-    why = said(value=other.value, error=other.standard_error, unit=own.unit, factor=factor)
+    numbers = {"value": other.value, "error": other.standard_error, "unit": own.unit, "factor": factor}
+    superseded = is_superseded(fit)
+    why = Kind.WIDENED_TO_MOVING(**numbers) if superseded else Kind.STATIC_WITHOUT_PRESLIDING(**numbers, trust=trust)
     wider = replace(own, standard_error=factor * error, interval=ends, warnings=(*own.warnings, why))
     by = np.array([factor if n == name else 1.0 for n in fit.names])
     return replace(
