@@ -59,6 +59,10 @@ def usable(record: Record, cutoff: float) -> float:
     return cutoff if cutoff < nyquist else 0.8 * nyquist
 
 
+_STEP = 4.0
+"""Standard deviations of the samples about it, by which the end of a noisy signal is off only after a step."""
+
+
 def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = False) -> Array:
     """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
 
@@ -90,8 +94,11 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
 
 
 def _end(part: Array) -> float:
-    """Where a line through some samples is at the last one."""
-    return float(np.polyfit(np.arange(part.size) - (part.size - 1.0), part, 1)[1])
+    """Where a line through some samples is at the last one; that sample itself where it is further off than noise: a step."""
+    at = np.arange(part.size) - (part.size - 1.0)
+    slope, level = np.polyfit(at, part, 1).tolist()
+    scatter = float(np.std(part - slope * at - level))
+    return float(part[-1]) if abs(part[-1] - level) > _STEP * scatter else float(level)
 
 
 def derivative(record: Record, values: Array, order: int = 1) -> Array:
