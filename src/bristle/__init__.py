@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         compare,
         complete,
         draft,
+        fit,
         identify,
         inspect,
         plan,
@@ -24,9 +25,11 @@ if TYPE_CHECKING:
         write_comparison,
     )
     from bristle.data.experiment.draft import Told
+    from bristle.questions.array_fit.fit import Fit
 
 __version__ = "0.1.0"
 __all__ = [
+    "Fit",
     "Results",
     "Told",
     "__version__",
@@ -34,6 +37,7 @@ __all__ = [
     "compare",
     "complete",
     "draft",
+    "fit",
     "identify",
     "inspect",
     "plan",

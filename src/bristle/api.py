@@ -1,19 +1,21 @@
 """What `import bristle` offers: experiment files in, results out. The command line only calls these."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bristle.data.experiment.draft import Told
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.diagnostics import Diagnostic, Severity
-from bristle.errors import InputError
+from bristle.errors import InputError, short, short_list
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured, measure
 from bristle.identification.proposal import completed, draft_of_logs
 from bristle.identification.results import Joint
+from bristle.model.parameters import Kind
 from bristle.progress import Progress, step
+from bristle.questions.array_fit.fit import Fit, fit_points
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
@@ -31,6 +33,7 @@ from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 
 if TYPE_CHECKING:
     import pandas as pd
+    from numpy.typing import ArrayLike
 
 Source = Experiment | Path | str
 
@@ -123,6 +126,60 @@ def identify(
         )
         timings |= {f"{experiment.joint.name}: {what}": seconds for what, seconds in spent.items()}
     return Results(joints=tuple(joints), timings=timings)
+
+
+def fit(
+    data: "ArrayLike | pd.DataFrame",
+    /,
+    torque: "ArrayLike | str | None" = None,
+    *,
+    velocity: str | None = None,
+    position: "ArrayLike | str | None" = None,
+    units: Mapping[str, str] | None = None,
+    kind: Kind = "revolute",
+    **options: Any,
+) -> Fit:
+    """Coulomb, Stribeck and viscous friction (9) from points of velocity and torque: what `identify` gives for a file of them.
+
+    >>> import bristle
+    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
+    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
+    >>> found = bristle.fit(v, T, directions="symmetric")
+    >>> round(found.params["alpha_0"], 4)
+    0.0193
+    >>> found.predict([0.5]).round(3)
+    array([0.039])
+
+    Args:
+        data: velocities, rad/s (m/s where prismatic), (n,); or a data frame, of which `velocity`, `torque` and `position` name columns.
+        torque: of the drive, positive along positive velocity, N*m (N), (n,).
+        velocity: the column of a data frame.
+        position: rad (m), (n,), where gravity is among the regressors.
+        units: of `velocity`, `torque` or `position` where they are not in SI, such as `{"velocity": "deg/s"}`.
+        kind: of the joint, `revolute` or `prismatic`.
+        options: as under `fit` in an experiment file: `directions`, `regressors`, `loss`, `stray`, `model`, `v_s_range`.
+
+    Raises InputError in one sentence where an array is no n finite numbers (missing values are named by row), an option is
+    unknown, or the points cannot be fitted.
+    """
+    signals: dict[str, Any] = {"velocity": data, "torque": torque, "position": position}
+    if hasattr(data, "columns"):
+        signals = {"velocity": _of_frame(data, velocity, "velocity"), "torque": _of_frame(data, torque, "torque")}
+        signals |= {} if position is None else {"position": _of_frame(data, position, "position")}
+    elif velocity is not None:
+        raise InputError("velocity: names a column of a data frame; got arrays, of which the first is the velocity")
+    if signals["torque"] is None:
+        raise InputError("torque: missing; give n torques beside n velocities, or name the column of a data frame")
+    return fit_points(signals, units or {}, kind, options)
+
+
+def _of_frame(frame: Any, column: Any, name: str) -> Any:
+    """A column of a data frame. Raises InputError where it has none of that name."""
+    if not isinstance(column, str) or column not in frame.columns:
+        raise InputError(
+            f"{name}: got {short(column)}; expected one of the data frame's columns: {short_list(map(str, frame.columns))}"
+        )
+    return frame[column].to_numpy()
 
 
 def adapt(

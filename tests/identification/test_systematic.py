@@ -20,12 +20,12 @@ from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Joint
+from bristle.identification.static.curve import band
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.identification.systematic import NORMAL, combined, statistical
 from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName, least_of
 from bristle.questions.joint_report.results_file import to_frame
-from bristle.questions.joint_report.static_figures import band
 from bristle.simulation.bench import steady_points
 
 from .conftest import GRIPPER, curve

@@ -16,10 +16,10 @@ from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
 from bristle.identification.results import Input, Joint
+from bristle.identification.static.curve import curve
 from bristle.model.functions import loading_displacement_function, stribeck_shape_function
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
-from bristle.questions.joint_report.static_figures import curve
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 TABLE_1 = {

@@ -15,12 +15,12 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.fits import RunScatter, StaticFit, Uncertainty
 from bristle.identification.results import Joint
+from bristle.identification.static.curve import curve
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind as JointKind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
-from bristle.questions.joint_report.static_figures import curve
 from bristle.questions.joint_report.text import fit_report
 
 from .conftest import TABLE_1

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from bristle.data.record import Record
 from bristle.identification.fits import Stray
 from bristle.identification.results import Joint
+from bristle.identification.static.curve import band
 from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import MOST_POINTS, decimal_log, new_figure, render_as, styled, thinned
 from bristle.questions.joint_report import static_figures
-from bristle.questions.joint_report.static_figures import band
 
 from .conftest import HOSTILE
 

@@ -33,7 +33,7 @@ from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
 from bristle.questions.session_comparison.figures import forest_figure
 from bristle.questions.session_comparison.page import changes
-from bristle.questions.session_comparison.results import Change, Comparison, Fit, Session, SessionJoint
+from bristle.questions.session_comparison.results import Change, Comparison, Session, SessionFit, SessionJoint
 from bristle.simulation.bench import steady_points
 
 from ..sameness import held, without_sentences
@@ -56,13 +56,13 @@ def estimate(
     )
 
 
-def fit_of(*, source: str, parameters: Mapping[str, Estimate], names: Sequence[str] = (), **rest: Any) -> Fit:
+def fit_of(*, source: str, parameters: Mapping[str, Estimate], names: Sequence[str] = (), **rest: Any) -> SessionFit:
     """A fit whose parameters are given by text, as alpha_0+."""
     by_name = {ParameterName.parse(name): e for name, e in parameters.items()}
-    return Fit(source=source, parameters=by_name, names=tuple(map(ParameterName.parse, names)), **rest)
+    return SessionFit(source=source, parameters=by_name, names=tuple(map(ParameterName.parse, names)), **rest)
 
 
-def session(*fits: Fit, joint: str = "wrist", **known: Any) -> Session:
+def session(*fits: SessionFit, joint: str = "wrist", **known: Any) -> Session:
     """A session of one joint."""
     return {
         joint: SessionJoint(kind="revolute", fits=fits)
@@ -71,7 +71,7 @@ def session(*fits: Fit, joint: str = "wrist", **known: Any) -> Session:
     }
 
 
-def plain(values: Mapping[str, float], error: float = 1.0, source: str = "static +", **rest: Any) -> Fit:
+def plain(values: Mapping[str, float], error: float = 1.0, source: str = "static +", **rest: Any) -> SessionFit:
     """A fit of independent normal parameters."""
     return fit_of(source=source, parameters={n: estimate(x, error, n) for n, x in values.items()}, **rest)
 
@@ -89,7 +89,7 @@ def moved(compared: Comparison) -> dict[str, float]:
     return {x.numbers["name"]: x.numbers["percent"] for x in told}
 
 
-def linear(rng: np.random.Generator, n: int, shift: float = 0.0) -> Fit:
+def linear(rng: np.random.Generator, n: int, shift: float = 0.0) -> SessionFit:
     """Least squares of alpha_0 and alpha_2 from n points of known truth; alpha_0 is off by `shift` joint standard errors."""
     v = np.linspace(0.1, 1.0, n)
     columns = np.stack([np.ones(n), v], axis=1)
@@ -230,7 +230,7 @@ def test_few_degrees_of_freedom_widen_the_joint_uncertainty() -> None:
     assert found.p == pytest.approx(2 * stats.t.sf(3 / np.sqrt(2), 6), rel=1e-9)
 
 
-def scaled(value: float, shift: float, constant: str, name: str = "alpha_0") -> Fit:
+def scaled(value: float, shift: float, constant: str, name: str = "alpha_0") -> SessionFit:
     """A fit of one parameter and of the same with the other sign, both moved by an error of a constant."""
     parameters = {n: shifted(estimate(value, 1.0, n), {constant: shift}) for n in (f"{name}+", f"{name}-")}
     return fit_of(source="static +", parameters=parameters, names=tuple(parameters), covariance=np.eye(2))
@@ -251,7 +251,7 @@ def test_a_constant_of_both_sessions_does_not_widen_their_difference(a: float, b
     assert own.sets[0].statistic == pytest.approx((b - a) ** 2 / (2 + 4 * shift**2), rel=1e-6, abs=1e-9)
 
 
-def correlated(shift: float) -> Fit:
+def correlated(shift: float) -> SessionFit:
     """alpha_0 and alpha_2 that are seen almost only as a sum, off by `shift` standard errors each."""
     names, error = ("alpha_0+", "alpha_2+"), 0.1
     covariance = error**2 * np.array([[1.0, -0.98], [-0.98, 1.0]])

@@ -141,6 +141,6 @@ def condition(jacobian: Array) -> float:
     return float(np.linalg.cond(jacobian / np.where(scale == 0, 1.0, scale)))
 
 
-def student(freedom: float) -> float:
-    """Half-width of the 95 % interval in standard errors, by Student's t."""
-    return float(stdtrit(freedom, (1 + LEVEL) / 2))
+def student(freedom: float, level: float = LEVEL) -> float:
+    """Half-width of the interval of a level, 95 %, in standard errors, by Student's t."""
+    return float(stdtrit(freedom, (1 + level) / 2))

@@ -71,6 +71,11 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
     _refuse_repeated(experiment, runs)
+    return measured_of(experiment, runs)
+
+
+def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
+    """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`."""
     whole = Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs))
     searches = search_points(experiment, whole.points(hold_out=False))
     left_out = {s.place: s for s in without_strays(experiment, searches)}

@@ -9,7 +9,7 @@ import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
@@ -40,6 +40,9 @@ from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Motor
 
+if TYPE_CHECKING:
+    from bristle.data.text_table import RawTable
+
 __all__ = [
     "AdaptOptions",
     "Cleaning",
@@ -55,6 +58,7 @@ __all__ = [
     "experiment_of",
     "load_experiment",
     "read_runs",
+    "run_of_table",
 ]
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
@@ -258,11 +262,21 @@ def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:
     return Path(os.path.relpath(match, folder) if Path(match).is_absolute() else match).as_posix()
 
 
+def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
+    """The only run of an experiment, of columns that are no file's. Raises InputError as `read_runs`."""
+    (run,) = experiment.runs
+    return Run(kind=run.experiment, record=_record(experiment, run, table, shown), hold_out=run.hold_out)
+
+
 def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record:
     from bristle.data.text_table import read_table
 
+    table = read_table(path, list(clean.keys_of(experiment.signals_of(run)).values()), shown)
+    return _record(experiment, run, table, shown)
+
+
+def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str) -> Record:
     signals = experiment.signals_of(run)
-    table = read_table(path, list(clean.keys_of(signals).values()), shown)
     labels = {name: value for name in ("temperature", "load") if (value := getattr(run, name)) is not None}
     make = clean.make_points if run.experiment == "points" else clean.make_record
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not finite, and treated as such

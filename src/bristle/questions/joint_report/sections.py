@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.results import Joint
+from bristle.identification.static.curve import band
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import versions
@@ -22,7 +23,6 @@ from bristle.questions.joint_report import (
 )
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import agreement, critical, distinct, pair
-from bristle.questions.joint_report.static_figures import band
 
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
 

@@ -25,9 +25,9 @@ from bristle.questions.session_comparison.explain import hints, incomparable, se
 from bristle.questions.session_comparison.results import (
     Change,
     Comparison,
-    Fit,
     FitPair,
     Session,
+    SessionFit,
     SessionJoint,
     SetChange,
     pairs,
@@ -212,12 +212,12 @@ def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Set
         )
 
 
-def _known(fit: Fit, name: ParameterName) -> bool:
+def _known(fit: SessionFit, name: ParameterName) -> bool:
     """Whether a parameter of a fit's covariance is one of its parameters too, with all its numbers."""
     return name in fit.parameters and usable(fit.parameters[name])
 
 
-def _statistic(a: Fit, b: Fit, names: Sequence[ParameterName]) -> float | None:
+def _statistic(a: SessionFit, b: SessionFit, names: Sequence[ParameterName]) -> float | None:
     """The statistic d' (C_a + C_b)**-1 d over the number of parameters; None where the sum is no covariance, or there is no such number."""
     with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
         apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
@@ -235,18 +235,18 @@ def _statistic(a: Fit, b: Fit, names: Sequence[ParameterName]) -> float | None:
     return statistic if isfinite(statistic) else None
 
 
-def _scaled(fit: Fit, name: ParameterName) -> float:
+def _scaled(fit: SessionFit, name: ParameterName) -> float:
     value = fit.parameters[name].value or 0.0
     return log(value) if name.name in _RATIOS and value > 0 else value
 
 
-def _slope(fit: Fit, name: ParameterName) -> float:
+def _slope(fit: SessionFit, name: ParameterName) -> float:
     """Of `_scaled` by the parameter."""
     value = fit.parameters[name].value or 0.0
     return 1 / value if name.name in _RATIOS and value > 0 else 1.0
 
 
-def _scaled_covariance(fit: Fit, names: Sequence[ParameterName]) -> Array:
+def _scaled_covariance(fit: SessionFit, names: Sequence[ParameterName]) -> Array:
     own = [fit.names.index(name) for name in names]
     slope = np.array([_slope(fit, name) for name in names])
     scaled: Array = fit.covariance[np.ix_(own, own)] * np.outer(slope, slope)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @result
-class Fit:
+class SessionFit:
     """What one fit of a session says."""
 
     source: str
@@ -38,7 +38,7 @@ class SessionJoint:
     """One joint in one session."""
 
     kind: Kind
-    fits: tuple[Fit, ...]
+    fits: tuple[SessionFit, ...]
     """The one to use first stands first."""
     simulated: bool = False
     torque_scale: Diagnostic | None = None
@@ -54,8 +54,8 @@ Session = Mapping[str, SessionJoint]
 class FitPair(NamedTuple):
     """The fits of two sessions that are of one kind."""
 
-    first: Fit
-    second: Fit
+    first: SessionFit
+    second: SessionFit
 
     @property
     def distrusted(self) -> Diagnostic | None:

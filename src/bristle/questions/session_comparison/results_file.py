@@ -18,7 +18,7 @@ from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, Trac
 from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import printable, shortened
-from bristle.questions.session_comparison.results import Fit, Session, SessionJoint
+from bristle.questions.session_comparison.results import Session, SessionFit, SessionJoint
 from bristle.questions.session_comparison.schema_1 import Joint1, MovingFit1, PreslidingFit1, Results1, StaticFit1
 
 LARGEST = 20_000_000
@@ -133,11 +133,11 @@ def _shown(text: str, what: str) -> str:
     return check_name(text, what)
 
 
-def _fits(joint: Joint | Joint1) -> Iterator[Fit]:
+def _fits(joint: Joint | Joint1) -> Iterator[SessionFit]:
     """The fits of a joint in the order in which their numbers are used."""
     for source, moving in (("joint", joint.joint_fit), ("tracking", joint.tracking)):
         if moving is not None:
-            yield Fit(
+            yield SessionFit(
                 source=source,
                 parameters={_name(name): _checked(e) for name, e in moving.parameters.items()},
                 names=tuple(map(_name, moving.names)),
@@ -147,7 +147,7 @@ def _fits(joint: Joint | Joint1) -> Iterator[Fit]:
     for d, fit in joint.static.items():
         if fit.degrees_of_freedom < 0:
             raise InputError(f"a fit has {fit.degrees_of_freedom} degrees of freedom")
-        yield Fit(
+        yield SessionFit(
             source=f"static {d}",
             parameters={_named(name, d): _checked(e) for name, e in fit.parameters.items()},
             names=tuple(_named(name, d) for name in fit.names),
@@ -157,7 +157,7 @@ def _fits(joint: Joint | Joint1) -> Iterator[Fit]:
     for d, slow in _slow(joint).items():
         own = {"edges": slow.edges, "samples": slow.samples}.get(slow.recommended)
         if own is not None:
-            yield Fit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(own)})
+            yield SessionFit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(own)})
 
 
 def _slow(joint: Joint | Joint1) -> Mapping[str, PreslidingFit | PreslidingFit1]:

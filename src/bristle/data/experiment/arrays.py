@@ -1,0 +1,88 @@
+"""Arrays in place of files: the experiment that they stand for, and its run, read as a file's columns are."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.columns import Key
+from bristle.data.experiment.load import Experiment, Run, run_of_table
+from bristle.data.experiment.schema import RunKind
+from bristle.data.experiment.signals import Context
+from bristle.data.experiment.yaml_file import validate
+from bristle.data.text_table import RawTable
+from bristle.errors import InputError, short
+from bristle.model.parameters import Kind, unit
+
+_HERE = Path("arrays")
+"""What results call the file that is none."""
+
+
+def run_of_arrays(
+    what: RunKind,
+    signals: Mapping[str, Any],
+    units: Mapping[str, str],
+    kind: Kind,
+    options: Mapping[str, Any],
+    **more: Any,
+) -> tuple[Experiment, Run]:
+    """The experiment of one run whose signals are arrays, and the run.
+
+    Args:
+        what: which experiment the arrays are of.
+        signals: `time`, `position`, `velocity`, `torque`: anything that NumPy takes for n numbers; None: not measured.
+        units: of signals that are not in SI, such as `deg/s`.
+        kind: of the joint.
+        options: as under `fit` in an experiment file.
+        more: other keys of an experiment file.
+
+    Raises InputError where a signal is not n finite numbers, the first row that is not named; where a unit is of no such
+    signal, or an option is unknown.
+    """
+    columns = {name: _column(name, values) for name, values in signals.items() if values is not None}
+    if unknown := set(units) - set(columns):
+        raise InputError(f"units: got {short(min(unknown))}; expected one of {', '.join(columns)}")
+    sizes = {name: x.size for name, x in columns.items()}
+    if len(set(sizes.values())) > 1:
+        raise InputError(f"arrays differ in length: {', '.join(f'{name} has {n}' for name, n in sizes.items())}")
+    declared = {
+        name: {"column": name, "unit": units.get(name, "s" if name == "time" else unit(name, kind))} for name in columns
+    }
+    data = {
+        "path": _HERE,
+        "joint": {"name": "joint", "kind": kind},
+        "signals": declared,
+        "runs": [{"files": str(_HERE), "experiment": what}],
+        "cleaning": {"non_finite": "refuse"},
+        "fit": dict(options),
+        **more,
+    }
+    experiment = validate(Experiment, data, str(_HERE), Context(kind=kind))
+    digest = hashlib.sha256()
+    for x in columns.values():
+        digest.update(x.tobytes())
+    table = RawTable(
+        columns={Key(name): x for name, x in columns.items()},
+        rows=next(iter(sizes.values()), 0),
+        sha256=digest.hexdigest(),
+    )
+    return experiment, run_of_table(experiment, table, str(_HERE))
+
+
+def _column(name: str, values: Any) -> Array:
+    """A signal as floats, (n,)."""
+    try:
+        column = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is no array of numbers ({error}); expected n numbers") from error
+    if column.ndim != 1:
+        raise InputError(f"{name} has shape {column.shape}; expected (n,)")
+    missing = np.flatnonzero(~np.isfinite(column))
+    if missing.size:
+        raise InputError(
+            f"{name} is missing or not finite in {missing.size} of {column.size} rows, first in row {missing[0]} (from 0); leave these rows out"
+        )
+    return column
