@@ -91,6 +91,20 @@ def test_the_loop_in_the_docs_compensates() -> None:
     assert names["torque"] == pytest.approx(float(steady), rel=1e-3)
 
 
+def test_the_arrays_in_the_docs_are_fitted() -> None:
+    """The code of docs/arrays.md runs as it stands, and finds what it simulates: friction, and the bristle within its interval."""
+    (code,) = blocks("python", (DOCS / "arrays.md").read_text(encoding="utf-8"))
+    names: dict[str, Any] = {}
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(compile(code, "arrays.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
+    fit, dynamic, truth = names["fit"], names["dynamic"], names["truth"]
+    for name, value in fit.params.items():
+        assert value == pytest.approx(getattr(truth, name), abs=4 * fit.stderr[name])
+    low, high = dynamic.conf_int().loc["sigma_0"]
+    assert low < truth.sigma_0 < high
+    assert "alpha_0" in out.getvalue()
+
+
 def test_experiment_file_loads_and_reads(desk: Path) -> None:
     """README's experiment file is one, and every log that its glob matches is a run."""
     experiment = load_experiment(desk / "wrist.yaml")

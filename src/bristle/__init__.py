@@ -16,20 +16,28 @@ if TYPE_CHECKING:
         compare,
         complete,
         draft,
+        find_segments,
         fit,
+        fit_dynamic,
+        fit_presliding,
+        friction,
         identify,
         inspect,
         plan,
         sensitivity,
+        simulate,
         validate,
         write_comparison,
     )
     from bristle.data.experiment.draft import Told
+    from bristle.model.parameters import Lugre, Pair
     from bristle.questions.array_fit.fit import Fit
 
 __version__ = "0.1.0"
 __all__ = [
     "Fit",
+    "Lugre",
+    "Pair",
     "Results",
     "Told",
     "__version__",
@@ -37,11 +45,16 @@ __all__ = [
     "compare",
     "complete",
     "draft",
+    "find_segments",
     "fit",
+    "fit_dynamic",
+    "fit_presliding",
+    "friction",
     "identify",
     "inspect",
     "plan",
     "sensitivity",
+    "simulate",
     "validate",
     "write_comparison",
 ]

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
 _HERE = Path("arrays")
-"""What results call the file that is none."""
+"""What results call the experiment file that is none."""
+_CALLED: dict[RunKind, str] = {"points": "points", "ramp": "holds", "presliding": "slow loading", "tracking": "motion"}
+"""The same of the data file, by experiment."""
 
 
 def run_of_arrays(
@@ -55,7 +58,7 @@ def run_of_arrays(
         "path": _HERE,
         "joint": {"name": "joint", "kind": kind},
         "signals": declared,
-        "runs": [{"files": str(_HERE), "experiment": what}],
+        "runs": [{"files": _CALLED[what], "experiment": what}],
         "cleaning": {"non_finite": "refuse"},
         "fit": dict(options),
         **more,
@@ -69,7 +72,33 @@ def run_of_arrays(
         rows=next(iter(sizes.values()), 0),
         sha256=digest.hexdigest(),
     )
-    return experiment, run_of_table(experiment, table, str(_HERE))
+    return experiment, run_of_table(experiment, table, _CALLED[what])
+
+
+def together(
+    first: tuple[Experiment, tuple[Run, ...]], *others: tuple[Experiment, tuple[Run, ...]]
+) -> tuple[Experiment, tuple[Run, ...]]:
+    """One experiment of the runs of several, with the options and the joint of the first; each run once, each name once."""
+    files, runs, names = list[Any](), list[Run](), set[str]()
+    for experiment, own in (first, *others):
+        for entry, run in zip(experiment.runs, own, strict=True):
+            if any(run.record.sha256 == x.record.sha256 and run.kind == x.kind for x in runs):
+                continue
+            name, count = run.record.file, 2
+            while name in names:
+                name, count = f"{run.record.file} {count}", count + 1
+            names.add(name)
+            files.append(entry.model_copy(update={"files": name, "signals": experiment.signals_of(entry)}))
+            runs.append(replace(run, record=replace(run.record, file=name)))
+    return first[0].model_copy(update={"runs": tuple(files)}), tuple(runs)
+
+
+def seconds(index: Any) -> Any:
+    """The index of a series as time, s from its first entry where it is of dates; None where the value has no index."""
+    index = getattr(index, "index", None)
+    if index is None or callable(index):
+        return None
+    return (index - index[0]).total_seconds() if hasattr(index, "tz") else index
 
 
 def _column(name: str, values: Any) -> Array:

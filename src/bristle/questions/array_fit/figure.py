@@ -8,24 +8,40 @@ from matplotlib.axes import Axes
 
 from bristle.diagnostics import Severity
 from bristle.identification.static.curve import band, curve
-from bristle.page.style import DIRECTION, inline, new_figure, render_as, styled
+from bristle.model.functions import loading_displacement_function
+from bristle.model.vectorize import evaluate
+from bristle.page.style import DIRECTION, inline, new_figure, render_as, styled, thinned
 from bristle.page.wording import axis, direction
 from bristle.questions.array_fit.fit import Fit
 
 
 def draw(fit: Fit, ax: Axes | None = None) -> Axes:
-    """The points, the fitted curve and its 95 % band over velocity, rad/s and N*m, into `ax` or new axes of pyplot."""
+    """What was measured and what the fit makes of it, into `ax` or new axes of pyplot."""
     if ax is None:
         import matplotlib.pyplot as plt
 
         ax = plt.subplots()[1]
+    kind = fit.joint.kind
+    {"static": _points, "presliding": _loadings, "dynamic": _motion}[fit.stage](ax, fit)
+    across = {
+        "static": axis("velocity", kind),
+        "presliding": axis("displacement", kind),
+        "dynamic": "Time (s)",
+    }
+    ax.set_xlabel(across[fit.stage])
+    ax.set_ylabel(axis("torque", kind))
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend()
+    return ax
+
+
+def _points(ax: Axes, fit: Fit) -> None:
+    """Points, curve and 95 % band over velocity."""
     for d, static in fit.joint.static.items():
         if d not in DIRECTION:
             continue
         look, law = DIRECTION[d], static.values()
-        ax.plot(
-            static.velocity, static.torque, look.marker, color=look.colour, label=f"measured {direction(d)}".rstrip()
-        )
+        ax.plot(static.velocity, static.torque, look.marker, color=look.colour, label=f"measured, {direction(d)}")
         for sign in (1.0, -1.0):
             speeds = np.abs(static.velocity[static.velocity * sign > 0])
             if law is None or not speeds.size:
@@ -35,10 +51,31 @@ def draw(fit: Fit, ax: Axes | None = None) -> Axes:
             ax.plot(v, T, look.line, color=look.colour)
             if half is not None:
                 ax.fill_between(v, T - half, T + half, color=look.colour, alpha=0.22, linewidth=0)
-    ax.set_xlabel(axis("velocity", fit.joint.kind))
-    ax.set_ylabel(axis("torque", fit.joint.kind))
-    ax.legend()
-    return ax
+
+
+def _loadings(ax: Axes, fit: Fit) -> None:
+    """Torque over displacement of each loading, and LuGre's curve with the sigma_0 that was found."""
+    slow = fit.joint.presliding
+    for d, one in slow.fits.items() if slow else ():
+        look, sigma_0 = DIRECTION[d], one.sigma_0.value
+        for k, x in enumerate(one.loadings):
+            label = f"measured, {direction(d)}" if k == 0 else None
+            ax.plot(x.displacement, x.torque, "-", color=look.colour, linewidth=0.8, label=label)
+        if sigma_0 is not None:
+            T = np.linspace(0, min(max(x.torque.max(initial=0.0) for x in one.loadings), 0.95 * one.level), 100)
+            (y, *_) = evaluate(loading_displacement_function(), T, one.level, sigma_0)
+            ax.plot(y, T, "--", color="black", linewidth=1.2, label=f"LuGre, {direction(d)}")
+
+
+def _motion(ax: Axes, fit: Fit) -> None:
+    """Measured and fitted torque over time."""
+    moving = fit.joint.moving
+    if moving is not None:
+        k = thinned(moving.time.size, 4000)
+        ax.plot(moving.time[k], moving.measured[k], "-", color=DIRECTION["+"].colour, label="measured")
+        ax.plot(
+            moving.time[k], (moving.measured - moving.residuals)[k], "--", color=DIRECTION["-"].colour, label="fitted"
+        )
 
 
 def text(fit: Fit) -> str:
@@ -60,9 +97,17 @@ def html(fit: Fit) -> str:
 
 
 def _outcomes(fit: Fit) -> Iterator[str]:
-    for d, static in fit.joint.static.items():
-        error = "" if static.relative_error is None else f" Relative error {static.relative_error:.3g} %."
-        yield f"{direction(d)} {static.n} points. {static.outcome}{error}".strip()
+    """How each fit of this stage ended."""
+    slow, moving = fit.joint.presliding, fit.joint.moving
+    if fit.stage == "static":
+        for d, static in fit.joint.static.items():
+            error = "" if static.relative_error is None else f" Relative error {static.relative_error:.3g} %."
+            yield f"{direction(d)}: {static.n} points. {static.outcome}{error}"
+    elif fit.stage == "presliding":
+        for d, one in slow.fits.items() if slow else ():
+            yield f"{direction(d)}: {len(one.loadings)} loadings, g0 = {one.level:.4g} ({one.level_source})"
+    elif moving is not None:
+        yield f"{moving.n} equations. {moving.outcome} Relative error {moving.relative_error:.3g} %."
 
 
 def _serious(fit: Fit) -> Iterator[str]:

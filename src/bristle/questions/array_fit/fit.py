@@ -1,25 +1,27 @@
-"""A fit of velocity-torque arrays: the joint that files of the same points would give, with a shorter way to its numbers."""
+"""Fits of arrays: the joint that files of the same data would give, with a shorter way to its numbers."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import fdtri
 
 from bristle.arrays import Array
-from bristle.data.experiment.arrays import run_of_arrays
+from bristle.data.experiment.arrays import run_of_arrays, together
+from bristle.data.experiment.load import Experiment, Run
 from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError, short
 from bristle.estimation.covariance import LEVEL, student
-from bristle.identification.fits import Estimate, StaticFit, Uncertainty
+from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
+from bristle.identification.known_joint import known_joint
 from bristle.identification.measured import Measured, measured_of
-from bristle.identification.moving_runs import load_columns
+from bristle.identification.moving_runs import REGRESSORS, load_columns
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import curve
-from bristle.model.parameters import Direction, Kind, ParameterName
+from bristle.model.parameters import SIGNED, Direction, Kind, Lugre, Pair, ParameterName, Stribeck
+from bristle.model.rollout import rollout
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,9 +31,21 @@ Method = Literal["profile", "covariance", "bootstrap"]
 METHODS: tuple[Method, ...] = ("profile", "covariance", "bootstrap")
 
 
+Stage = Literal["static", "presliding", "dynamic"]
+
+
+class _Row(NamedTuple):
+    """One parameter of a fit."""
+
+    name: str
+    estimate: Estimate
+    ways: Uncertainty | None
+    freedom: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Fit:
-    """Friction over velocity, fitted to points: T = alpha_0 + alpha_1 exp(-(v / v_s)**2) + alpha_2 v, (9), in SI.
+    """Friction fitted to arrays, in SI: over velocity by (9), the bristle from slow loading, or all of LuGre (3)-(5) from a motion.
 
     Parameters are named as in the paper, with their direction where each has its own: `alpha_0+`.
     """
@@ -40,89 +54,97 @@ class Fit:
     """Everything that was found, as `bristle.identify` gives it for files."""
     measured: Measured
     """What it was found from."""
+    stage: Stage = "static"
+    """Which part of the joint `params` and the like are of."""
 
     @property
     def params(self) -> dict[str, float]:
-        """Each parameter, in SI; nan where the points do not show it, which `warnings` explains."""
-        return {name: np.nan if e.value is None else e.value for name, e in self._estimates()}
+        """Each parameter, in SI; nan where the data do not show it, which `warnings` explains."""
+        return {row.name: np.nan if row.estimate.value is None else row.estimate.value for row in self._rows()}
 
     @property
     def stderr(self) -> dict[str, float]:
-        """The standard error of each, statistical and systematic together; nan where there is none."""
-        return {
-            name: float(np.hypot(np.nan if e.standard_error is None else e.standard_error, e.systematic or 0.0))
-            for name, e in self._estimates()
-        }
+        """The standard error of each, in SI; nan where there is none."""
+        return {row.name: _error(row.estimate) for row in self._rows()}
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
-        """Everything to know about the points, the fit and its parameters, each once; `str` makes the sentence."""
+        """Everything to know about the data, the fit and its parameters, each once; `str` makes the sentence."""
         return tuple(dict.fromkeys(self.joint.all_warnings()))
 
-    def conf_int(self, level: float = LEVEL, method: Method = "profile") -> "pd.DataFrame":
+    def conf_int(self, level: float = LEVEL, method: Method | None = None) -> "pd.DataFrame":
         """Confidence intervals: a row for each parameter, with columns `lower` and `upper`, in SI.
 
         Args:
             level: of confidence, between 0 and 1; by profile at most 0.95, by bootstrap 0.95.
             method: `profile` (where the cost, minimised over all else, reaches its threshold), `covariance` (Student's t) or
-                `bootstrap` (of resampled residuals). Statistical, each of them.
+                `bootstrap` (of resampled residuals); None: the interval that the results state, which of points is the
+                profile's, and at another level the covariance's. A motion has the first and the last with `uncertainty` only.
 
         Raises InputError where the level or the method is none of these. nan where there is no interval.
         """
         import pandas as pd
 
-        if method not in METHODS:
+        if method not in (None, *METHODS):
             raise InputError(f"method: got {short(method)}; expected one of {', '.join(METHODS)}")
         if not 0 < level < 1 or (method == "profile" and level > LEVEL) or (method == "bootstrap" and level != LEVEL):
-            wanted = {"profile": f"more than 0 and at most {LEVEL:g}", "bootstrap": f"{LEVEL:g}"}.get(method, "0 to 1")
-            raise InputError(f"level: got {level!r}; expected {wanted} by {method}")
-        rows = {
-            str(ParameterName(name, Direction(d))): self._interval(fit, name, level, method)
-            for d, fit in self.joint.static.items()
-            for name in fit.parameters
-        }
+            wanted = {"profile": f"more than 0 and at most {LEVEL:g}", "bootstrap": f"{LEVEL:g}"}.get(
+                method or "", "0 to 1"
+            )
+            raise InputError(f"level: got {level!r}; expected {wanted}{f' by {method}' if method else ''}")
+        rows = {row.name: _interval(row, level, method) for row in self._rows()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["lower", "upper"])
 
-    def predict(self, velocity: ArrayLike, position: ArrayLike | None = None) -> Array:
-        """The torque at some velocities, N*m, in the shape of `velocity`, rad/s: friction, and what else was fitted.
+    def friction(self, velocity: ArrayLike) -> Array:
+        """Friction (9) of steady sliding, N*m, in the shape of `velocity`, rad/s: 0 at rest, nan in a direction that is not known.
 
-        `position`, rad, is needed where gravity was. nan where the direction was not measured. Raises InputError where the
-        position is missing, or nothing was fitted.
+        Raises InputError where the fit knows nothing of friction over velocity.
         """
         v = np.asarray(velocity, dtype=float)
-        torque = np.full(v.shape, np.nan)
-        for d, fit in self.joint.static.items():
-            law, sign = fit.values(), {"+": 1.0, "-": -1.0}.get(d)
-            own = np.isfinite(v) if sign is None else v * sign > 0
-            if law is not None:
-                torque[own] = curve(v[own], law)
-        torque[v == 0] = 0.0  # friction of a joint at rest is any up to breakaway
-        loads = {n: e.value or 0.0 for fit in self.joint.static.values() for n, e in fit.parameters.items()}
-        asked = [name for name in self.measured.experiment.fit.regressors or () if name != "inertia"]
+        torque, known = np.where(v == 0, 0.0, np.nan), known_joint(self.joint)
+        if not known.directions:
+            raise InputError("friction: nothing is known of friction over velocity; fit points or a motion")
+        for d, sign in zip(SIGNED, (1.0, -1.0), strict=True):
+            if known.has_law(d):
+                values = known.values(d)
+                torque[v * sign > 0] = curve(v[v * sign > 0], Stribeck(*(values[name] for name in Stribeck._fields)))
+        return torque
+
+    def predict(self, velocity: ArrayLike, position: ArrayLike | None = None) -> Array:
+        """The torque of steady motion at some velocities, N*m, in the shape of `velocity`, rad/s: friction, and what else was fitted.
+
+        `position`, rad, is needed where gravity was fitted. Raises InputError where it is missing, or nothing is known of
+        friction over velocity.
+        """
+        v = np.asarray(velocity, dtype=float)
+        fitted = {row.name: row.estimate.value or 0.0 for row in self._rows()}
+        asked = [name for name, terms in REGRESSORS.items() if name != "inertia" and set(terms.names) & fitted.keys()]
         if "gravity" in asked and position is None:
             raise InputError("predict: gravity was fitted; give the position too")
-        signals = {
-            "velocity": v,
-            "position": np.broadcast_to(np.asarray(0.0 if position is None else position), v.shape),
-        }
-        columns = load_columns(asked, lambda name: np.ravel(signals[name]), v.size)
-        return np.asarray(torque + sum(loads[n] * np.reshape(x, v.shape) for n, x in columns.items()))
+        q = np.broadcast_to(np.asarray(0.0 if position is None else position, dtype=float), v.shape)
+        columns = load_columns(asked, lambda name: np.ravel({"velocity": v, "position": q}[name]), v.size)
+        return np.asarray(self.friction(v) + sum(fitted[n] * np.reshape(x, v.shape) for n, x in columns.items()))
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each parameter: value, standard error, ends of the 95 % interval, unit and warnings."""
         import pandas as pd
 
-        rows = [
-            {
-                "value": e.value, "standard_error": e.standard_error, "lower": (e.interval or (None, None))[0],
-                "upper": (e.interval or (None, None))[1], "unit": e.unit, "warnings": "; ".join(map(str, e.warnings)),
-            }
-            for _, e in self._estimates()
-        ]  # fmt: skip  # a row
-        return pd.DataFrame(rows, index=pd.Index([name for name, _ in self._estimates()], name="parameter"))
+        rows = {
+            row.name: (
+                e.value, e.standard_error, *(e.interval or (None, None)), e.unit, "; ".join(map(str, e.warnings)),
+            )
+            for row in self._rows()
+            for e in (row.estimate,)
+        }  # fmt: skip  # a row
+        columns = ["value", "standard_error", "lower", "upper", "unit", "warnings"]
+        return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
-        """The points, the fitted curve and its 95 % band over velocity, drawn into `ax` or new axes, which are returned."""
+        """What was measured and what the fit makes of it, drawn into `ax` or new axes, which are returned.
+
+        Points over velocity with the fitted curve and its 95 % band; slow loading as torque over displacement; a motion as
+        torque over time.
+        """
         from bristle.questions.array_fit.figure import draw
 
         return draw(self, ax)
@@ -139,38 +161,58 @@ class Fit:
 
         return html(self)
 
-    def _estimates(self) -> Iterator[tuple[str, Estimate]]:
-        return (
-            (str(ParameterName(name, Direction(d))), e)
-            for d, fit in self.joint.static.items()
-            for name, e in fit.parameters.items()
-        )
-
-    def _interval(self, fit: StaticFit, name: str, level: float, method: Method) -> tuple[float, float]:
-        """Of one parameter that has a value; nan where there is none."""
-        e, ways = fit.parameters[name], fit.uncertainty.get(name)
-        if e.value is None or (ways is None and method != "covariance"):
-            return np.nan, np.nan
-        if method == "covariance" and ways is not None and ways.covariance is not None and level == LEVEL:
-            return ways.covariance
-        if method == "covariance":
-            reach = float(student(fit.degrees_of_freedom, level)) * (
-                np.nan if e.standard_error is None else e.standard_error
-            )
-            return e.value - reach, e.value + reach
-        if method == "bootstrap":
-            return (np.nan, np.nan) if ways is None or ways.bootstrap is None else ways.bootstrap
-        return _by_profile(ways, level, fit.degrees_of_freedom)
+    def _rows(self) -> Iterator[_Row]:
+        """Every parameter of this stage."""
+        slow, moving = self.joint.presliding, self.joint.moving
+        if self.stage == "static":
+            for d, fit in self.joint.static.items():
+                for name, e in fit.parameters.items():
+                    yield _Row(_named(name, d), e, fit.uncertainty.get(name), fit.degrees_of_freedom)
+        elif self.stage == "presliding":
+            for d, x in slow.fits.items() if slow else ():
+                yield _Row(_named("sigma_0", d), x.sigma_0, x.uncertainty.get("sigma_0"), x.degrees_of_freedom)
+                yield _Row(_named("sigma_1", d), x.sigma_1, None, np.inf)
+            for d, e in slow.breakaway.items() if slow else ():
+                yield _Row(_named("breakaway", d), e, None, np.inf)
+        else:
+            for key, e in moving.parameters.items() if moving else ():
+                yield _Row(str(key), e, moving.uncertainty.get(key) if moving else None, np.inf)
 
 
-def _by_profile(ways: Uncertainty | None, level: float, freedom: float) -> tuple[float, float]:
+def _named(name: str, direction: str) -> str:
+    return str(ParameterName(name, Direction(direction)))
+
+
+def _error(e: Estimate) -> float:
+    """Statistical and systematic, together."""
+    return np.nan if e.standard_error is None else float(np.hypot(e.standard_error, e.systematic or 0.0))
+
+
+def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, float]:
+    """Of one parameter; nan where there is none."""
+    e, ways = row.estimate, row.ways
+    if e.value is None:
+        return np.nan, np.nan
+    if method is None and level == LEVEL:
+        return e.interval or (np.nan, np.nan)
+    if method == "covariance" and ways is not None and ways.covariance is not None and level == LEVEL:
+        return ways.covariance
+    if method in (None, "covariance"):
+        reach = student(row.freedom, level) * _error(e)
+        return e.value - reach, e.value + reach
+    if ways is None:
+        return np.nan, np.nan
+    return ways.bootstrap or (np.nan, np.nan) if method == "bootstrap" else _by_profile(ways, level, row.freedom)
+
+
+def _by_profile(ways: Uncertainty, level: float, freedom: float) -> tuple[float, float]:
     """Where the profile passes the threshold of a level, which is F's quantile beside that of 95 %."""
-    if ways is None or ways.profile is None or level == LEVEL:
-        return (np.nan, np.nan) if ways is None or ways.profile is None else ways.profile
+    if ways.profile is None or level == LEVEL:
+        return ways.profile or (np.nan, np.nan)
     values, cost = ways.curve
     if not values.size:
         return np.nan, np.nan
-    height = float(fdtri(1, freedom, level) / fdtri(1, freedom, LEVEL))
+    height = (student(freedom, level) / student(freedom, LEVEL)) ** 2  # F(1, n) is t squared
     least = int(np.argmin(cost))
     low = float(np.interp(-height, -cost[: least + 1], values[: least + 1]))
     high = float(np.interp(height, cost[least:], values[least:]))
@@ -180,5 +222,90 @@ def _by_profile(ways: Uncertainty | None, level: float, freedom: float) -> tuple
 def fit_points(signals: Mapping[str, Any], units: Mapping[str, str], kind: Kind, options: Mapping[str, Any]) -> Fit:
     """The fit of velocity-torque points; arguments and errors as of `bristle.fit`."""
     experiment, run = run_of_arrays("points", signals, units, kind, options)
-    measured = measured_of(experiment, (run,))
-    return Fit(joint=identify_joint(measured), measured=measured)
+    return _fitted("static", (experiment, (run,)), ())
+
+
+def fit_slow_loading(
+    signals: Mapping[str, Any], units: Mapping[str, str], kind: Kind, options: Mapping[str, Any], breakaway: Fit | None
+) -> Fit:
+    """The bristle from slow loading, g0 from the fit of points where there is one; arguments and errors as of `bristle.fit_presliding`."""
+    experiment, run = run_of_arrays("presliding", signals, units, kind, _options(breakaway, options))
+    return _fitted("presliding", (experiment, (run,)), [breakaway] if breakaway else ())
+
+
+def fit_motion(
+    signals: Mapping[str, Any],
+    units: Mapping[str, str],
+    kind: Kind,
+    options: Mapping[str, Any],
+    priors: Sequence[Fit],
+    inertia: str | None,
+    *,
+    uncertainty: bool,
+) -> Fit:
+    """All parameters from a motion, with what other fits say; arguments and errors as of `bristle.fit_dynamic`."""
+    more = {} if inertia is None else {"inertia": inertia}
+    own = _options(next(iter(priors), None), options)
+    experiment, run = run_of_arrays("tracking", signals, units, kind, own, **more)
+    return _fitted("dynamic", (experiment, (run,)), priors, uncertainty=uncertainty)
+
+
+def _options(other: Fit | None, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options asked for, and the directions of another fit of the same joint where none are asked for."""
+    taken = {} if other is None else {"directions": other.measured.experiment.fit.directions}
+    return {**taken, **options}
+
+
+def _fitted(
+    stage: Stage, own: tuple[Experiment, tuple[Run, ...]], others: Sequence[Fit], *, uncertainty: bool = False
+) -> Fit:
+    """What runs and those of other fits give together, as one experiment."""
+    measured = measured_of(*together(own, *((x.measured.experiment, x.measured.runs) for x in others)))
+    return Fit(joint=identify_joint(measured, uncertainty=uncertainty), measured=measured, stage=stage)
+
+
+def segments_frame(signals: Mapping[str, Any], units: Mapping[str, str], kind: Kind) -> "pd.DataFrame":
+    """The candidates at constant velocity of a run; arguments, columns and errors as of `bristle.find_segments`."""
+    import pandas as pd
+
+    experiment, run = run_of_arrays("ramp", signals, units, kind, {})
+    (found,) = measured_of(experiment, (run,)).segments
+    rows = [
+        (
+            s.velocity, s.torque, s.standard_error, s.accepted, "; ".join(map(str, s.reasons)),
+            "; ".join(map(str, s.warnings)), s.start, s.stop,
+        )
+        for s in found
+    ]  # fmt: skip  # a row
+    columns = ["velocity", "torque", "standard_error", "accepted", "reasons", "warnings", "start", "stop"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def simulated_torque(velocity: ArrayLike, dt: float, fit: Fit) -> Array:
+    """Friction torque of the bristle along a velocity; arguments and errors as of `bristle.simulate`."""
+    known = known_joint(fit.joint)
+    missing = {d: known.missing(d) for d in SIGNED}
+    for d, names in missing.items():
+        if not known.has_law(d) or "sigma_0" in names or "sigma_1" in names:
+            what = ", ".join(names) or "friction over velocity"
+            raise InputError(
+                f"simulate: {what} of direction {d} is not known; fit a motion that shows it, or give a Lugre"
+            )
+    sets = [Lugre(*(known.values(d)[name] for name in Lugre._fields)) for d in SIGNED]
+    return along(velocity, dt, Pair(*sets))
+
+
+def steady(velocity: ArrayLike, p: Lugre[float]) -> Array:
+    """Friction (9) of given parameters, N*m, in the shape of `velocity`, rad/s; 0 at rest."""
+    v = np.asarray(velocity, dtype=float)
+    return np.asarray(np.where(v == 0, 0.0, curve(v, p.stribeck)))
+
+
+def along(velocity: ArrayLike, dt: float, parameters: Lugre[float] | Pair[float]) -> Array:
+    """The same of given parameters."""
+    v = np.asarray(velocity, dtype=float)
+    if v.ndim != 1 or not np.isfinite(v).all():
+        raise InputError(f"velocity has shape {v.shape}; expected (n,), and finite numbers")
+    if not (np.isfinite(dt) and dt > 0):
+        raise InputError(f"dt: got {dt!r}; expected seconds between samples, more than 0")
+    return rollout(v, float(dt), parameters).torque
