@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 import bristle
 from bristle.arrays import Array
+from bristle.control.compensator import Measurement, Reference, compiled, initial_state
 from bristle.errors import InputError
 from bristle.questions.array_fit.fit import METHODS
 
@@ -169,3 +170,26 @@ def test_what_is_not_known_is_not_simulated() -> None:
         slow.predict([0.1])
     with pytest.raises(InputError, match="dt: got 0"):
         bristle.simulate([0.1, 0.2], 0, P)
+
+
+def test_a_compensator_runs_and_learns(fits: tuple[bristle.Fit, bristle.Fit, bristle.Fit]) -> None:
+    """Step by step it gives the torque of the compiled one, follows friction, and adapts to a joint with more of it; reset begins anew."""
+    *_, dynamic = fits
+    comp, still = dynamic.compensator(gamma=20.0), dynamic.compensator(law=None)
+    state, step = initial_state(comp.compensator, comp.parameters), compiled(comp.compensator)
+    for _ in range(500):
+        state, expected = step(state, Reference(0.0, 0.3, 0.0), Measurement(-1e-3, 0.3), 1e-3)
+        torque, unlearnt = comp.step(1e-3, (0.0, 0.3), -1e-3, 0.3), still.step(1e-3, (0.0, 0.3), -1e-3, 0.3)
+        assert torque == expected
+    assert unlearnt == pytest.approx(float(dynamic.friction(0.3)), rel=1e-3)
+    assert torque > unlearnt
+    assert comp.gains.keys() == {"alpha_0", "alpha_2"}
+    assert min(comp.gains.values()) > 1
+    assert still.gains == {}
+    comp.reset()
+    assert set(comp.gains.values()) == {1.0}
+    assert comp.step(1e-3, (0.0, 0.3, 0.0), 0.0) == pytest.approx(comp.step(1e-3, (0.0, 0.3), 3e-4), rel=0.5)
+    with pytest.raises(InputError, match="dt: got 0"):
+        comp.step(0.0, (0.0, 0.3), 0.0)
+    with pytest.raises(InputError, match="bristle stiffness"):
+        bristle.fit(*points()).compensator()

@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bristle.arrays import Array
+from bristle.control.adaptation import Adaptation, Law
+from bristle.control.compensator import Compensator, Name
+from bristle.control.running import RunningCompensator
 from bristle.data.experiment.arrays import run_of_arrays, together
 from bristle.data.experiment.load import Experiment, Run
 from bristle.diagnostics import Diagnostic
@@ -15,7 +18,7 @@ from bristle.errors import InputError, short
 from bristle.estimation.covariance import LEVEL, student
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
-from bristle.identification.known_joint import known_joint
+from bristle.identification.known_joint import inertia_of, known_joint, whole
 from bristle.identification.measured import Measured, measured_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns
 from bristle.identification.results import Joint
@@ -124,6 +127,38 @@ class Fit:
         q = np.broadcast_to(np.asarray(0.0 if position is None else position, dtype=float), v.shape)
         columns = load_columns(asked, lambda name: np.ravel({"velocity": v, "position": q}[name]), v.size)
         return np.asarray(self.friction(v) + sum(fitted[n] * np.reshape(x, v.shape) for n, x in columns.items()))
+
+    def compensator(
+        self,
+        law: Law | None = "partial",
+        gamma: float | tuple[float, ...] = 20.0,
+        *,
+        name: Name = "lugre",
+        **settings: Any,
+    ) -> RunningCompensator:
+        """A compensator of this joint for a loop in real time: `step` gives the torque to add, (16)-(20).
+
+        Args:
+            law: by which alpha_0 and alpha_2 adapt; None: they do not.
+            gamma: learning rates, one for both or one each.
+            name: of the compensator, as in `bristle.control.compensator`.
+            settings: others of `Compensator`, such as `share` or `inertia`.
+
+        What was not identified of the bristle is filled in as for `bristle adapt`. Raises InputError where the friction is not
+        known in both directions, nothing is known of the bristle or of the inertia that its damping rests on, or a setting
+        cannot be.
+        """
+        rates = gamma if isinstance(gamma, tuple) else (gamma, gamma)
+        adaptation = None if law is None else Adaptation(law=law, gamma=rates)
+        known, experiment = whole(self.joint), self.measured.experiment
+        J, travel = inertia_of(experiment, self.joint), self.joint.travel
+        missing = {name for d in SIGNED for name in known.missing(d)}
+        if ("sigma_1" in missing and J is None) or ("sigma_0" in missing and not travel):
+            raise InputError(
+                "compensator: the damping of the bristle is not known; fit a motion that shows it, or the inertia"
+            )
+        pair = known.pair(travel or 1.0, J or 1.0)
+        return RunningCompensator(Compensator(name=name, adaptation=adaptation, **settings), pair)
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each parameter: value, standard error, ends of the 95 % interval, unit and warnings."""
