@@ -2,7 +2,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import FrozenInstanceError, fields, is_dataclass
+from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -150,8 +150,9 @@ def check_immutable(result: object) -> list[object]:
 
 
 def test_results_cannot_be_changed(clean: Results) -> None:
-    """Results are frozen through and through; writing into one of their arrays is an error."""
-    found = check_immutable(clean)
+    """Results are frozen through and through, the runs and segments behind them too; writing into one of their arrays is an error."""
+    found = check_immutable(replace(clean, measured=()))
+    check_immutable(tuple(x for measured in clean.measured for x in (measured.runs, measured.segments)))
     assert sum(isinstance(part, StaticFit) for part in found) == 2
     assert sum(isinstance(part, np.ndarray) for part in found) > 10
     with pytest.raises(ValueError, match="read-only"):
@@ -165,3 +166,42 @@ def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     assert isinstance(measured, Measured)
     assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()
     check_immutable((measured.runs, measured.segments))
+
+
+def test_what_is_identified_is_not_identified_again(
+    clean: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Plan, sensitivity, validation and comparison of results are those of the file, and identify nothing."""
+    path = write(tmp_path, speeds())
+    of_file = (
+        bristle.plan(path, velocities=4),
+        bristle.sensitivity(path, samples=0),
+        bristle.validate(path, repetitions=20),
+    )
+
+    def no_more(*_: object, **__: object) -> Joint:
+        raise AssertionError("identified again")
+
+    monkeypatch.setattr(api, "identify_joint", no_more)
+    of_results = (
+        bristle.plan(clean, velocities=4),
+        bristle.sensitivity(clean, samples=0),
+        bristle.validate(clean, repetitions=20),
+    )
+    assert of_results[0].to_frame().equals(of_file[0].to_frame())
+    assert of_results[1].text() == of_file[1].text()
+    assert of_results[2].to_frame().equals(of_file[2].to_frame())
+    (tmp_path / "results.json").write_text(clean.to_json(), encoding="utf-8")
+    compared = bristle.compare(clean, tmp_path / "results.json")
+    assert not any(change.changed for change in compared.changes)
+    assert compared.to_frame().equals(bristle.compare(clean, clean).to_frame())
+
+
+def test_results_of_several_joints_are_no_joint(clean: Results) -> None:
+    """What asks about one joint refuses results of two, and such as hold no data, with what it got."""
+    (joint,) = clean.joints
+    two = Results(joints=(joint, joint), measured=clean.measured * 2)
+    with pytest.raises(ValueError, match="got results of 2 joints; expected what `identify` returned for one joint"):
+        bristle.plan(two)
+    with pytest.raises(ValueError, match="got results of a file, without the data"):
+        bristle.plan(Results(joints=(joint,)))

@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-Source = Experiment | Path | str
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
@@ -56,6 +54,8 @@ class Results:
     joints: tuple[Joint, ...]
     timings: dict[str, float] = field(default_factory=dict, compare=False)
     """Seconds spent, by name; no part of the result."""
+    measured: tuple[Measured, ...] = field(default=(), compare=False, repr=False)
+    """What each joint was identified from, for questions that follow; no part of the result."""
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
@@ -114,6 +114,12 @@ class Results:
         )
 
 
+Source = Experiment | Path | str
+"""An experiment: loaded, or its file."""
+Known = Source | Results | Fit
+"""A joint: to be identified, or identified already."""
+
+
 def identify(
     *experiments: Source, progress: Progress | None = None, crosscheck: bool = False, uncertainty: bool = False
 ) -> Results:
@@ -126,17 +132,18 @@ def identify(
     """
     loaded = _load(experiments)
     timings: dict[str, float] = {}
-    joints = []
+    joints, every = [], []
     for done, experiment in enumerate(loaded):
         if progress:
             progress(f"identifying {experiment.joint.name}", done, len(loaded))
         spent: dict[str, float] = {}
         measured = measure(experiment)
+        every.append(measured)
         joints.append(
             identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
         )
         timings |= {f"{experiment.joint.name}: {what}": seconds for what, seconds in spent.items()}
-    return Results(joints=tuple(joints), timings=timings)
+    return Results(joints=tuple(joints), timings=timings, measured=tuple(every))
 
 
 def fit(
@@ -348,7 +355,7 @@ def _of_frame(frame: Any, column: Any, name: str) -> Any:
 
 
 def adapt(
-    experiment: Source | None = None, *, identified: Results | None = None, progress: Progress | None = None
+    experiment: Known | None = None, *, identified: Results | None = None, progress: Progress | None = None
 ) -> Study:
     """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
 
@@ -358,27 +365,24 @@ def adapt(
     if experiment is None:
         subjects = of_paper((identified or identify(progress=progress)).joints)
         return study(subjects, progress=progress, paper=True)
-    loaded = _load([experiment])[0]
+    loaded = _experiment(experiment)
     asked_parts(loaded)  # what cannot be is said before minutes are spent
-    if progress:
-        progress(f"identifying {loaded.joint.name}", 0, 1)
-    measured = measure(loaded)
-    joint = identify_joint(measured, progress=progress)
+    measured, joint = _identified(experiment, loaded, progress)
     subject = of_experiment(loaded, joint)
     step(progress, "replaying the tracking runs")
     return study([subject], replays(subject, joint, measured), progress)
 
 
-def compare(first: Path | str, second: Path | str) -> Comparison:
-    """Which parameters changed beyond their joint uncertainty between two sessions, from the `results.json` of each.
+def compare(first: Results | Path | str, second: Results | Path | str) -> Comparison:
+    """Which parameters changed beyond their joint uncertainty between two sessions, from the results of each, or its `results.json`.
 
     Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
     units.
     """
-    from bristle.questions.session_comparison.results_file import read_session
+    from bristle.questions.session_comparison.results_file import read_session, session_of
 
-    sessions = [read_session(Path(path)) for path in (first, second)]
-    if Path(first).samefile(second):
+    sessions = [session_of(x.joints) if isinstance(x, Results) else read_session(Path(x)) for x in (first, second)]
+    if not isinstance(first, Results) and not isinstance(second, Results) and Path(first).samefile(second):
         raise InputError(f"{second}: is the same file as {first}; expected the results.json of another session")
     return compare_sessions(*sessions)
 
@@ -389,7 +393,7 @@ def write_comparison(compared: Comparison, folder: Path | str) -> Path:
 
 
 def sensitivity(
-    experiment: Source | None = None,
+    experiment: Known | None = None,
     *,
     amplitude: float | str | None = None,
     frequency: float | str | None = None,
@@ -399,7 +403,7 @@ def sensitivity(
     """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
 
     Args:
-        experiment: of the joint; None: the paper's gripper rotation (+), with the intervals that its simulated logs give.
+        experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the intervals that its simulated logs give.
         amplitude: of the motion, rad (m where the joint slides) or a quantity such as `5 deg`; None: `adapt.amplitude`, or from the measured speeds.
         frequency: Hz, or a quantity; None: `adapt.frequency`, or 0.5 Hz.
         samples: of the Sobol indices, a power of two, at least 32; 0: none.
@@ -409,18 +413,16 @@ def sensitivity(
     cannot be.
     """
     check_samples(samples)
-    loaded = _load([edro.experiments()[0] if experiment is None else experiment])[0]
+    known = edro.experiments()[0] if experiment is None else experiment
+    loaded = _experiment(known)
     motion_of(loaded.joint.kind, amplitude, frequency, (1.0, 1.0))  # what cannot be is said before seconds are spent
-    if progress:
-        progress(f"identifying {loaded.joint.name}", 0, 1)
-    measured = measure(loaded)
-    joint = identify_joint(measured, progress=progress)
+    measured, joint = _identified(known, loaded, progress)
     request = (of_gripper if experiment is None else of_joint)(measured, joint, amplitude, frequency)
     return study_sensitivity(joint, request, samples, progress)
 
 
 def validate(
-    experiment: Source | None = None,
+    experiment: Known | None = None,
     *,
     identified: Results | None = None,
     repetitions: int = REPETITIONS,
@@ -433,7 +435,7 @@ def validate(
     With no experiment a declared sweep: every set of Table 1, at two noise levels and three designs. The seed is fixed.
 
     Args:
-        experiment: of one joint.
+        experiment: of one joint, or what `identify` or a fit of arrays gave.
         identified: it, identified already; the first joint counts.
         repetitions: data sets for each method that is fast; the solvers of full fits see the first 50.
         starts: random starts of each such solver on one data set.
@@ -443,31 +445,29 @@ def validate(
     Raises InputError in one sentence where a file cannot be used, or a number makes no validation.
     """
     check_request(repetitions, starts, noise)
-    if experiment is not None and identified is None:
-        identified = identify(experiment, progress=progress)
-    case_set = joint_cases(identified.joints[0], noise) if identified else sweep(noise)
+    joint = identified.joints[0] if identified else None
+    if experiment is not None and joint is None:
+        _, joint = _identified(experiment, _experiment(experiment), progress)
+    case_set = joint_cases(joint, noise) if joint else sweep(noise)
     return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)
 
 
 def plan(
-    experiment: Source, *, velocities: int = VELOCITIES, aim: str = "all", progress: Progress | None = None
+    experiment: Known, *, velocities: int = VELOCITIES, aim: str = "all", progress: Progress | None = None
 ) -> Plan:
     """What to measure next on a joint: constant velocities, slow loading and a tracking motion, and the intervals to expect.
 
     Args:
-        experiment: with limits under `plan`, or else as far as its runs went.
+        experiment: with limits under `plan`, or else as far as its runs went; or what `identify` or a fit of arrays gave.
         velocities: runs at constant velocity in each direction.
         aim: the parameter whose interval is to shrink, or `all`.
         progress: called with what is being done, how many steps are done, and how many there are.
 
     Raises InputError in one sentence where a file cannot be used, or its limits leave nothing to plan.
     """
-    loaded = _load([experiment])[0]
+    loaded = _experiment(experiment)
     check_plan(velocities, aim)
-    if progress:
-        progress(f"identifying {loaded.joint.name}", 0, 1)
-    measured = measure(loaded)
-    return plan_next(measured, identify_joint(measured, progress=progress), velocities, aim, progress)
+    return plan_next(*_identified(experiment, loaded, progress), velocities, aim, progress)
 
 
 def inspect(experiment: Source) -> Measured:
@@ -502,6 +502,30 @@ def complete(experiment: Path | str) -> tuple[str, str]:
     InputError where a file cannot be used.
     """
     return completed(Path(experiment))
+
+
+def _experiment(known: Known) -> Experiment:
+    """Of a joint. Raises InputError where results are of several joints, or were not made here."""
+    if isinstance(known, Results):
+        if len(known.joints) != 1 or not known.measured:
+            what = f"{len(known.joints)} joints" if known.measured else "a file, without the data"
+            raise InputError(
+                f"got results of {what}; expected what `identify` returned for one joint, or an experiment file"
+            )
+        return known.measured[0].experiment
+    return known.measured.experiment if isinstance(known, Fit) else _load([known])[0]
+
+
+def _identified(known: Known, experiment: Experiment, progress: Progress | None) -> tuple[Measured, Joint]:
+    """What the joint was measured by, and the joint: identified here unless it is already."""
+    if isinstance(known, Results):
+        return known.measured[0], known.joints[0]
+    if isinstance(known, Fit):
+        return known.measured, known.joint
+    if progress:
+        progress(f"identifying {experiment.joint.name}", 0, 1)
+    measured = measure(experiment)
+    return measured, identify_joint(measured, progress=progress)
 
 
 def _load(experiments: Sequence[Source]) -> list[Experiment]:

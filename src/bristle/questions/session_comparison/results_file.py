@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import copysign, hypot, inf, isinf
 from pathlib import Path
@@ -55,6 +55,11 @@ def read_session(path: Path) -> Session:
         raise _no_results(path, shortened(str(error))) from error
 
 
+def session_of(joints: Sequence[Joint]) -> Session:
+    """Identified joints, by name, as a session to compare. Raises InputError where a number is none."""
+    return {joint.name: _joint(joint.name, joint, tuple(x.sha256 for x in joint.inputs)) for joint in joints}
+
+
 def _session(text: str) -> Session:
     """The joints, read twice: as it is written, key by key and number by number, and by pydantic, which takes no text for a number."""
     for what, mark in (("commas", ","), ("objects", "{")):
@@ -67,7 +72,7 @@ def _session(text: str) -> Session:
         return {name: _joint(name, joint, inputs[name]) for name, joint in old.joints.items()}
     joints = adapter().validate_json(text, strict=True).joints
     _check_most("joints", len(joints))
-    return {name: _joint(name, joint, tuple(x.sha256 for x in joint.inputs)) for name, joint in joints.items()}
+    return session_of([replace(joint, name=name) for name, joint in joints.items()])
 
 
 def _first(error: ValidationError) -> str:
