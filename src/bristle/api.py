@@ -403,7 +403,8 @@ def sensitivity(
     """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
 
     Args:
-        experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the intervals that its simulated logs give.
+        experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the
+            intervals that its simulated logs give.
         amplitude: of the motion, rad (m where the joint slides) or a quantity such as `5 deg`; None: `adapt.amplitude`, or from the measured speeds.
         frequency: Hz, or a quantity; None: `adapt.frequency`, or 0.5 Hz.
         samples: of the Sobol indices, a power of two, at least 32; 0: none.
