@@ -101,15 +101,20 @@ def test_no_drift_is_said_without_one(tmp_path: Path) -> None:
     assert sum(d.kind in {Kind.DRIFT_IN_ORDER, Kind.DRIFT_OVER_RUNS} for d in found) <= 1
 
 
+def as_points(v: Array, T: Array) -> tuple[Segment, ...]:
+    """Given points, a row each, of velocities, rad/s, and torques, N*m."""
+    return tuple(
+        Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
+        for k, (x, t) in enumerate(zip(v.tolist(), T.tolist(), strict=True))
+    )
+
+
 def rows(folder: Path, order: Array, drift: float, seed: int) -> list[Diagnostic]:
     """What is said of the rows of given points, forth and back at each of these speeds, while friction drifts by a share of itself."""
     v = np.stack([order, -order], axis=1).ravel()
     (torque,) = steady_points(TRUTH, v, NOISE, np.random.default_rng(seed), 1)
     torque *= 1 + drift * np.arange(v.size) / (v.size - 1)
-    points = tuple(
-        Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
-        for k, (x, t) in enumerate(zip(v.tolist(), torque.tolist(), strict=True))
-    )
+    points = as_points(v, torque)
     record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=torque)
     given = measured(folder, (Run(kind="points", record=record),), (points,))
     return [d for d in point_warnings(given, points, fits(NOISE)) if d.kind is Kind.DRIFT_OF_ROWS]
@@ -175,10 +180,7 @@ def test_points_that_are_written_twice_are_said(tmp_path: Path) -> None:
 
     def said(v: Array, T: Array) -> list[Diagnostic]:
         """Of copies, in these points."""
-        points = tuple(
-            Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
-            for k, (x, t) in enumerate(zip(v.tolist(), T.tolist(), strict=True))
-        )
+        points = as_points(v, T)
         record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=T)
         given = measured(tmp_path, (Run(kind="points", record=record),), (points,))
         return [d for d in point_warnings(given, points, fits(NOISE)) if d.kind is Kind.POINTS_REPEATED]
@@ -194,10 +196,7 @@ def directions(folder: Path, seed: int, offset: float, negative: Lugre[float] = 
     """What is said of points in both directions with an offset, or with another friction backward."""
     rng, v, noise = np.random.default_rng(seed), speeds(both=False), 1e-4
     torque = np.concatenate([steady_points(p, s * v, noise, rng, 1)[0] for p, s in ((TRUTH, 1), (negative, -1))])
-    points = tuple(
-        Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
-        for k, (x, t) in enumerate(zip(np.concatenate([v, -v]).tolist(), (torque + offset).tolist(), strict=True))
-    )
+    points = as_points(np.concatenate([v, -v]), (torque + offset))
     return list(point_warnings(measured(folder, (), ()), points, fits(noise)))
 
 
@@ -254,12 +253,7 @@ def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Pa
         refuse_opposing(own, v, -friction, "at the points")
     both = np.concatenate([v, -v])
     for way in (1.0, -1.0):
-        points = [
-            Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=y, standard_error=None, accepted=True)
-            for k, (x, y) in enumerate(
-                zip(both.tolist(), (way * np.concatenate([friction, -friction]) + 0.1).tolist(), strict=True)
-            )
-        ]
+        points = as_points(both, way * np.concatenate([friction, -friction]) + 0.1)
         refuse_opposing_points(own, points, ("gravity",))
         if way < 0:
             with pytest.raises(InputError, match="scale: -1"):

@@ -13,16 +13,16 @@ class RunningCompensator:
 
         Raises InputError where a parameter is not finite.
         """
-        wrong = [f"{n}" for p in parameters for n, x in zip(Lugre._fields, p, strict=True) if not abs(x) < float("inf")]
+        wrong = [n for p in parameters for n, x in zip(Lugre._fields, p, strict=True) if not abs(x) < float("inf")]
         if wrong:
             raise InputError(f"compensator: {wrong[0]} is not finite; expected the parameters of an identified joint")
         self.compensator, self.parameters = compensator, parameters
+        self._seen = {velocity: compiled(compensator, velocity=velocity) for velocity in (False, True)}
         self.reset(position)
 
     def reset(self, position: float = 0.0) -> None:
         """Begin anew: at rest at a position, rad, the bristle not bent, all gains 1."""
         self._state = initial_state(self.compensator, self.parameters, position)
-        self._seen = {velocity: compiled(self.compensator, velocity=velocity) for velocity in (False, True)}
 
     def step(
         self,

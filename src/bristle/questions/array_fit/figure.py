@@ -1,18 +1,17 @@
-"""How a fit of arrays shows itself: as a figure, as text, and in a notebook."""
+"""A fit of arrays as a figure, and in a notebook."""
 
-from collections.abc import Iterator
 from html import escape
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from bristle.diagnostics import Severity
 from bristle.identification.static.curve import band, curve
 from bristle.model.functions import loading_displacement_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, inline, new_figure, render_as, styled, thinned
 from bristle.page.wording import axis, direction
 from bristle.questions.array_fit.fit import Fit
+from bristle.questions.array_fit.text import outcomes, serious
 
 
 def draw(fit: Fit, ax: Axes | None = None) -> Axes:
@@ -78,37 +77,13 @@ def _motion(ax: Axes, fit: Fit) -> None:
         )
 
 
-def text(fit: Fit) -> str:
-    """How the fit ended, its parameters, and what to be careful about."""
-    frame = fit.to_frame().drop(columns="warnings")
-    return "\n".join([*_outcomes(fit), frame.to_string(float_format="{:.5g}".format, na_rep="-"), *_serious(fit)])
-
-
 @styled
 def html(fit: Fit) -> str:
     """The same with the curve, for a notebook; text that may be anybody's is escaped."""
     figure = new_figure(3.6)
     draw(fit, figure.subplots())
     curve_of = inline(render_as(figure, "svg"), "fit", "friction over velocity, measured and fitted")
-    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in _outcomes(fit))
-    points = "".join(f"<li>{escape(line)}</li>" for line in _serious(fit))
+    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in outcomes(fit))
+    points = "".join(f"<li>{escape(line)}</li>" for line in serious(fit))
     table = fit.to_frame().drop(columns="warnings").to_html(float_format="{:.5g}".format, na_rep="-")
     return f"<div>{paragraphs}{table}<ul>{points}</ul><div style='max-width:36rem'>{curve_of}</div></div>"
-
-
-def _outcomes(fit: Fit) -> Iterator[str]:
-    """How each fit of this stage ended."""
-    slow, moving = fit.joint.presliding, fit.joint.moving
-    if fit.stage == "static":
-        for d, static in fit.joint.static.items():
-            error = "" if static.relative_error is None else f" Relative error {static.relative_error:.3g} %."
-            yield f"{direction(d)}: {static.n} points. {static.outcome}{error}"
-    elif fit.stage == "presliding":
-        for d, one in slow.fits.items() if slow else ():
-            yield f"{direction(d)}: {len(one.loadings)} loadings, g0 = {one.level:.4g} ({one.level_source})"
-    elif moving is not None:
-        yield f"{moving.n} equations. {moving.outcome} Relative error {moving.relative_error:.3g} %."
-
-
-def _serious(fit: Fit) -> Iterator[str]:
-    return (f"{w.severity}: {w}" for w in fit.warnings if w.severity is not Severity.NOTE)

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 Method = Literal["profile", "covariance", "bootstrap"]
 METHODS: tuple[Method, ...] = ("profile", "covariance", "bootstrap")
-
-
 Stage = Literal["static", "presliding", "dynamic"]
 
 
@@ -186,7 +184,7 @@ class Fit:
 
     def __repr__(self) -> str:
         """The fit report, as the command line prints it."""
-        from bristle.questions.array_fit.figure import text
+        from bristle.questions.array_fit.text import text
 
         return text(self)
 
