@@ -10,6 +10,7 @@ import pytest
 
 import bristle
 from bristle import Results, api
+from bristle.api import joints
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
@@ -73,8 +74,8 @@ def test_nothing_stands_for_the_embedded_joints(monkeypatch: pytest.MonkeyPatch)
         name = measured.joint.name
         return Joint(name=name, kind=measured.joint.kind, inputs=(), segments=(), static={}, crosscheck={})
 
-    monkeypatch.setattr(api, "measure", lambda experiment: experiment)
-    monkeypatch.setattr(api, "identify_joint", joint_of)
+    monkeypatch.setattr(joints, "measure", lambda experiment: experiment)
+    monkeypatch.setattr(joints, "identify_joint", joint_of)
     told: list[tuple[str, int, int]] = []
     results = bristle.identify(progress=lambda *step: told.append(step))
     names = list(edro.TABLE_1)
@@ -182,7 +183,7 @@ def test_what_is_identified_is_not_identified_again(
     def no_more(*_: object, **__: object) -> Joint:
         raise AssertionError("identified again")
 
-    monkeypatch.setattr(api, "identify_joint", no_more)
+    monkeypatch.setattr(joints, "identify_joint", no_more)
     of_results = (
         bristle.plan(clean, velocities=4),
         bristle.sensitivity(clean, samples=0),

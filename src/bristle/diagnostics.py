@@ -344,6 +344,61 @@ class Kind(Enum):
         ),
     )
 
+    # robots: what the links tell, and whether log and URDF go together
+    LINKS_NOT_REMOVED = (
+        _CRITICAL,
+        (
+            "Other joints move too and no URDF is named, so the torque of the links is not removed: it may be {share:.0f} % of "
+            "this joint's torque. Name the URDF, as in robot: {{urdf: arm.urdf}}."
+        ),
+    )
+    JOINT_ORDER = (
+        _CRITICAL,
+        (
+            "The log goes better with the URDF where {swaps!l} (sum of log relative errors lower by {gain:.2g}). Check the "
+            "order of the columns against the names of the joints."
+        ),
+    )
+    GRAVITY_DIRECTION = (
+        _CRITICAL,
+        (
+            "The log goes better with gravity along {better!l} m/s**2 in the frame of the base (sum of log relative errors lower by "
+            "{gain:.2g}). Check robot.gravity, and the signs of positions and torques."
+        ),
+    )
+    LINKS_OPPOSE = (
+        _CRITICAL,
+        (
+            "The current goes against the torque of the links ({scale:.3g} +/- {error:.2g} A/(N*m)): check robot.gravity, the "
+            "order of the joints, and the sign of the current."
+        ),
+    )
+    LINKS_SCALE = (
+        _CAUTION,
+        (
+            "The torque of the links would fit {scale:.3g} +/- {error:.2g} times as large as the URDF has it: check its masses, "
+            "robot.payload and the torque constant."
+        ),
+    )
+    CONSTANT_UNSEEN = (
+        _CAUTION,
+        (
+            "Torque constant not identifiable: the links explain {explained:.2g} A of the current, and {left:.2g} A stay unexplained. "
+            "Friction is in A; give torque_constant, or log a motion that loads this joint more."
+        ),
+    )
+    BEYOND_URDF = (
+        _CAUTION,
+        (
+            "The {signal} runs from {low:.3g} to {high:.3g}; the URDF allows {least:.3g} to {most:.3g}: check the order of the "
+            "joints, units and the URDF."
+        ),
+    )
+    LINKS_TAKEN_OFF = (
+        _NOTE,
+        "The torque of the links, at most {largest:.3g} N*m, was taken off before segments were looked for.",
+    )
+
     # signals: what contradicts another signal, or itself
     VELOCITY_FACTOR = (
         _CRITICAL,
@@ -2149,6 +2204,9 @@ REASONS: Mapping[str, str] = {
     "A factor between two signals goes into every number made of them.": (
         "VELOCITY_FACTOR VELOCITY_UNRELATED WHOLE_POSITIONS COUNT_UNIT COUNT_CONTRADICTS"
     ),
+    "The torque holds what the links of the arm ask for, which is not friction.": (
+        "LINKS_NOT_REMOVED JOINT_ORDER GRAVITY_DIRECTION LINKS_OPPOSE"
+    ),
     "The lowest cost was not found, so the numbers are not those of the fit.": (
         "NOT_CONVERGED OUT_OF_STEPS STILL_LOWER FULL_FIT_LOWER IPOPT_LOWER UNDERCUT IPOPT_UNDERCUTS"
     ),
@@ -2186,10 +2244,11 @@ REASONS: Mapping[str, str] = {
     ),
     "A point far from the others may not belong, and the number is still within its error.": "STRAYS STRAYS_LEFT_OUT",
     "The data do not show the term or the parameter, so no number is given for it.": (
-        "STATIC_NO_STRIBECK NO_STRIBECK LIKE_NOISE NO_PEAK BEND ONE_SPEED V_S_DOWN_TO_ZERO V_S_UP_TO_ANY NONE_BELOW_V_S TOO_FEW_FOR_PEAK "
-        "PEAK_LEFT_OUT PROFILE_UNSEEN UNSEEN UNSEEN_WIDE UNSEEN_FAR UNSEEN_COMPANION UNSEEN_PEAK UNSEEN_NO_PEAK UNSEEN_UNCONVERGED UNSEEN_TOO_FEW "
-        "UNSEEN_BELOW_COUNT UNSEEN_IN_COUNTS UNSEEN_BIASED STRAYS_AS_WELL UNSEEN_NO_REVERSAL UNSEEN_FAST UNSEEN_HALVES UNSEEN_BEND NOTHING_SEEN "
-        "DIRECTION_UNKNOWN NONE_KEPT NOT_MEASURED SIGMA_0_UNKNOWN NO_MODEL NOTHING_SEEN_OF NOTHING_COMPARED NOT_TOLD STILL_UNSEEN"
+        "CONSTANT_UNSEEN STATIC_NO_STRIBECK NO_STRIBECK LIKE_NOISE NO_PEAK BEND ONE_SPEED V_S_DOWN_TO_ZERO V_S_UP_TO_ANY NONE_BELOW_V_S "
+        "TOO_FEW_FOR_PEAK PEAK_LEFT_OUT PROFILE_UNSEEN UNSEEN UNSEEN_WIDE UNSEEN_FAR UNSEEN_COMPANION UNSEEN_PEAK UNSEEN_NO_PEAK "
+        "UNSEEN_UNCONVERGED UNSEEN_TOO_FEW UNSEEN_BELOW_COUNT UNSEEN_IN_COUNTS UNSEEN_BIASED STRAYS_AS_WELL UNSEEN_NO_REVERSAL UNSEEN_FAST "
+        "UNSEEN_HALVES UNSEEN_BEND NOTHING_SEEN DIRECTION_UNKNOWN NONE_KEPT NOT_MEASURED SIGMA_0_UNKNOWN NO_MODEL NOTHING_SEEN_OF "
+        "NOTHING_COMPARED NOT_TOLD STILL_UNSEEN"
     ),
     "The number rests on few points, runs or starts.": (
         "STATIC_STICK_SLIP PEAK_OF_STICK_SLIP FEW_BELOW_V_S SINGLE_RUN OF_ONE_BREAKAWAY FEW_STARTS DID_NOT_MOVE FEW_VELOCITIES SLOWEST_TOO_FAST"
@@ -2209,7 +2268,7 @@ REASONS: Mapping[str, str] = {
         "FREQUENCY_LOWERED"
     ),
     "What was read may not be what was meant.": (
-        "HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN"
+        "LINKS_SCALE BEYOND_URDF HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN"
     ),
     "The sessions are not alike, so a change may not be one of the joint.": (
         "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"
@@ -2251,11 +2310,11 @@ REASONS: Mapping[str, str] = {
         "TRUTH_INSIDE FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL"
     ),
     "It says how a signal was read, or a number made.": (
-        "RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION ACCELERATION_FROM_VELOCITY "
-        "TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED RUN_IN ENCODER_COUNT "
-        "ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE INERTIA_EXACT NOISE_OF_EQUATIONS "
-        "NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD GRIPPER_FRICTION NOISE_OF_FIT "
-        "NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED"
+        "LINKS_TAKEN_OFF RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION "
+        "ACCELERATION_FROM_VELOCITY TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED "
+        "RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE INERTIA_EXACT "
+        "NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD GRIPPER_FRICTION "
+        "NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED"
     ),
     "It says what to measure or to write next.": (
         "SET_UP_PAYS MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE ALPHA_2_WIDE "

@@ -137,7 +137,7 @@ def _without_short_segments(record: Record) -> Record:
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     signals = {
         name: values[kept]
-        for name in ("time", "position", "velocity", "torque", "voltage", "acceleration", "lines")
+        for name in ("time", "position", "velocity", "torque", "voltage", "acceleration", "link_torque", "lines")
         if (values := getattr(record, name)) is not None
     }
     lost = record.time.size - kept.size

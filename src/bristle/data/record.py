@@ -10,7 +10,7 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
 
-_SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration")
+_SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration", "link_torque")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +40,8 @@ class Record:
     """V, from which torque is computed by (8) once the velocity is known."""
     acceleration: Array | None = None
     """rad/s**2, estimated."""
+    link_torque: Array | None = None
+    """N*m: what the links of a robot ask of the joint, as computed from its URDF and the motion of all joints."""
     starts: tuple[int, ...] = (0,)
     """First sample of each segment between gaps; nothing is ever differentiated, filtered or simulated across a gap."""
     rows: int = 0

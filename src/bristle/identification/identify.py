@@ -40,7 +40,7 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
 from bristle.identification.static.stray_report import advised
-from bristle.model.parameters import INERTIA, Direction, ParameterName
+from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
 
 _OF_THE_DATA = {
@@ -108,6 +108,8 @@ def identify_joint(
         warnings=(*_joint_warnings(measured, points, static, stages.alone), *left_out),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
+        torque_constant=measured.torque_constant,
+        link_inertia=None if in_current(experiment.joint.kind) else measured.link_inertia,
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,

@@ -81,6 +81,13 @@ def stage_estimates(joint: Joint) -> Iterator[Known]:
         if d in slow:
             bristle = {"sigma_0": slow[d].sigma_0, "sigma_1": slow[d].sigma_1}
             yield from (Known(Source.PRESLIDING, ParameterName(name, Direction(d)), e) for name, e in bristle.items())
+    yield from _constants(joint)
+
+
+def _constants(joint: Joint) -> Iterator[Known]:
+    """The torque constant, where it was looked for."""
+    if joint.torque_constant is not None:
+        yield Known(Source.TRACKING, ParameterName("torque_constant", Direction.SHARED), joint.torque_constant)
 
 
 def moving_estimates(joint: Joint, source: Source) -> Iterator[Known]:
@@ -235,14 +242,15 @@ def truth_of(joint: Joint) -> Pair[float] | None:
 
 
 def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
-    """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor.
+    """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor; with the links of a robot.
 
     None where nothing tells it.
     """
     declared = experiment.inertia.value if experiment.inertia else None
     motor = experiment.motor_constants.inertia if experiment.motor_constants else None
     identified = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
-    return next((J for J in (*identified, declared, motor) if J is not None and J > 0), None)
+    own = next((J for J in (*identified, declared, motor) if J is not None and J > 0), None)
+    return own if joint.link_inertia is None else (own or 0.0) + joint.link_inertia
 
 
 def guessed_inertia(alpha_0: float, acceleration: float) -> float:
@@ -335,6 +343,7 @@ def _drawn(
     for draw in drawn.tolist():
         sample = dict(zip(moves.names, draw, strict=True))
         estimates = {name: replace(shown[name], value=x) for name, x in sample.items()}
-        inertia = sample.get(INERTIA) or J
+        own = sample.get(INERTIA)
+        inertia = own + (joint.link_inertia or 0.0) if own else J
         joints.append((replace(known, estimates={**known.estimates, **estimates}).pair(travel, inertia), inertia))
     return tuple(joints)

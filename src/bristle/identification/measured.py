@@ -13,6 +13,7 @@ from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, short, short_list
+from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.points import PointSearch, search_points, without_strays
 
@@ -30,6 +31,12 @@ class Measured:
     """Per run; empty for moving data."""
     searches: tuple[PointSearch, ...] = ()
     """Which points of each solve do not belong to its law."""
+    findings: tuple[Diagnostic, ...] = ()
+    """What the joints of a robot together tell of this one."""
+    torque_constant: Estimate | None = None
+    """As the links of a robot tell it; None where it was not free."""
+    link_inertia: float | None = None
+    """What a joint of a robot has to accelerate of the links, on average over its runs, kg*m**2; None where no links are known."""
 
     def points(self, *, hold_out: bool) -> tuple[Segment, ...]:
         """Accepted velocity-torque points of the runs that are, or are not, held out."""
@@ -43,7 +50,7 @@ class Measured:
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         """Where signals contradict one another or themselves, files alike together."""
-        return merged(d for run in self.runs for d in run.record.warnings)
+        return (*self.findings, *merged(d for run in self.runs for d in run.record.warnings))
 
     @property
     def positions(self) -> tuple[float, float] | None:
@@ -70,7 +77,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     """
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
-    _refuse_repeated(experiment, runs)
+    refuse_repeated(experiment, runs)
     return measured_of(experiment, runs)
 
 
@@ -94,8 +101,8 @@ def nothing_to_fit(measured: Measured) -> str:
     return nothing_left(every, tuple(run.record for run, _ in training), experiment.segments)
 
 
-def _refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
-    """A run given twice would count twice, and a hold-out that was fitted is none."""
+def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
+    """Raise InputError where a run is given twice, which would count twice; a hold-out that was fitted is none."""
     for k, run in enumerate(runs):
         for other in runs[:k]:
             a, b = run.record, other.record

@@ -57,9 +57,12 @@ REGRESSORS = {
     "offset": Regressor(("offset",)),
     "gravity": Regressor(("gravity_sin", "gravity_cos"), ("position",)),
     "quadratic": Regressor(("quadratic",), ("velocity",)),
+    "links": Regressor(("links",), ("link_torque",)),
 }
 LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
 """In the order of `law.load_terms`."""
+_NEEDED = ("position", "velocity", "acceleration", "link_torque")
+"""What `law.load_terms` is of, in its order."""
 _KERNEL_TAIL = 1e-8
 """Where the smoothing kernel is cut, relative to its peak."""
 
@@ -83,10 +86,11 @@ def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]
 def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: int) -> dict[str, Array]:
     """What multiplies each parameter of some regressors (`law.load_terms`), each (n,).
 
-    `signal` gives position, velocity or acceleration, rad and s, (n,); it is asked for those that are needed alone.
+    `signal` gives position, velocity or acceleration, rad and s, or link_torque, N*m, (n,); it is asked for those that
+    are needed alone.
     """
     needs = {what for regressor in regressors for what in REGRESSORS[regressor].needs}
-    signals = (signal(what) if what in needs else np.zeros(n) for what in ("position", "velocity", "acceleration"))
+    signals = (signal(what) if what in needs else np.zeros(n) for what in _NEEDED)
     terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
     return {
         name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
@@ -192,6 +196,9 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
     """
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
     others = np.concatenate([_motion(r) for r in records])
+    if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
+        basis = np.column_stack([np.sign(velocity), velocity, others])
+        torque = torque - others[:, -1] * np.linalg.lstsq(basis, torque, rcond=None)[0][-1]
     turned = merged(d for r in records for d in r.warnings if d.kind is Kind.VELOCITY_FACTOR and d.numbers["ratio"] < 0)
     if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
         raise InputError(f"{experiment.path.name}: {turned[0]}")
@@ -199,7 +206,7 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
 
 
 def _motion(record: Record) -> Array:
-    """Acceleration, and gravity by the position, as far as they are known, (n, 3)."""
+    """Acceleration, gravity by the position and a robot's link torque, as far as they are known, (n, 4)."""
     n = record.time.size
 
     def signal(name: str) -> Array:
@@ -207,7 +214,7 @@ def _motion(record: Record) -> Array:
         values: Array | None = getattr(record, name)
         return np.zeros(n) if values is None else values
 
-    return np.column_stack(list(load_columns(("inertia", "gravity"), signal, n).values()))
+    return np.column_stack(list(load_columns(("inertia", "gravity", "links"), signal, n).values()))
 
 
 def refuse_mixed_rates(records: Sequence[Record]) -> None:
@@ -240,11 +247,17 @@ def _of(record: Record, name: str) -> Array:
     return np.zeros(0) if values is None else values
 
 
-def inertial(record: Record, inertia: float) -> Array:
-    """Torque of a known inertia in a moving run, N*m, (n,).
+def known_torque(record: Record, inertia: float | None, regressors: Sequence[str]) -> Array | None:
+    """Torque of a moving run that is no unknown, N*m, (n,): of a known inertia, and of a robot's links unless they are a regressor.
 
-    Raises InputError where it leaves nothing of the measured torque.
+    None where there is none. Raises InputError where a known inertia leaves nothing of the measured torque.
     """
+    links = None if "links" in regressors else record.link_torque
+    own = None if inertia is None else _inertial(record, inertia)
+    return links if own is None else own if links is None else own + links
+
+
+def _inertial(record: Record, inertia: float) -> Array:
     torque = inertia * needed(record, "acceleration")
     own, measured = float(np.abs(torque).max()), float(np.abs(needed(record, "torque")).max())
     if own > _DROWNS * measured > 0:

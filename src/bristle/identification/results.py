@@ -9,7 +9,7 @@ from bristle.arrays import JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
 from bristle.diagnostics import Diagnostic, Severity, with_subjects
 from bristle.diagnostics import Kind as DiagnosticKind
-from bristle.identification.fits import Crosscheck, Presliding, StaticFit, TrackingFit
+from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model.parameters import Kind, Lugre, ParameterName
 
 if TYPE_CHECKING:
@@ -129,6 +129,11 @@ class Joint:
     """Which constants between logs and torques have an error, and which are taken as exact; None: there are none, or the data are simulated."""
     travel: float | None = None
     """From the lowest to the highest position, declared under `plan` or measured, rad; None where neither is known."""
+    torque_constant: Estimate | None = None
+    """N*m/A, as the links of a robot tell it; None where it was not looked for."""
+    link_inertia: float | None = None
+    """What the joint of a robot accelerates of its links, on average over its runs, kg*m**2: beside the inertia of its fits, which is then the
+    rotor's."""
     truth: Mapping[str, LugreByName] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""
     simulated: bool = False

@@ -58,8 +58,8 @@ def stribeck_shape_slope_function() -> ca.Function:
 
 @cache
 def load_terms_function() -> ca.Function:
-    """(q, v, a) -> `law.load_terms`, in that order."""
-    s = _symbols("q", "v", "a")
+    """(q, v, a, tau) -> `law.load_terms`, in that order."""
+    s = _symbols("q", "v", "a", "tau")
     return _function("load_terms", s, law.load_terms(**s))
 
 

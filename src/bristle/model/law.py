@@ -80,11 +80,11 @@ def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
     return steady_torque(v, Stribeck(0.0, 1.0, 0.0, v_s))
 
 
-def load_terms(q: Expression, v: Expression, a: Expression) -> dict[str, Expression]:
+def load_terms(q: Expression, v: Expression, a: Expression, tau: Expression) -> dict[str, Expression]:
     """What multiplies each parameter of the torque that is not friction, by that parameter's name.
 
-    T = T_f + inertia dv/dt + offset + gravity_sin sin(q) + gravity_cos cos(q) + quadratic v abs(v), of the position q
-    (rad), the velocity and the acceleration a.
+    T = T_f + inertia dv/dt + offset + gravity_sin sin(q) + gravity_cos cos(q) + quadratic v abs(v) + links tau, of the
+    position q (rad), the velocity, the acceleration a and the torque tau (N*m) that a robot's links ask of the joint.
     """
     return {
         "inertia": a,
@@ -92,6 +92,7 @@ def load_terms(q: Expression, v: Expression, a: Expression) -> dict[str, Express
         "gravity_sin": ca.sin(q),
         "gravity_cos": ca.cos(q),
         "quadratic": v * ca.fabs(v),
+        "links": tau,
     }
 
 

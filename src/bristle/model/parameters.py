@@ -11,7 +11,8 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 from bristle.arrays import JsonForm
 
 T = TypeVar("T")
-Kind = Literal["revolute", "prismatic"]
+Kind = Literal["revolute", "prismatic", "revolute in A", "prismatic in A"]
+"""Of a joint; in A: its torque is known as a current alone."""
 
 
 class Direction(StrEnum):
@@ -147,6 +148,7 @@ _UNITS: dict[str, tuple[str, str]] = {
     "sigma_0": ("N*m/rad", "N/m"),
     "sigma_1": ("N*m*s/rad", "N*s/m"),
     "k_t": ("N*m/A", "N/A"),
+    "torque_constant": ("N*m/A", "N/A"),
     "R": ("ohm", "ohm"),
     "L": ("H", "H"),
     "J": ("kg*m**2", "kg"),
@@ -158,6 +160,7 @@ _UNITS: dict[str, tuple[str, str]] = {
     "gravity_sin": ("N*m", "N"),
     "gravity_cos": ("N*m", "N"),
     "quadratic": ("N*m*s**2/rad**2", "N*s**2/m**2"),
+    "links": ("1", "1"),
     "time": ("s", "s"),
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),
@@ -179,11 +182,36 @@ BOUNDS: dict[str, tuple[float, float]] = {
 
 
 def unit(name: str, kind: Kind = "revolute") -> str:
-    """SI unit of a parameter or signal of a revolute or prismatic joint, as a string that pint reads.
+    """SI unit of a parameter or signal of a joint, as a string that pint reads.
 
     Raises KeyError for a name that is neither.
     """
-    return _UNITS[name][kind == "prismatic"]
+    own = _UNITS[name][slides(kind)]
+    if not in_current(kind):
+        return own
+    torque = _UNITS["torque"][slides(kind)]
+    if name == "links":
+        return f"A/({torque})"
+    return _IN_CURRENT.get(own, own.replace(torque, "A", 1))
+
+
+_IN_CURRENT = {"kg*m**2": "A*s**2/rad", "kg": "A*s**2/m", "ohm": "ohm"}
+"""Units that hold a torque unseen, or none, where that is a current."""
+
+
+def slides(kind: Kind) -> bool:
+    """Whether a joint is prismatic."""
+    return kind.startswith("prismatic")
+
+
+def in_current(kind: Kind) -> bool:
+    """Whether the torque of a joint is known as a current alone, A."""
+    return kind.endswith("in A")
+
+
+def effort(kind: Kind) -> str:
+    """What a joint's torque is called: a joint that slides has a force, one without a torque constant a current."""
+    return "current" if in_current(kind) else "force" if slides(kind) else "torque"
 
 
 def least_of(name: str) -> float:

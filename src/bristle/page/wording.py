@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable
 from itertools import count
 
-from bristle.model.parameters import Kind, ParameterName, unit
+from bristle.model.parameters import Kind, ParameterName, effort, unit
 
 MISSING = "–"
 """What stands where there is no number."""
@@ -25,7 +25,6 @@ _SYMBOLS = {
 _DIRECTIONS = {"+": "(+)", "-": "(−)", "both": "both directions", "shared": "shared by both directions"}
 _WORDS = {"displacement": "position", "displacement from rest": "position"}
 """Words on an axis that have the unit of a signal."""
-_FORCE = {"torque": "force", "position": "position", "velocity": "velocity"}
 
 
 def symbol(name: str | ParameterName) -> str:
@@ -56,7 +55,7 @@ def pretty(si: str) -> str:
 
 def axis(quantity: str, kind: Kind, prefix: str = "") -> str:
     """Label of an axis with quantity and unit, as `Residual torque (N·m)`; a prismatic joint's torque is a force."""
-    word = _FORCE.get(quantity, quantity) if kind == "prismatic" else quantity
+    word = effort(kind) if quantity == "torque" else quantity
     label = f"{prefix} {word}".strip()
     return f"{label[0].upper()}{label[1:]} ({pretty(unit(_WORDS.get(quantity, quantity), kind))})"
 

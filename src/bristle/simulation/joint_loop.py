@@ -20,7 +20,7 @@ from bristle.identification.known_joint import DEFLECTION, draws_by_constants, d
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, unit
+from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, effort, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
@@ -180,8 +180,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     truth = truth_of(joint)
     if truth is None:
         assumed.append(Kind.PLANT_IS_MODEL())
-    effort = "torque" if joint.kind == "revolute" else "force"
-    assumed.append(Kind.DRIVE_WITHOUT_LIMIT(quantity=effort, period=asked.period))
+    assumed.append(Kind.DRIVE_WITHOUT_LIMIT(quantity=effort(joint.kind), period=asked.period))
     assumed += [joint.torque_scale] if joint.torque_scale else []
     assumed += [Kind.SYSTEMATIC_DRAWN(constants=joint.uncertain_constants)] if joint.uncertain_constants else []
     loop = JointLoop(

@@ -7,6 +7,7 @@ prismatic.
 import glob
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -177,11 +178,15 @@ def load_experiment(path: str | Path) -> Experiment:
 
 def experiment_of(text: str, path: Path) -> Experiment:
     """The experiment that a YAML text describes, as if it stood at a path. Raises InputError as `load_experiment` does."""
-    data = parse(text, str(path))
+    return experiment_from(parse(text, str(path)), path, str(path))
+
+
+def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
+    """The experiment of a file's keys; sentences open with `where`. Raises InputError as `load_experiment` does."""
     if "path" in data:
-        raise InputError(f"{path}: unknown key 'path'; data files are named under runs, as files")
+        raise InputError(f"{where}: unknown key 'path'; data files are named under runs, as files")
     data = {key: value for key, value in data.items() if value is not None}  # a heading with nothing under it
-    return validate(Experiment, {**data, "path": path}, str(path), _context(data))
+    return validate(Experiment, {**data, "path": path}, where, _context(data))
 
 
 def _context(data: dict[str, Any]) -> Context:
@@ -206,11 +211,16 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
     Tracking runs have acceleration as well. Raises InputError in one sentence that names the file and what is wrong
     with it.
     """
-    files = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
     return tuple(
-        Run(kind=run.experiment, record=_read(experiment, run, path, shown), hold_out=run.hold_out)
-        for run, path, shown in files
+        Run(kind=run.experiment, record=read_run(experiment, run, path, shown), hold_out=run.hold_out)
+        for run, path, shown in files_of(experiment)
     )
+
+
+def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, Path, str]]:
+    """Each file that an experiment names: its entry, where it is, and the name that results show. Raises InputError where there is none."""
+    for run in experiment.runs:
+        yield from ((run, path, shown) for path, shown in _matches(run.files, experiment.path))
 
 
 def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
@@ -268,7 +278,8 @@ def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
     return Run(kind=run.experiment, record=_record(experiment, run, table, shown), hold_out=run.hold_out)
 
 
-def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record:
+def read_run(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record:
+    """One file as a record with velocity and torque. Raises InputError as `read_runs`."""
     from bristle.data.text_table import read_table
 
     table = read_table(path, list(clean.keys_of(experiment.signals_of(run)).values()), shown)

@@ -9,10 +9,10 @@ from bristle.data import units
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
-from bristle.model.parameters import Kind, Lugre
+from bristle.model.parameters import Lugre
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
-Regressor = Literal["inertia", "offset", "gravity", "quadratic"]
+Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +71,7 @@ _SIGNS = {
     "gravity_sin": "",
     "gravity_cos": "",
     "quadratic": "",
+    "links": "> 0",
 }
 """What can be fixed, and which sign it has."""
 
@@ -122,7 +123,7 @@ class JointDescription(StrictModel):
     """Which joint, and whether it turns or slides."""
 
     name: Annotated[Shown, Field(min_length=1, max_length=200)]
-    kind: Kind = "revolute"
+    kind: Literal["revolute", "prismatic"] = "revolute"
 
 
 class MotorConstants(StrictModel):

@@ -204,7 +204,7 @@ def _step(current: Current) -> ca.Function:
     drive, h = ca.vertsplit(u)
     state = State(*ca.vertsplit(x))
     middle = state.position + h / 2 * state.velocity
-    _, *terms = law.load_terms(middle, state.velocity, 0.0).values()
+    _, *terms = law.load_terms(middle, state.velocity, 0.0, 0.0).values()
     load = -sum(parameter * term for parameter, term in zip(loads, terms, strict=True))
     new = plant_step(state, drive, load, h, pair_of(sets), Motor(k_t, R, 0.0, J), current)
     return ca.Function("plant", [x, u, p], [ca.vertcat(*new)], {"cse": True})

@@ -18,7 +18,7 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.nonlinear import Block
-from bristle.identification.moving_runs import decimator, extra_columns, inertial
+from bristle.identification.moving_runs import decimator, extra_columns, known_torque
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_into
 
@@ -240,7 +240,7 @@ def dynamic_problem(
             raise InputError(
                 f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
             )
-        known = 0.0 if inertia is None else inertial(record, inertia)
+        known = known_torque(record, inertia, regressors)
         for part in between_gaps(record):
             smooth, _ = decimator([np.array([part.stop - part.start])], decimation, record.file)
             motions.append(
@@ -248,7 +248,7 @@ def dynamic_problem(
                     file=record.file,
                     time=record.time[part] - record.time[0],
                     velocity=record.velocity[part],
-                    torque=(record.torque - known)[part],
+                    torque=(record.torque if known is None else record.torque - known)[part],
                     extra=columns[part],
                     smooth=None if decimation == 1 else smooth,
                     measured=record.torque[part],

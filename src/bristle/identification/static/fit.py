@@ -94,7 +94,7 @@ def fit_static(
         timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
     if not checked.agrees:
         comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
-    fits = {d: _static_fit(core, d, where, comparisons, errors) for d in _parts(problem)}
+    fits = {d: _static_fit(core, kind, d, where, comparisons, errors) for d in _parts(problem)}
     if options.loss == "huber":
         peaks = core.problem.peaks
         runs = [(file, huber(replace(one, peaks=peaks), v_s_range, options.grid).problem) for file, one in runs]
@@ -238,7 +238,12 @@ def _comparisons(
 
 
 def _static_fit(
-    core: StaticSolution, part: Direction, where: PointInfo, comparisons: _Comparisons, errors: tuple[HoldOut, ...]
+    core: StaticSolution,
+    kind: JointKind,
+    part: Direction,
+    where: PointInfo,
+    comparisons: _Comparisons,
+    errors: tuple[HoldOut, ...],
 ) -> StaticFit:
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
     problem, theta = core.measured, core.solution.theta
@@ -254,7 +259,7 @@ def _static_fit(
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: _with_warnings(core.parameters[name], comparisons.three[name]) for name in names}
     if part != "shared" and part in core.dropped:
-        missing = {n: _not_identifiable(core, n, part) for n in ("alpha_1", "v_s")}
+        missing = {n: _not_identifiable(core, n, part, kind) for n in ("alpha_1", "v_s")}
         parameters |= missing
     order = sorted(parameters, key=lambda name: (*Stribeck._fields, name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names]
@@ -301,11 +306,9 @@ def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -
     return Kind.STATIC_STICK_SLIP() if rests else core.outcome
 
 
-def _not_identifiable(core: StaticSolution, name: str, part: Direction) -> Estimate:
+def _not_identifiable(core: StaticSolution, name: str, part: Direction, kind: JointKind) -> Estimate:
     """A parameter of the Stribeck term that the data do not support, with the reason."""
-    torque = core.parameters[ParameterName("alpha_0", part)].unit
-    own = unit(name, "revolute" if torque == unit("alpha_0") else "prismatic")
-    return Estimate(value=None, unit=own, warnings=(core.dropped[part],))
+    return Estimate(value=None, unit=unit(name, kind), warnings=(core.dropped[part],))
 
 
 def _errors(core: StaticSolution) -> Array:

@@ -20,7 +20,7 @@ from scipy import sparse
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.estimation.nonlinear import LeastSquares, Unknowns
-from bristle.identification.moving_runs import decimator, extra_columns, inertial, needed, torque_shifts
+from bristle.identification.moving_runs import decimator, extra_columns, known_torque, needed, torque_shifts
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
@@ -236,8 +236,9 @@ def from_records(
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
     problem = replace(_build(velocity, torque, directions, extra, smooth), shifts=shifts)
-    if inertia is not None:
-        known = smooth @ np.concatenate([inertial(r, inertia) for r in records])
+    off = [x for r in records if (x := known_torque(r, inertia, regressors)) is not None]
+    if off:
+        known = smooth @ np.concatenate(off)
         problem = replace(problem, torque=problem.torque - known, known=known)
     time = smooth @ np.concatenate([r.time - r.time[0] for r in records])
     has_position = all(r.position is not None for r in records)

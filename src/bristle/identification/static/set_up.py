@@ -157,6 +157,7 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     has = {
         name for name in ("position", "velocity", "acceleration") if all(getattr(r, name) is not None for r in records)
     }
+    has |= {"link_torque"} if "links" in regressors(experiment) else set()  # else it is known, and no column
     possible = [
         name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
     ]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.model.parameters import Direction, Kind, Stribeck, unit
+from bristle.model.parameters import Direction, Kind, Stribeck, effort, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
 from bristle.page.wording import in_print, measured, number, pretty, symbol
@@ -162,7 +162,7 @@ def _limits(plan: Plan) -> list[tuple[str, str]]:
         ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
         ("acceleration", f"{x.acceleration:.3g} {a}"),
         (
-            "torque" if kind == "revolute" else "force",
+            effort(kind),
             f"{x.torque:.3g} {T}" if np.isfinite(x.torque) else "not limited",
         ),
         ("time", "not limited" if x.time is None else f"{x.time:g} s"),

@@ -8,10 +8,9 @@ from bristle.identification.fits import Crosscheck
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
+from bristle.model.parameters import unit
 from bristle.page.wording import FITS, counted
 from bristle.questions.joint_report.sentences import choice, cost_change, critical_lines, distinct
-
-_UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
@@ -63,7 +62,7 @@ def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> It
 
 def segment_lines(measured: Measured) -> Iterator[str]:
     """What each run holds: its notes, and its candidate segments, kept or rejected with their reasons."""
-    v, T = _UNITS[measured.experiment.joint.kind]
+    v, T = (unit(name, measured.experiment.joint.kind) for name in ("velocity", "torque"))
     for recorded, found in zip(measured.runs, measured.segments, strict=True):
         record = recorded.record
         yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from bristle.model.parameters import unit
+from bristle.model.parameters import effort, unit
 from bristle.page.columns import shown
 from bristle.page.page import write_part
 from bristle.page.wording import in_print, pretty, symbol
@@ -62,7 +62,7 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
         "title": study.name,
         "simulated": study.simulated,
         "seed": None if study.sobol is None else study.seed,
-        "kind": study.kind,
+        "effort": effort(study.kind),
         "T": pretty(unit("torque", study.kind)),
         "q": pretty(unit("position", study.kind)),
         "motion": study.motion,

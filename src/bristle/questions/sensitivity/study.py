@@ -191,7 +191,7 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
     """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
     noise, noise_source = _noise(joint, model.p, motion.period)
     course, fit = motion.course, joint.moving
-    columns = load_columns(tuple(REGRESSORS), partial(getattr, course), course.velocity.size)
+    columns = load_columns([x for x in REGRESSORS if x != "links"], partial(getattr, course), course.velocity.size)
     values = fit.known if fit is not None else {ParameterName.parse("inertia"): 0.0}
     terms = {ParameterName.parse(name): column for name, column in columns.items()}
     extra = {name: column for name, column in terms.items() if name in (fit.names if fit is not None else values)}

@@ -5,7 +5,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import Lugre, effort, unit
 from bristle.questions.sensitivity.local import claimed, ranked
 from bristle.questions.sensitivity.sobol import LEVEL, Global, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
@@ -75,7 +75,7 @@ def _told_by(expected: Expected) -> Diagnostic:
 
 def output_name(name: str, kind: JointKind) -> str:
     """What an output is called: a joint that slides has a force."""
-    return name.replace("torque", "force") if kind == "prismatic" else name
+    return name.replace("torque", effort(kind))
 
 
 def heading(name: str, kind: JointKind) -> str:

@@ -1,0 +1,43 @@
+"""What `import bristle` offers. The command line only calls these."""
+
+from bristle.api.arrays import find_segments, fit, fit_dynamic, fit_presliding, friction, simulate
+from bristle.api.experiments import (
+    adapt,
+    compare,
+    complete,
+    draft,
+    identify,
+    inspect,
+    plan,
+    sensitivity,
+    validate,
+    write_comparison,
+)
+from bristle.api.results import Results
+from bristle.data.experiment.draft import Told
+from bristle.model.parameters import Lugre, Pair
+from bristle.questions.array_fit.fit import Fit
+
+__all__ = [
+    "Fit",
+    "Lugre",
+    "Pair",
+    "Results",
+    "Told",
+    "adapt",
+    "compare",
+    "complete",
+    "draft",
+    "find_segments",
+    "fit",
+    "fit_dynamic",
+    "fit_presliding",
+    "friction",
+    "identify",
+    "inspect",
+    "plan",
+    "sensitivity",
+    "simulate",
+    "validate",
+    "write_comparison",
+]

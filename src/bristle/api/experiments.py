@@ -1,0 +1,261 @@
+"""Experiment files in, results out; and the questions that a user asks of them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from bristle.api.joints import Known, Source, asked_joint, load_all, measure_joints, names_of
+from bristle.api.results import Results
+from bristle.data.experiment.draft import Told
+from bristle.errors import InputError
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import Measured
+from bristle.identification.proposal import completed, draft_of_logs
+from bristle.identification.results import Joint
+from bristle.progress import Progress, step
+from bristle.questions.compensation.replay import replays
+from bristle.questions.compensation.study import Study, study
+from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
+from bristle.questions.experiment_design.plan import plan as plan_next
+from bristle.questions.method_validation.cases import joint_cases, sweep
+from bristle.questions.method_validation.results import Validation
+from bristle.questions.method_validation.run import REPETITIONS, STARTS, check_request
+from bristle.questions.method_validation.run import validate as validate_cases
+from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
+from bristle.questions.sensitivity.study import SAMPLES, SensitivityStudy, check_samples, study_sensitivity
+from bristle.questions.session_comparison.compare import compare as compare_sessions
+from bristle.questions.session_comparison.results import Comparison
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
+
+
+def identify(
+    *experiments: Source,
+    progress: Progress | None = None,
+    crosscheck: bool = False,
+    uncertainty: bool = False,
+    workers: int = 1,
+) -> Results:
+    """Identify the joints of one or more files, of a joint or a robot each; with none, the embedded Ed-Ro (simulated).
+
+    Args:
+        experiments: files, or what was loaded from them.
+        progress: told of every step.
+        crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
+        uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
+            static and presliding fits always do.
+        workers: processes among which the joints are shared out; in a script more than one need
+            `if __name__ == "__main__":` around the call.
+
+    Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
+    """
+    loaded = load_all(experiments)
+    asked = sum(len(names_of(one)) for one in loaded)
+    every: list[Measured] = []
+    found: list[tuple[Joint, dict[str, float]]] = []
+    if workers > 1 and asked > 1:
+        every = [measured for one in loaded for measured in measure_joints(one, progress)]
+        found = _shared_out(every, min(workers, asked), crosscheck, uncertainty, progress)
+    else:
+        for one in loaded:
+            for measured in measure_joints(one, progress):
+                if progress:
+                    progress(f"identifying {measured.experiment.joint.name}", len(every), asked)
+                every.append(measured)
+                found.append(_timed(measured, crosscheck, uncertainty, progress))
+    timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
+    return Results(joints=tuple(joint for joint, _ in found), timings=timings, measured=tuple(every))
+
+
+def _timed(
+    measured: Measured, crosscheck: bool, uncertainty: bool, progress: Progress | None = None
+) -> tuple[Joint, dict[str, float]]:
+    spent: dict[str, float] = {}
+    return identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress), spent
+
+
+def _shared_out(
+    every: Sequence[Measured], workers: int, crosscheck: bool, uncertainty: bool, progress: Progress | None
+) -> list[tuple[Joint, dict[str, float]]]:
+    """The joints, identified by several processes."""
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting = [pool.submit(_timed, measured, crosscheck, uncertainty) for measured in every]
+        try:
+            for done, ended in enumerate(as_completed(waiting), 1):
+                ended.result()
+                if progress:
+                    progress("identifying the joints", done, len(every))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+        return [one.result() for one in waiting]
+
+
+def adapt(
+    experiment: Known | None = None,
+    *,
+    joint: str | None = None,
+    identified: Results | None = None,
+    progress: Progress | None = None,
+) -> Study:
+    """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
+
+    With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first; of several
+    joints the one named `joint`. Raises InputError in one sentence where a file cannot be used, nothing is known of the
+    inertia or of part of the model, or the loop cannot be run as asked.
+    """
+    if experiment is None:
+        subjects = of_paper((identified or identify(progress=progress)).joints)
+        return study(subjects, progress=progress, paper=True)
+    asked = asked_joint(experiment, joint)
+    asked_parts(asked.experiment)  # what cannot be is said before minutes are spent
+    measured, found = asked.identified(progress)
+    subject = of_experiment(measured.experiment, found)
+    step(progress, "replaying the tracking runs")
+    return study([subject], replays(subject, found, measured), progress)
+
+
+def compare(first: Results | Path | str, second: Results | Path | str) -> Comparison:
+    """Which parameters changed beyond their joint uncertainty between two sessions, from the results of each, or its `results.json`.
+
+    Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
+    units.
+    """
+    from bristle.questions.session_comparison.results_file import read_session, session_of
+
+    sessions = [session_of(x.joints) if isinstance(x, Results) else read_session(Path(x)) for x in (first, second)]
+    if not isinstance(first, Results) and not isinstance(second, Results) and Path(first).samefile(second):
+        raise InputError(f"{second}: is the same file as {first}; expected the results.json of another session")
+    return compare_sessions(*sessions)
+
+
+def write_comparison(compared: Comparison, folder: Path | str) -> Path:
+    """`Comparison.write`: what `compare` returned as a page with figures and tables."""
+    return compared.write(folder)
+
+
+def sensitivity(
+    experiment: Known | None = None,
+    *,
+    joint: str | None = None,
+    amplitude: float | str | None = None,
+    frequency: float | str | None = None,
+    samples: int = SAMPLES,
+    progress: Progress | None = None,
+) -> SensitivityStudy:
+    """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
+
+    Args:
+        experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the
+            intervals that its simulated logs give.
+        joint: which, where there are several.
+        amplitude: of the motion, rad (m where the joint slides) or a quantity such as `5 deg`; None: `adapt.amplitude`, or from the measured speeds.
+        frequency: Hz, or a quantity; None: `adapt.frequency`, or 0.5 Hz.
+        samples: of the Sobol indices, a power of two, at least 32; 0: none.
+        progress: told of every step.
+
+    Raises InputError in one sentence where a file cannot be used, nothing is known of its friction over velocity, or the motion or the samples
+    cannot be.
+    """
+    check_samples(samples)
+    known = edro.experiments()[0] if experiment is None else experiment
+    asked = asked_joint(known, joint)
+    motion_of(asked.experiment.joint.kind, amplitude, frequency, (1.0, 1.0))  # said before seconds are spent
+    measured, found = asked.identified(progress)
+    request = (of_gripper if experiment is None else of_joint)(measured, found, amplitude, frequency)
+    return study_sensitivity(found, request, samples, progress)
+
+
+def validate(
+    experiment: Known | None = None,
+    *,
+    joint: str | None = None,
+    identified: Results | None = None,
+    repetitions: int = REPETITIONS,
+    starts: int = STARTS,
+    noise: float | None = None,
+    progress: Progress | None = None,
+) -> Validation:
+    """The grid search validated against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
+
+    With no experiment a declared sweep: every set of Table 1, at two noise levels and three designs. The seed is fixed.
+
+    Args:
+        experiment: of one joint, or what `identify` or a fit of arrays gave.
+        joint: which, where there are several.
+        identified: it, identified already.
+        repetitions: data sets for each method that is fast; the solvers of full fits see the first 50.
+        starts: random starts of each such solver on one data set.
+        noise: standard deviation of a point's torque over alpha_0; None: the fit's own, or both levels of the sweep.
+        progress: called as it goes.
+
+    Raises InputError in one sentence where a file cannot be used, or a number makes no validation.
+    """
+    check_request(repetitions, starts, noise)
+    known = experiment if identified is None else identified
+    if isinstance(known, Results):
+        found: Joint | None = known.joint(joint)
+    else:
+        found = None if known is None else asked_joint(known, joint).identified(progress)[1]
+    case_set = joint_cases(found, noise) if found else sweep(noise)
+    return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)
+
+
+def plan(
+    experiment: Known,
+    *,
+    joint: str | None = None,
+    velocities: int = VELOCITIES,
+    aim: str = "all",
+    progress: Progress | None = None,
+) -> Plan:
+    """What to measure next on a joint: constant velocities, slow loading and a tracking motion, and the intervals to expect.
+
+    Args:
+        experiment: with limits under `plan`, or else as far as its runs went; or what `identify` or a fit of arrays gave.
+        joint: which, where there are several.
+        velocities: runs at constant velocity in each direction.
+        aim: the parameter whose interval is to shrink, or `all`.
+        progress: called with what is being done, how many steps are done, and how many there are.
+
+    Raises InputError in one sentence where a file cannot be used, or its limits leave nothing to plan.
+    """
+    asked = asked_joint(experiment, joint)
+    check_plan(velocities, aim)
+    return plan_next(*asked.identified(progress), velocities, aim, progress)
+
+
+def inspect(experiment: Source, joint: str | None = None) -> Measured:
+    """Read the runs of a joint and cut them into segments, and look for points off the law; no result is fitted.
+
+    Raises InputError in one sentence where a file cannot be used, or is of several joints and `joint` names none of them.
+    """
+    return asked_joint(experiment, joint).measured()
+
+
+def draft(
+    *logs: Path | str, told: Told | None = None, folder: Path | None = None, progress: Progress | None = None
+) -> tuple[str, tuple[str, ...]]:
+    """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
+
+    Args:
+        logs: data files with the same columns; `bristle.Told` says what their names do not.
+        told: columns, units, scales and constants that are not to be guessed.
+        folder: where the text will be saved, for data files are named relative to it; None: beside the first.
+        progress: called with what is being done, how many steps are done, and how many there are.
+
+    Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
+    """
+    return draft_of_logs([Path(log) for log in logs], told or Told(), folder, progress)
+
+
+def complete(experiment: Path | str) -> tuple[str, str]:
+    """The text of an experiment file with the set-up that its runs ask for, and a sentence that says what was added, and why.
+
+    Runs without `experiment` get one, by what their signals do; regressors and directions are tried as `static.set_up`
+    has it; what the file says of `fit` already is left to its author, and the line to write there is a comment. Raises
+    InputError where a file cannot be used.
+    """
+    return completed(Path(experiment))

@@ -1,0 +1,145 @@
+"""How all joints of a robot move in a run, and what its links then ask of each: read beside the runs of each joint."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data import cleaning as clean
+from bristle.data.differentiation import estimate_motion
+from bristle.data.experiment.load import Experiment, Run, files_of, read_run
+from bristle.data.experiment.schema import RunFiles
+from bristle.data.experiment.signals import DRIVE
+from bristle.data.record import Record
+from bristle.data.robot.rigid_body import RigidBody
+from bristle.data.robot.robot_file import Robot
+from bristle.data.text_table import read_table
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+
+_RESTS = 0.02
+"""Of a joint's largest travel in any run: it rests where it goes no further, ..."""
+_STILL = 1e-3
+"""... or no further than this, rad or m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotMotion:
+    """One file: how each joint moves in it."""
+
+    moving: Mapping[str, Record]
+    """Of each joint that moves: position, velocity, acceleration."""
+    resting: Mapping[str, float]
+    """Where each of the others rests, rad or m."""
+
+    def at(self, time: Array, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration of some joints at some times, s, (n, joints) each; linear between samples."""
+        q, v, a = (np.zeros((time.size, len(names))) for _ in range(3))
+        for k, name in enumerate(names):
+            if name in self.resting:
+                q[:, k] = self.resting[name]
+                continue
+            r = self.moving[name]
+            for out, values in ((q, r.position), (v, r.velocity), (a, r.acceleration)):
+                out[:, k] = np.interp(time, r.time, np.asarray(values))
+        return q, v, a
+
+
+def read_motions(robot: Robot) -> dict[str, RobotMotion]:
+    """How all joints move in each file that is a course over time.
+
+    Raises InputError where a joint has no position, or a file cannot be read as declared.
+    """
+    records: dict[str, dict[str, Record | float]] = {}
+    for joint in robot.joints:
+        experiment = joint.experiment
+        for run, path, shown in files_of(_kinematic(experiment, robot)):
+            if run.experiment != "points":
+                records.setdefault(shown, {})[experiment.joint.name] = _motion(experiment, run, path, shown)
+    travels = {shown: {name: _travel(x) for name, x in own.items()} for shown, own in records.items()}
+    farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
+    rests = {
+        shown: {name for name, x in t.items() if x <= max(_STILL, _RESTS * farthest[name])}
+        for shown, t in travels.items()
+    }
+    return {
+        shown: RobotMotion(
+            moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests[shown]},
+            resting={name: _place(x) for name, x in own.items() if name in rests[shown]},
+        )
+        for shown, own in records.items()
+    }
+
+
+def _kinematic(experiment: Experiment, robot: Robot) -> Experiment:
+    """The joint with all runs of the robot, those of other joints alone too."""
+    every = {run.files: run for joint in robot.joints for run in joint.experiment.runs}
+    own = {run.files: run for run in experiment.runs}
+    return experiment.model_copy(update={"runs": tuple((every | own).values())})
+
+
+def _motion(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record | float:
+    """How one joint moves in a file; where it rests, if it does not."""
+    signals = experiment.signals_of(run).model_copy(update=dict.fromkeys(DRIVE))
+    if signals.position is None:
+        raise InputError(
+            f"{shown}: {experiment.joint.name} has no position, which a robot's joints need; name it under signals"
+        )
+    table = read_table(path, list(clean.keys_of(signals).values()), shown)
+    logged = table.columns[clean.keys_of(signals)["position"]] * signals.position.factor("position", experiment.context)
+    seen = logged[np.isfinite(logged)]
+    if seen.size and np.ptp(seen) <= _STILL:
+        return float(np.median(seen))
+    velocity = None if signals.velocity is None else table.columns[clean.keys_of(signals)["velocity"]]
+    if velocity is not None and np.ptp(velocity[np.isfinite(velocity)]) == 0:
+        signals = signals.model_copy(update={"velocity": None})
+    try:
+        record = clean.make_record(shown, table, signals, experiment.cleaning, experiment.context)
+    except InputError as error:
+        raise InputError(f"{shown}: {experiment.joint.name}: {str(error).removeprefix(f'{shown}: ')}") from error
+    return estimate_motion(record, experiment.fit.position_cutoff)
+
+
+def _travel(x: Record | float) -> float:
+    return 0.0 if isinstance(x, float) else float(np.ptp(np.asarray(x.position)))
+
+
+def _place(x: Record | float) -> float:
+    return x if isinstance(x, float) else float(np.median(np.asarray(x.position)))
+
+
+def runs_of(
+    experiment: Experiment, motions: Mapping[str, RobotMotion], names: tuple[str, ...], body: RigidBody | None
+) -> tuple[Run, ...]:
+    """The runs in which a joint moves, each with what the links ask of it where the robot is known.
+
+    Of runs that do not accelerate the links' torque is taken off here: segments are then of friction alone. Raises
+    InputError as `read_runs`, and where the joint moves in no run.
+    """
+    name = experiment.joint.name
+    runs = []
+    for run, path, shown in files_of(experiment):
+        motion = motions.get(shown)
+        if motion is not None and name in motion.resting and run.experiment != "presliding":
+            continue
+        record = read_run(experiment, run, path, shown)
+        if body is not None and motion is not None:
+            k = names.index(name)
+            record = replace(record, link_torque=body.torques(*motion.at(record.time, names))[:, k])
+        runs.append(Run(kind=run.experiment, record=record, hold_out=run.hold_out))
+    if not runs:
+        raise InputError(
+            f"{experiment.path}: {name} rests in every run; log it while it moves, or give it identify: false under joints"
+        )
+    return tuple(runs)
+
+
+def without_links(run: Run) -> Run:
+    """A run at constant velocity, or of slow loading, without the links' torque; a moving one as it is: its fit takes it off."""
+    r = run.record
+    if run.kind == "tracking" or r.link_torque is None or r.torque is None:
+        return run
+    note = Kind.LINKS_TAKEN_OFF(largest=float(np.abs(r.link_torque).max()))
+    return replace(run, record=replace(r, torque=r.torque - r.link_torque, link_torque=None, notes=(*r.notes, note)))

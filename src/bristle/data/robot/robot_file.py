@@ -1,0 +1,246 @@
+"""The file of a robot: one log of all joints, and an experiment of each joint in it.
+
+What stands beside `robot` and `joints` is an experiment file's, and holds for every joint; what stands under a joint holds
+for that one.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, StrictBool, StrictInt, StrictStr
+
+from bristle.data.experiment.load import Experiment, experiment_from
+from bristle.data.experiment.signals import Context, quantity
+from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
+from bristle.data.robot.urdf import Payload, Urdf, read_urdf
+from bristle.errors import InputError, short, short_list
+
+FREE = "free"
+"""What a torque constant is called that the links' torque is to tell."""
+_OWN = ("motor", "fit", "segments", "plan", "adapt", "signals")
+"""Keys of an experiment file whose parts a joint may replace one by one."""
+_WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")
+"""Those that it replaces as a whole."""
+_RANGE = re.compile(r"\s*([0-9]{1,5})\s*-\s*([0-9]{1,5})\s*")
+
+
+class PayloadDescription(StrictModel):
+    """What the robot holds."""
+
+    mass: Annotated[float, quantity("kg"), Field(gt=0)]
+    center: tuple[Annotated[float, quantity("m")], Annotated[float, quantity("m")], Annotated[float, quantity("m")]] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    """In the frame of the link, m."""
+    link: Annotated[StrictStr, Field(min_length=1, max_length=200)]
+
+
+class RobotDescription(StrictModel):
+    """The arm, whose links' torque is known from its URDF."""
+
+    urdf: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
+    """Path, relative to the file."""
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    """m/s**2, in the frame of the base: of an arm that hangs, (0, 0, 9.81)."""
+    payload: PayloadDescription | None = None
+
+
+class JointEntry(StrictModel):
+    """One joint, beside what it has of an experiment file."""
+
+    name: Annotated[StrictStr, Field(min_length=1, max_length=200)]
+    index: Annotated[StrictInt, Field(ge=0, lt=10_000)] | None = None
+    """Which of the columns of each signal is its own, from 0; None: as it stands among the joints."""
+    torque_constant: StrictStr | None = None
+    """As under motor, or free."""
+    identify: StrictBool = True
+    """Whether its friction is asked for; its motion counts in any case."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointOfRobot:
+    """A joint of a robot: its experiment, and what is not an experiment's."""
+
+    experiment: Experiment
+    """Where the torque constant is free, with one of 1 N*m/A: its torques are numbers of amperes."""
+    free: bool
+    """Whether the torque constant is to be found."""
+    identify: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Robot:
+    """A robot's file, validated."""
+
+    path: Path
+    joints: tuple[JointOfRobot, ...]
+    urdf: Urdf | None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    payload: Payload | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the joints, in the file's order."""
+        return tuple(joint.experiment.joint.name for joint in self.joints)
+
+
+def is_robot(data: Mapping[str, Any]) -> bool:
+    """Whether a file's keys are those of a robot."""
+    return "joints" in data or "robot" in data
+
+
+def load_robot(path: str | Path) -> Robot:
+    """The robot that a YAML file describes; its logs are not read yet.
+
+    Raises InputError in one sentence that names the file, the key or the line, what was got and what to do.
+    """
+    return robot_of(parse(read_text(Path(path)), str(path)), Path(path))
+
+
+def robot_of(data: dict[str, Any], path: Path) -> Robot:
+    """The robot that the keys of a file describe. Raises InputError as `load_robot` does."""
+    shared = {key: x for key, x in data.items() if key not in ("robot", "joints") and x is not None}
+    if "joint" in shared:
+        raise InputError(f"{path}: got joint beside joints; a robot's file names its joints under joints alone")
+    entries = data.get("joints")
+    if not isinstance(entries, list) or not entries or not all(isinstance(x, dict) for x in entries):
+        raise InputError(
+            f"{path}: joints: got {short(entries)}; expected a list, as [{{name: elbow_joint, index: 2}}, ...]"
+        )
+    about = None
+    if data.get("robot") is not None:
+        given = data["robot"]
+        if not isinstance(given, dict):
+            raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
+        about = validate(RobotDescription, given, f"{path}: robot", Context())
+    urdf = None if about is None else read_urdf(path.parent / about.urdf)
+    joints = tuple(_joint(shared, dict(entry), k, path, urdf) for k, entry in enumerate(entries))
+    _refuse_alike(joints, path)
+    held = about.payload if about else None
+    return Robot(
+        path=path,
+        joints=joints,
+        urdf=urdf,
+        gravity=about.gravity if about else (0.0, 0.0, -9.81),
+        payload=Payload(mass=held.mass, center=held.center, link=held.link) if held else None,
+    )
+
+
+def _refuse_alike(joints: Sequence[JointOfRobot], path: Path) -> None:
+    names = [joint.experiment.joint.name for joint in joints]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{path}: joints: {short(twice)} is named twice; give each joint its own name")
+    if not any(joint.identify for joint in joints):
+        raise InputError(f"{path}: joints: each has identify: false; leave that out of at least one")
+
+
+def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path, urdf: Urdf | None) -> JointOfRobot:
+    """The experiment of one joint."""
+    where = f"{path}: joints.{k}"
+    own = {key: entry.pop(key) for key in (*_OWN, *_WHOLE) if entry.get(key) is not None}
+    about = validate(JointEntry, entry, where, None)
+    index = k if about.index is None else about.index
+    if urdf is not None:
+        known = urdf.joint(about.name)
+        if own.setdefault("kind", known.kind) != known.kind:
+            raise InputError(f"{where}: kind: got {short(own['kind'])}; {urdf.file} has {about.name} {known.kind}")
+    data = dict(shared)
+    for key, x in own.items():
+        both = key in _OWN and isinstance(x, dict) and isinstance(data.get(key), dict)
+        data[key] = {**data[key], **x} if both else x
+    free = about.torque_constant == FREE
+    if free and urdf is None:
+        raise InputError(f"{where}: torque_constant: free needs robot.urdf, whose links are the known torque; name it")
+    if about.torque_constant is not None:
+        unit = "N/A" if own.get("kind") == "prismatic" else "N*m/A"
+        constant = f"1 {unit}" if free else about.torque_constant
+        data["motor"] = {**(data.get("motor") or {}), "torque_constant": constant}
+    data["joint"] = {"name": about.name, "kind": data.pop("kind", "revolute")}
+    data["signals"] = _signals(data.get("signals"), about.name, index, f"{where}: signals")
+    data["runs"] = _runs(data.get("runs"), about.name, index, f"{where}: runs")
+    if urdf is not None:
+        data["plan"] = _limits(data.get("plan"), urdf, about.name)
+    experiment = experiment_from(data, path, where)
+    if free and experiment.signals.current is None:
+        raise InputError(f"{where}: torque_constant: free needs a current under signals; name it, or give the constant")
+    return JointOfRobot(experiment=experiment, free=free, identify=about.identify)
+
+
+def _signals(signals: Any, name: str, index: int, where: str) -> Any:
+    """The signals with the column of one joint in place of those of all."""
+    if not isinstance(signals, dict):
+        return signals
+    return {key: _of_joint(x, key, name, index, f"{where}.{key}") for key, x in signals.items()}
+
+
+def _of_joint(signal: Any, key: str, name: str, index: int, where: str) -> Any:
+    if not isinstance(signal, dict):
+        return signal
+    own = dict(signal)
+    if "columns" in own:
+        if "column" in own:
+            raise InputError(f"{where}: got column beside columns; expected one of them")
+        columns = _columns(own.pop("columns"), where)
+        if index >= len(columns):
+            raise InputError(f"{where}.columns: got {len(columns)}; expected one for each joint, at least {index + 1}")
+        return {"column": columns[index], **own}
+    column = own.get("column")
+    if isinstance(column, str) and ("{joint}" in column or "{index}" in column):
+        return {**own, "column": column.replace("{joint}", name).replace("{index}", str(index))}
+    return own if key == "time" or "index" in own else {**own, "index": index}
+
+
+def _columns(columns: Any, where: str) -> list[Any]:
+    """`1-6`, or a list of names or numbers."""
+    if isinstance(columns, list):
+        return columns
+    match = _RANGE.fullmatch(columns) if isinstance(columns, str) else None
+    if match is None or int(match[2]) < int(match[1]):
+        raise InputError(f"{where}.columns: got {short(columns)}; expected a range such as 1-6, or a list of columns")
+    return list(range(int(match[1]), int(match[2]) + 1))
+
+
+def _runs(runs: Any, name: str, index: int, where: str) -> Any:
+    """The runs of one joint: those that name no other as `joint`."""
+    if not isinstance(runs, list):
+        return runs
+    own = []
+    for k, run in enumerate(runs):
+        if not isinstance(run, dict):
+            own.append(run)
+        elif run.get("joint", name) == name:
+            entry = {key: x for key, x in run.items() if key != "joint"}
+            if "signals" in run:
+                entry["signals"] = _signals(run["signals"], name, index, f"{where}.{k}.signals")
+            own.append(entry)
+    return own
+
+
+def _limits(plan: Any, urdf: Urdf, name: str) -> Any:
+    """What is planned stays within the joint's limits, unless the file has its own."""
+    joint = urdf.joint(name)
+    q, T = ("rad", "N*m") if joint.kind == "revolute" else ("m", "N")
+    own: dict[str, Any] = {}
+    if joint.upper < float("inf"):
+        own["position"] = [f"{joint.lower!r} {q}", f"{joint.upper!r} {q}"]
+    if joint.velocity < float("inf"):
+        own["velocity"] = f"{joint.velocity!r} {q}/s"
+    if joint.effort < float("inf"):
+        own["torque"] = f"{joint.effort!r} {T}"
+    return {**own, **(plan if isinstance(plan, dict) else {})} if own or plan else plan
+
+
+def pick(robot: Robot, name: str) -> JointOfRobot:
+    """The joint of a name. Raises InputError where the robot has none."""
+    for joint in robot.joints:
+        if joint.experiment.joint.name == name:
+            return joint
+    raise InputError(
+        f"joint {short(name)}: {robot.path} has none of that name; expected one of {short_list(robot.names)}"
+    )

@@ -1,0 +1,197 @@
+"""What the links of a robot tell of a joint beside its friction: the torque constant, and whether log and URDF go together."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.covariance import student
+from bristle.identification.fits import Estimate
+from bristle.identification.moving_runs import decimator, directions, regressors
+from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.problem import Regression, from_records
+from bristle.model.parameters import unit
+
+_SURELY = 3.0
+"""Standard errors by which a number is surely not another."""
+_OFF = 0.1
+"""A scale of the links' torque that is off by less is within what masses of a URDF are."""
+_BETTER = 0.5
+"""By which another order lowers the sum of log(relative error) over the joints where it is the right one."""
+_SAMPLES = 4000
+"""Samples by which orders are compared."""
+_LEAST = 0.05
+"""Of the torque: what other joints' motion makes, below which nothing is said of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkScale:
+    """How the torque of a joint goes with that of the links, both as the equations of its moving runs see them."""
+
+    scale: float
+    """Units of the logged torque per N*m."""
+    error: float
+    """Its standard error."""
+    explained: float
+    """RMS of what the links alone explain, in the unit of the logged torque."""
+    left: float
+    """RMS of what nothing explains."""
+
+    @property
+    def told(self) -> bool:
+        """Whether the links' torque stands out of what no term explains."""
+        return self.explained > self.left and _SURELY * self.error < abs(self.scale)
+
+
+def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
+    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor."""
+    asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
+    problem = from_records(records, directions(experiment, records), asked, experiment.fit.decimation, None)[0]
+    estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
+    value, error = estimate.value or 0.0, estimate.standard_error or np.inf
+    own, left = _apart(problem)
+    return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
+
+
+def _apart(problem: Regression) -> tuple[float, float]:
+    """RMS of the links' column beside all other columns, and of the torque beside all."""
+    links = next(k for k, name in enumerate(problem.linear_names) if name.name == "links")
+    others = np.delete(problem.linear, links, axis=1)
+    pairs = ((problem.linear[:, links], others), (problem.torque, problem.linear))
+    own, left = (y - A @ np.linalg.lstsq(A, y, rcond=None)[0] for y, A in pairs)
+    return float(np.sqrt(np.mean(own**2))), float(np.sqrt(np.mean(left**2)))
+
+
+def torque_constant(found: LinkScale, kind: str) -> Estimate:
+    """The torque constant as the links tell it, N*m/A or N/A; without a value where they do not."""
+    in_torque = unit("k_t", "prismatic" if kind.startswith("prismatic") else "revolute")
+    if found.scale + _SURELY * found.error < 0 and found.explained > found.left:
+        why = Kind.LINKS_OPPOSE(scale=found.scale, error=found.error)
+        return Estimate(value=None, unit=in_torque, warnings=(why,))
+    if not found.told or found.scale <= 0:
+        why = Kind.CONSTANT_UNSEEN(explained=found.explained, left=found.left)
+        return Estimate(value=None, unit=in_torque, warnings=(why,))
+    reach = student(np.inf) * found.error
+    value, error = 1 / found.scale, found.error / found.scale**2
+    return Estimate(
+        value=value,
+        unit=in_torque,
+        standard_error=error,
+        interval=(1 / (found.scale + reach), 1 / (found.scale - reach)),
+    )
+
+
+def scale_warnings(found: LinkScale) -> Iterator[Diagnostic]:
+    """Whether links whose torque is taken as known would have another scale."""
+    if found.explained > found.left and abs(found.scale - 1) > max(_SURELY * found.error, _OFF):
+        yield Kind.LINKS_SCALE(scale=found.scale, error=found.error)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """All joints of a robot in one run, at the same times: (n, joints) each."""
+
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    torque: Array
+    """As logged, in any unit."""
+    kinds: tuple[str, ...]
+
+
+def thinned(course: Course, decimation: int, file: str) -> tuple[Course, Array]:
+    """The course at every so many samples, and sgn(v) and the torque through the decimation filter at these, (n, 2 joints)."""
+    smooth, _ = decimator([np.array([course.time.size])], decimation, file)
+    moved = np.hstack([course.v > 0, course.v < 0]).astype(float)
+    filtered = np.asarray(smooth @ np.hstack([course.q, course.v, course.a, course.torque, moved]))
+    q, v, a, torque, plus, minus = np.split(filtered, 6, axis=1)
+    every = max(1, len(q) // _SAMPLES)
+    thin = Course(
+        time=np.asarray(smooth @ course.time)[::every], q=q[::every], v=v[::every], a=a[::every], torque=torque[::every],
+        kinds=course.kinds,
+    )  # fmt: skip  # a list of values
+    return thin, np.hstack([plus, minus])[::every]
+
+
+def _score(course: Course, moved: Array, links: Array) -> float:
+    """Sum over the joints of log(relative error): friction, own inertia and the links with a scale that is not negative."""
+    joints, total = course.q.shape[1], 0.0
+    for k in range(joints):
+        y = course.torque[:, k]
+        A = np.column_stack([moved[:, k], -moved[:, joints + k], course.v[:, k], course.a[:, k]])
+        rest, own = (x - A @ np.linalg.lstsq(A, x, rcond=None)[0] for x in (y, links[:, k]))
+        size = float(own @ own)
+        scale = max(float(own @ rest) / size, 0.0) if size > 0 else 0.0
+        total += 0.5 * float(np.log(np.mean((rest - scale * own) ** 2) / np.mean(y**2)))
+    return total
+
+
+def order_warnings(
+    course: Course,
+    moved: Array,
+    names: Sequence[str],
+    torques: Callable[[Array, Array, Array, Sequence[float]], Array],
+    gravity: Sequence[float],
+) -> tuple[Diagnostic, ...]:
+    """Whether the log would go better with the URDF if its columns stood in another order, or gravity had another direction.
+
+    Tried are two columns swapped, the reversed order, and each axis of the base as gravity. Which swaps a log cannot
+    show depends on it: those of joints whose links weigh little.
+    """
+    as_given = _score(course, moved, torques(course.q, course.v, course.a, gravity))
+    best, warning = as_given - _BETTER, None
+    for order in _orders(course.kinds):
+        other = _reordered(course, order)
+        both = np.hstack([moved[:, order], moved[:, [k + len(order) for k in order]]])
+        score = _score(other, both, torques(other.q, other.v, other.a, gravity))
+        if score < best:
+            swapped = tuple(f"{names[i]} takes the columns of {names[k]}" for i, k in enumerate(order) if i != k)
+            best, warning = score, Kind.JOINT_ORDER(swaps=swapped, gain=as_given - score)
+    size = float(np.linalg.norm(gravity))
+    for direction in [(s * size * e).tolist() for e in np.eye(3) for s in (1.0, -1.0)] if size else []:
+        score = _score(course, moved, torques(course.q, course.v, course.a, direction))
+        if score < best:
+            best, warning = (
+                score,
+                Kind.GRAVITY_DIRECTION(better=tuple(round(x, 2) + 0.0 for x in direction), gain=as_given - score),
+            )
+    return () if warning is None else (warning,)
+
+
+def _orders(kinds: Sequence[str]) -> Iterator[list[int]]:
+    identity = list(range(len(kinds)))
+    candidates = [identity[::-1]]
+    for i, k in combinations(identity, 2):
+        swapped = identity.copy()
+        swapped[i], swapped[k] = k, i
+        candidates.append(swapped)
+    return (c for c in candidates if c != identity and all(kinds[i] == kinds[k] for i, k in enumerate(c)))
+
+
+def _reordered(course: Course, order: list[int]) -> Course:
+    return Course(
+        time=course.time, q=course.q[:, order], v=course.v[:, order], a=course.a[:, order], torque=course.torque[:, order],
+        kinds=course.kinds,
+    )  # fmt: skip  # a list of values
+
+
+def coupling(course: Course, moved: Array, joint: int) -> float:
+    """What the motion of the other joints explains of a joint's torque beside its own, as a share of the torque's RMS.
+
+    By sines and cosines of the positions and of sums of neighbouring ones, and by accelerations.
+    """
+    joints, y = course.q.shape[1], course.torque[:, joint]
+    k = joint
+    own = [moved[:, k], -moved[:, joints + k], course.v[:, k], course.a[:, k], np.ones(len(y))]
+    sums = [course.q[:, i : j + 1].sum(axis=1) for i in range(joints) for j in range(i, joints)]
+    more = [f(x) for x in sums for f in (np.sin, np.cos)] + list(np.delete(course.a, k, axis=1).T)
+    A, B = np.column_stack(own), np.column_stack([*own, *more])
+    left = [y - X @ np.linalg.lstsq(X, y, rcond=None)[0] for X in (A, B)]
+    before, after = (float(x @ x) / max(len(y) - X.shape[1], 1) for x, X in zip(left, (A, B), strict=True))
+    return float(np.sqrt(max(before - after, 0.0) / np.mean(y**2)))
