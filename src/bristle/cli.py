@@ -9,6 +9,7 @@ import typer
 from bristle.errors import InputError
 from bristle.options import (
     ExperimentFile,
+    OfRobot,
     Strict,
     Uncertainty,
     check_output,
@@ -21,7 +22,7 @@ from bristle.options import (
     to,
     write,
 )
-from bristle.progress import shown
+from bristle.progress import shown, workers
 from bristle.terminal import complain, print_lines
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def report(
         list[Path] | None,
         typer.Argument(
             metavar="[EXPERIMENT]...",
-            help="Experiment files, one joint each; none: the embedded Ed-Ro (simulated).",
+            help="Experiment files, of one joint or a robot each; none: the embedded Ed-Ro (simulated).",
             show_default=False,
         ),
     ] = None,
@@ -75,7 +76,7 @@ def report(
         from bristle import identify
         from bristle.questions.joint_report.console import outcomes
 
-        results = identify(*sources, progress=progress, uncertainty=uncertainty)
+        results = identify(*sources, progress=progress, uncertainty=uncertainty, workers=workers())
         compensated = None if sources else compensate(identified=results, progress=progress)
     print_lines(outcomes(results.joints))
     with shown() as progress:
@@ -87,11 +88,12 @@ def report(
 @app.command()
 def identify(
     experiment: ExperimentFile,
+    joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Write results.json here as well.")] = None,
     uncertainty: Uncertainty = False,
     strict: Strict = False,
 ) -> None:
-    """Identify one joint and print the fit report; write the JSON with -o.
+    """Identify one joint, or those of a robot, and print the fit report; write the JSON with -o.
 
     Example: bristle identify wrist.yaml -o results.json
     """
@@ -99,7 +101,7 @@ def identify(
     with shown() as progress:
         from bristle import identify as run
 
-        results = run(experiment, progress=progress, uncertainty=uncertainty)
+        results = run(experiment, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers())
     print_lines([results.text()])
     if uncertainty:
         frame = results.uncertainty()
@@ -116,18 +118,19 @@ def identify(
 @app.command()
 def inspect(
     experiment: ExperimentFile,
+    joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Draw the segments into this .png or .svg file.")] = None,
 ) -> None:
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     check_output(output)
     with shown():
-        from bristle.api import inspect as run
+        from bristle import inspect as run
         from bristle.page.page import figure_kind, save_figure
         from bristle.questions.joint_report.console import segment_lines
 
         if output is not None:
             figure_kind(output)
-        measured = run(experiment)
+        measured = run(experiment, joint)
     print_lines(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
@@ -143,6 +146,7 @@ def inspect(
 @app.command()
 def validate(
     experiment: Annotated[Path | None, optional("a sweep over Table 1 (simulated, some minutes)")] = None,
+    joint: OfRobot = None,
     output: Annotated[Path | None, lands("-validate")] = None,
     repetitions: Annotated[int, typer.Option(metavar="N", help="Simulated data sets of each case.")] = 1000,
     starts: Annotated[int, typer.Option(metavar="N", help="Random starts of each solver on one of them.")] = 100,
@@ -164,7 +168,7 @@ def validate(
         from bristle.questions.method_validation.run import check_request
 
         check_request(repetitions, starts, noise)
-    results = _cross_checked(experiment) if experiment else None
+    results = _cross_checked(experiment, joint) if experiment else None
     with shown() as progress:
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
     print_lines([validated.text()])
@@ -174,17 +178,18 @@ def validate(
         _finish(results, strict)
 
 
-def _cross_checked(experiment: Path) -> "Results":
+def _cross_checked(experiment: Path, joint: str | None) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     with shown() as progress:
         from bristle import identify as run
         from bristle.questions.joint_report.console import checks
         from bristle.questions.method_validation.cases import check_fitted
 
-        results = run(experiment, crosscheck=True, progress=progress)
-    for joint in results.joints:
-        check_fitted(joint)
-        print_lines(checks(joint))
+        results = run(experiment, joint=joint, crosscheck=True, progress=progress)
+        results.joint()
+    for found in results.joints:
+        check_fitted(found)
+        print_lines(checks(found))
     print_lines(f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in results.timings.items())
     return results
 
@@ -192,6 +197,7 @@ def _cross_checked(experiment: Path) -> "Results":
 @app.command()
 def adapt(
     experiment: Annotated[Path | None, optional("the embedded Ed-Ro (simulated)")] = None,
+    joint: OfRobot = None,
     output: Annotated[Path | None, lands("-adapt")] = None,
 ) -> None:
     """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
@@ -199,7 +205,7 @@ def adapt(
     with shown() as progress:
         from bristle import adapt as run
 
-        found = run(experiment, progress=progress)
+        found = run(experiment, joint=joint, progress=progress)
     print_lines([found.text()])
     print_lines([f"Page: {found.write(folder)}"], done=True)
 
@@ -235,6 +241,7 @@ def compare(
 @app.command()
 def sensitivity(
     experiment: Annotated[Path | None, optional("the paper's gripper rotation (+), simulated")] = None,
+    joint: OfRobot = None,
     output: Annotated[Path | None, lands("-sensitivity")] = None,
     amplitude: Annotated[
         str | None,
@@ -265,7 +272,9 @@ def sensitivity(
     with shown() as progress:
         from bristle import sensitivity as run
 
-        study = run(experiment, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress)
+        study = run(
+            experiment, joint=joint, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress
+        )
     print_lines([study.text()])
     print_lines([f"Page: {study.write(folder)}"], done=True)
 
@@ -273,6 +282,7 @@ def sensitivity(
 @app.command()
 def plan(
     experiment: ExperimentFile,
+    joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Write the references that a controller plays here, CSV.")] = None,
     page: Annotated[
         Path | None,
@@ -299,7 +309,7 @@ def plan(
     with shown() as progress:
         from bristle import plan as run
 
-        planned = run(experiment, velocities=velocities, aim=aim, progress=progress)
+        planned = run(experiment, joint=joint, velocities=velocities, aim=aim, progress=progress)
     print_lines([planned.text()])
     with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
         written = None if page is None else planned.write(page)

@@ -349,7 +349,7 @@ class Kind(Enum):
         _CRITICAL,
         (
             "Other joints move too and no URDF is named, so the torque of the links is not removed: it may be {share:.0f} % of "
-            "this joint's torque. Name the URDF, as in robot: {{urdf: arm.urdf}}."
+            "this joint's torque. Name the URDF under robot, as urdf."
         ),
     )
     JOINT_ORDER = (

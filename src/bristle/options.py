@@ -42,6 +42,10 @@ Uncertainty = Annotated[
     bool,
     typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
 ]
+OfRobot = Annotated[
+    str | None,
+    typer.Option("--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a warning is critical or calls for caution.")]
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bristle.api.joints import Known, Source, asked_joint, load_all, measure_joints, names_of
-from bristle.api.results import Results
+from bristle.api.results import Results, choose
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
@@ -30,6 +30,7 @@ from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 
 def identify(
     *experiments: Source,
+    joint: str | None = None,
     progress: Progress | None = None,
     crosscheck: bool = False,
     uncertainty: bool = False,
@@ -39,6 +40,7 @@ def identify(
 
     Args:
         experiments: files, or what was loaded from them.
+        joint: the only one of a robot that is identified; None: all.
         progress: told of every step.
         crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
@@ -49,15 +51,19 @@ def identify(
     Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
     loaded = load_all(experiments)
-    asked = sum(len(names_of(one)) for one in loaded)
+    names = [name for one in loaded for name in names_of(one)]
+    chosen = names if joint is None else [choose(names, joint)]
+    asked = len(chosen)
     every: list[Measured] = []
     found: list[tuple[Joint, dict[str, float]]] = []
     if workers > 1 and asked > 1:
-        every = [measured for one in loaded for measured in measure_joints(one, progress)]
+        every = [m for one in loaded for m in measure_joints(one, progress) if m.experiment.joint.name in chosen]
         found = _shared_out(every, min(workers, asked), crosscheck, uncertainty, progress)
     else:
         for one in loaded:
             for measured in measure_joints(one, progress):
+                if measured.experiment.joint.name not in chosen:
+                    continue
                 if progress:
                     progress(f"identifying {measured.experiment.joint.name}", len(every), asked)
                 every.append(measured)

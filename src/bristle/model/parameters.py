@@ -195,18 +195,24 @@ def unit(name: str, kind: Kind = "revolute") -> str:
     return _IN_CURRENT.get(own, own.replace(torque, "A", 1))
 
 
+_SLIDES_AND_IN_CURRENT: dict[Kind, tuple[bool, bool]] = {
+    "revolute": (False, False),
+    "prismatic": (True, False),
+    "revolute in A": (False, True),
+    "prismatic in A": (True, True),
+}
 _IN_CURRENT = {"kg*m**2": "A*s**2/rad", "kg": "A*s**2/m", "ohm": "ohm"}
 """Units that hold a torque unseen, or none, where that is a current."""
 
 
 def slides(kind: Kind) -> bool:
     """Whether a joint is prismatic."""
-    return kind.startswith("prismatic")
+    return _SLIDES_AND_IN_CURRENT[kind][0]
 
 
 def in_current(kind: Kind) -> bool:
     """Whether the torque of a joint is known as a current alone, A."""
-    return kind.endswith("in A")
+    return _SLIDES_AND_IN_CURRENT[kind][1]
 
 
 def effort(kind: Kind) -> str:

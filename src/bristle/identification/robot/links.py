@@ -15,6 +15,7 @@ from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import Regression, from_records
+from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
 
 _SURELY = 3.0
@@ -67,9 +68,9 @@ def _apart(problem: Regression) -> tuple[float, float]:
     return float(np.sqrt(np.mean(own**2))), float(np.sqrt(np.mean(left**2)))
 
 
-def torque_constant(found: LinkScale, kind: str) -> Estimate:
+def torque_constant(found: LinkScale, kind: JointKind) -> Estimate:
     """The torque constant as the links tell it, N*m/A or N/A; without a value where they do not."""
-    in_torque = unit("k_t", "prismatic" if kind.startswith("prismatic") else "revolute")
+    in_torque = unit("torque_constant", kind)
     if found.scale + _SURELY * found.error < 0 and found.explained > found.left:
         why = Kind.LINKS_OPPOSE(scale=found.scale, error=found.error)
         return Estimate(value=None, unit=in_torque, warnings=(why,))
