@@ -78,7 +78,9 @@ def torque_constant(found: LinkScale, kind: JointKind) -> Estimate:
         why = Kind.CONSTANT_UNSEEN(explained=found.explained, left=found.left)
         return Estimate(value=None, unit=in_torque, warnings=(why,))
     reach = student(np.inf) * found.error
-    value, error = 1 / found.scale, found.error / found.scale**2
+    error = found.error / found.scale**2
+    digits = 2 - int(np.floor(np.log10(error)))  # of the error three: it is printed wherever a torque is spoken of
+    value, error = round(1 / found.scale, digits), round(error, digits)
     return Estimate(
         value=value,
         unit=in_torque,

@@ -10,11 +10,15 @@ from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.wording import FITS, counted
+from bristle.questions.joint_report.overview import overview
 from bristle.questions.joint_report.sentences import choice, cost_change, critical_lines, distinct
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """What is critical about each joint, then how each fit of it ended, and how many warnings it has."""
+    """All joints in one table; then what is critical about each, how each fit of it ended, and how many warnings it has."""
+    if len(joints) > 1:
+        table = overview(joints).set_index("joint").T
+        yield from (line.rstrip() for line in table.to_string().splitlines())
     for joint in joints:
         yield from (f"{joint.name}, {title}: {sentence}" for sentence, title in critical_lines(joint).items())
         for direction, fit in joint.static.items():

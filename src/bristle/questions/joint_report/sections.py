@@ -22,6 +22,7 @@ from bristle.questions.joint_report import (
     tables,
 )
 from bristle.questions.joint_report.next_measurements import next_measurements
+from bristle.questions.joint_report.overview import overview, untold
 from bristle.questions.joint_report.sentences import agreement, critical, distinct, pair
 
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
@@ -33,6 +34,9 @@ def page(
     """Everything that the page's template names."""
     return {
         "title": title,
+        "overview": _overview(joints) if len(joints) > 1 else None,
+        "untold": [in_print(name) for name in untold(joints)],
+        "linked": any(joint.link_inertia is not None for joint in joints),
         "simulated": any(joint.simulated for joint in joints),
         "presliding": any(joint.presliding is not None for joint in joints),
         "tracking": any(joint.tracking is not None for joint in joints),
@@ -45,6 +49,13 @@ def page(
         "fig_1": {"p": static_figures.FIG_1, "v_s": static_figures.FIG_1_V_S},
         **versions(seed),
     }
+
+
+def _overview(joints: Sequence[Joint]) -> Table:
+    """The table of all joints, with parameters as the paper writes them."""
+    frame = overview(joints)
+    names = [in_print(name) for name in frame.columns]
+    return Table(columns=tuple(names), rows=tuple(map(tuple, frame.to_numpy(dtype=object).tolist())))
 
 
 def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, Any]:
