@@ -9,7 +9,7 @@ from bristle.data import units
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Kind, Lugre
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
 Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links"]
@@ -119,11 +119,18 @@ Shown = Annotated[StrictStr, AfterValidator(_shown)]
 Label = Annotated[Shown, Field(max_length=200), BeforeValidator(_label)]
 
 
+def _declared_kind(value: object) -> object:
+    """A kind that a file can name: that a torque is a current alone is found, and not declared."""
+    if value not in ("revolute", "prismatic"):
+        raise InputError(f"got {short(value)}; expected 'revolute' or 'prismatic'")
+    return value
+
+
 class JointDescription(StrictModel):
     """Which joint, and whether it turns or slides."""
 
     name: Annotated[Shown, Field(min_length=1, max_length=200)]
-    kind: Literal["revolute", "prismatic"] = "revolute"
+    kind: Annotated[Kind, BeforeValidator(_declared_kind)] = "revolute"
 
 
 class MotorConstants(StrictModel):

@@ -1,0 +1,121 @@
+"""UR10e, six joints moving together: torque constants free, one motion fitted, another held out."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from bristle.data.robot.robot_file import Robot, robot_of
+from bristle.diagnostics import Kind, Severity
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import Measured
+from bristle.identification.robot.measured import measure_robot
+from bristle.identification.static.runs import fit_moving
+
+NAMES = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
+MOST = dict(zip(NAMES, (14, 10, 6, 15, 24, 16), strict=True))
+"""Relative error of the held-out motion, percent, at the most."""
+PUBLISHED = dict(zip(NAMES, (10.0, 10.70, 8.46, 9.00, 9.48, 10.12), strict=True))
+"""Torque constants by those who recorded the data, N*m/A."""
+
+pytest.importorskip("pinocchio", reason="Pinocchio is not installed (pip install 'bristle[robot]')")
+
+
+def robot(folder: Path, order: Sequence[int] = range(6), up: float = -9.81) -> Robot:
+    """The arm, the columns of each signal in an order, gravity along z, m/s**2."""
+    ur10e = folder / "ur10e"
+
+    def columns(first: int, unit: str) -> dict[str, object]:
+        return {"columns": [first + k for k in order], "unit": unit}
+
+    data: dict[str, object] = {
+        "robot": {"urdf": str(ur10e / "ur10e.urdf"), "gravity": [0, 0, up]},
+        "joints": [{"name": name, "torque_constant": "free"} for name in NAMES],
+        "signals": {
+            "time": {"column": 0, "unit": "s"},
+            "position": columns(1, "rad"),
+            "velocity": columns(7, "rad/s"),
+            "current": columns(13, "A"),
+        },
+        "runs": [
+            {"files": "trajectory_12_harmonics.csv", "experiment": "tracking"},
+            {"files": "trajectory_8_harmonics.csv", "experiment": "tracking", "hold_out": True},
+        ],
+    }
+    return robot_of(data, ur10e / "robot.yaml")
+
+
+@pytest.fixture(scope="module")
+def joints(measured_data: Path) -> Mapping[str, Measured]:
+    """Each joint as it was measured, in the right order."""
+    return {m.experiment.joint.name: m for m in measure_robot(robot(measured_data))}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_friction_beside_the_links_holds_on_another_motion(joints: Mapping[str, Measured], name: str) -> None:
+    """The static law with the links' torque, fitted on 12 harmonics, predicts the motion of 8 harmonics within the error that is asked for."""
+    measured = joints[name]
+    fits, _, _ = fit_moving(measured.experiment, measured.moving(hold_out=False), measured.moving(hold_out=True), None)
+    (error,) = {h.relative_error for fit in fits.values() for h in fit.hold_out}
+    assert error <= MOST[name]
+
+
+def test_torque_constants_come_out(joints: Mapping[str, Measured]) -> None:
+    """The constants of joints 1 to 4 are within 20 % of the published; those of 5 and 6 are not identifiable, and their friction is in A."""
+    for name in NAMES[:4]:
+        constant = joints[name].torque_constant
+        assert constant is not None
+        assert constant.value == pytest.approx(PUBLISHED[name], rel=0.2)
+        assert joints[name].experiment.joint.kind == "revolute"
+    for name in NAMES[4:]:
+        constant = joints[name].torque_constant
+        assert constant is not None
+        assert constant.value is None
+        assert [w.kind for w in constant.warnings] == [Kind.CONSTANT_UNSEEN]
+        assert joints[name].experiment.joint.kind == "revolute in A"
+
+
+def test_the_bristle_is_not_claimed(joints: Mapping[str, Measured]) -> None:
+    """At 100 Hz sigma_0 and sigma_1 of the elbow are not identifiable, and say why; its Coulomb friction is."""
+    joint = identify_joint(joints["elbow_joint"])
+    assert joint.tracking is not None
+    bristles = [e for name, e in joint.tracking.parameters.items() if name.name in ("sigma_0", "sigma_1")]
+    assert bristles
+    assert all(e.value is None and e.warnings for e in bristles)
+    assert joint.torque_constant == joints["elbow_joint"].torque_constant
+
+
+@pytest.mark.parametrize(
+    ("order", "up", "kind"),
+    [
+        ((5, 4, 3, 2, 1, 0), -9.81, Kind.JOINT_ORDER),
+        ((0, 2, 1, 3, 4, 5), -9.81, Kind.JOINT_ORDER),
+        (range(6), 9.81, Kind.GRAVITY_DIRECTION),
+    ],
+)
+def test_a_wrong_order_is_critical(measured_data: Path, order: Sequence[int], up: float, kind: Kind) -> None:
+    """Joints reversed, joints 2 and 3 swapped, and gravity upside down are each found by the log, for every joint."""
+    for measured in measure_robot(robot(measured_data, order, up)):
+        assert kind in [w.kind for w in measured.findings]
+        assert kind.severity is Severity.CRITICAL
+
+
+def test_the_right_order_has_nothing_critical(joints: Mapping[str, Measured]) -> None:
+    """With the columns and gravity as they are no joint has a critical finding."""
+    findings = [w for measured in joints.values() for w in measured.findings]
+    assert not [w for w in findings if w.severity is Severity.CRITICAL]
+
+
+def test_without_a_urdf_the_links_are_not_removed(measured_data: Path) -> None:
+    """Without the arm each joint is told how much of its torque the others' motion makes: most of it for the shoulder's lift and the elbow."""
+    whole = robot(measured_data)
+    bare = Robot(path=whole.path, joints=whole.joints, urdf=None)
+    shares = {
+        m.experiment.joint.name: w.numbers["share"]
+        for m in measure_robot(bare)
+        for w in m.findings
+        if w.kind is Kind.LINKS_NOT_REMOVED
+    }
+    assert set(shares) == set(NAMES)
+    assert shares["shoulder_lift_joint"] > 70
+    assert shares["elbow_joint"] > 80
