@@ -1758,6 +1758,14 @@ class Kind(Enum):
     MORE_LINES = _NOTE, ", and {count} more"
     DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
     RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
+    TIME_RECEIVED = _NOTE, "Times of {topics!l} are those at which messages were received, not those of a header."
+    TOPICS_INTERPOLATED = (
+        _NOTE,
+        (
+            "{topics!l} interpolated linearly at the stamps of {onto}; {rows} row{rows!e} outside them, or in gaps longer "
+            "than {gap} intervals, left empty."
+        ),
+    )
     ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: {first})."
     ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: {first})."
     ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: {first})."
@@ -2251,6 +2259,7 @@ REASONS: Mapping[str, str] = {
         "TRUTH_INSIDE FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL"
     ),
     "It says how a signal was read, or a number made.": (
+        "TIME_RECEIVED TOPICS_INTERPOLATED "
         "RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION ACCELERATION_FROM_VELOCITY "
         "TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED RUN_IN ENCODER_COUNT "
         "ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE INERTIA_EXACT NOISE_OF_EQUATIONS "
