@@ -33,6 +33,9 @@ _STORAGES = {
 }
 
 
+_ROS2 = (".mcap", ".db3")
+
+
 class Bag(NamedTuple):
     """The files of a bag."""
 
@@ -108,14 +111,18 @@ def _of_folder(folder: Path) -> tuple[tuple[Path, ...], str | None]:
 
 
 def _inside(folder: Path, name: Any) -> Path:
-    """A storage file by its name, which leads nowhere else, through no link either."""
-    path = Path(name) if isinstance(name, str) else Path()
-    bare = isinstance(name, str) and "\0" not in name and (path.name == name or path.parts == (folder.name, path.name))
-    if not bare or path.suffix.lower() not in (".mcap", ".db3"):
+    """A storage file by its name, which leads nowhere else, through no link either.
+
+    The oldest bags name their own folder before it, as it was called then.
+    """
+    path = Path(name) if isinstance(name, str) and "\0" not in name else Path()
+    if not 0 < len(path.parts) < 3 or path.is_absolute() or ".." in path.parts or path.suffix.lower() not in _ROS2:
         raise InputError(
             f"{METADATA}: got the file {short(name)}; expected the name of a .mcap or .db3 file in the folder of the bag"
         )
     file = folder / path.name
+    if not file.exists():
+        raise InputError(f"{METADATA}: file {short(path.name)} is not in the folder of the bag; copy it there")
     if file.resolve().parent != folder.resolve():
-        raise InputError(f"{METADATA}: file {short(name)} is a link out of the folder of the bag; copy it there")
+        raise InputError(f"{METADATA}: file {short(path.name)} is a link out of the folder of the bag; copy it there")
     return file
