@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pytest
@@ -72,7 +72,7 @@ def write_bag(folder: Path, form: str, messages: Sequence[Message], **options: A
 
 
 def _writer(
-    folder: Path, form: str, store: Any, compression: str | None = None, version: int = 9
+    folder: Path, form: str, store: Any, compression: str | None = None, version: Literal[8, 9] = 9
 ) -> tuple[Any, Callable[[Any, str], bytes]]:
     if form == "bag":
         from rosbags.rosbag1 import Writer as Writer1

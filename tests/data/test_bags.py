@@ -61,7 +61,7 @@ def test_a_bag_is_read_as_its_messages_are(tmp_path: Path, form: str) -> None:
 @pytest.mark.parametrize("form", ["sqlite3", "mcap"])
 def test_many_messages_are_read_as_one(tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 20 000 messages of one layout one is walked, once by its names and once more, and all columns are equal to the loop's."""
-    walks = []
+    walks: list[int] = []
     monkeypatch.setattr(decoding._Walk, "__post_init__", _counted(decoding._Walk.__post_init__, walks))
     _check_equal(write_bag(tmp_path, form, _states(20_000)), ("elbow",))
     assert len(walks) == 2

@@ -51,6 +51,7 @@ BINARY = {
     ".npz": binary_tables.read_npz,
     ".parquet": binary_tables.read_parquet,
     ".pq": binary_tables.read_parquet,
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), binary_tables.read_hdf5),
 }
 
 

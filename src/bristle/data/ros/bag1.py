@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from bristle.data.ros.storage import DAMAGED, MAX_RECORD, Batch, Budget, Channel, text_of, unpack
+from bristle.data.ros.storage import DAMAGED, MAX_RECORD, Budget, Channel, MessageBatch, text_of, unpack
 from bristle.errors import InputError
 
 _MAGIC = b"#ROSBAG V2.0\n"
@@ -37,7 +37,7 @@ def bag1_channels(path: Path) -> list[Channel]:
     return list(found.values())
 
 
-def bag1_batches(path: Path, wanted: frozenset[int]) -> Iterator[Batch]:
+def bag1_batches(path: Path, wanted: frozenset[int]) -> Iterator[MessageBatch]:
     """The messages of some connections of a ROS 1 bag, in the order of the file. Raises InputError."""
     budget = Budget(path.stat().st_size)
     with path.open("rb") as file, text_of(path):
@@ -129,7 +129,7 @@ def _channel(fields: dict[bytes, bytes], data: bytes) -> Channel:
     return Channel(_number(fields, b"conn", 4), topic, name, "ros1", text)
 
 
-def _messages(chunk: bytes, wanted: frozenset[int]) -> Batch:
+def _messages(chunk: bytes, wanted: frozenset[int]) -> MessageBatch:
     """The messages of some connections in a chunk."""
     at, found = 0, list[tuple[int, int, int, int]]()
     while at < len(chunk):
@@ -146,4 +146,4 @@ def _messages(chunk: bytes, wanted: frozenset[int]) -> Batch:
             stamp = _number(fields, b"time", 8)
             found.append((start, length, (stamp & 0xFFFFFFFF) * 10**9 + (stamp >> 32), number))
         at = start + length
-    return Batch(np.frombuffer(chunk, np.uint8), *np.array(found, np.int64).reshape(-1, 4).T)
+    return MessageBatch(np.frombuffer(chunk, np.uint8), *np.array(found, np.int64).reshape(-1, 4).T)

@@ -9,7 +9,7 @@ from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.ros.bag1 import bag1_batches, bag1_channels
 from bristle.data.ros.mcap import mcap_batches, mcap_channels
 from bristle.data.ros.sqlite import sqlite_batches, sqlite_channels
-from bristle.data.ros.storage import Batch, Channel
+from bristle.data.ros.storage import Channel, MessageBatch
 from bristle.errors import InputError, check_regular, short
 
 METADATA = "metadata.yaml"
@@ -23,7 +23,7 @@ class _Storage(NamedTuple):
     """How a storage file is read."""
 
     channels: Callable[[Path], list[Channel]]
-    batches: Callable[[Path, frozenset[int]], Iterator[Batch]]
+    batches: Callable[[Path, frozenset[int]], Iterator[MessageBatch]]
 
 
 _STORAGES = {
@@ -71,7 +71,7 @@ def channels_of(file: Path) -> list[Channel]:
     return _STORAGES[file.suffix.lower()].channels(file)
 
 
-def batches_of(file: Path, wanted: frozenset[int]) -> Iterator[Batch]:
+def batches_of(file: Path, wanted: frozenset[int]) -> Iterator[MessageBatch]:
     """The messages of some channels of a storage file. Raises InputError."""
     return _STORAGES[file.suffix.lower()].batches(file, wanted)
 

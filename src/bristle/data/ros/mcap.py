@@ -10,7 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from bristle.data.ros.storage import DAMAGED, MAX_RECORD, Batch, Budget, Channel, Integers, gather, text_of, unpack
+from bristle.data.ros.storage import (
+    DAMAGED,
+    MAX_RECORD,
+    Budget,
+    Channel,
+    Integers,
+    MessageBatch,
+    gather,
+    text_of,
+    unpack,
+)
 from bristle.errors import InputError
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -66,14 +76,14 @@ def mcap_channels(path: Path) -> list[Channel]:
     return list(names.channels.values())
 
 
-def mcap_batches(path: Path, wanted: frozenset[int]) -> Iterator[Batch]:
+def mcap_batches(path: Path, wanted: frozenset[int]) -> Iterator[MessageBatch]:
     """The messages of some channels of an MCAP file, in the order of the file. Raises InputError."""
     size, summary = _ends(path)
     with text_of(path):
         for batch in _walk(path, len(_MAGIC), summary or size - _FOOTER, _Names(), Budget(size)):
             mask = np.isin(batch.channels, list(wanted))
             if mask.any():
-                yield Batch(batch.data, *(x[mask] for x in batch[1:]))
+                yield MessageBatch(batch.data, *(x[mask] for x in batch[1:]))
 
 
 def _ends(path: Path) -> tuple[int, int]:
@@ -94,7 +104,7 @@ def _ends(path: Path) -> tuple[int, int]:
     return size, summary
 
 
-def _walk(path: Path, start: int, stop: int, names: _Names, budget: Budget | None) -> Iterator[Batch]:
+def _walk(path: Path, start: int, stop: int, names: _Names, budget: Budget | None) -> Iterator[MessageBatch]:
     """Messages between two offsets, those in chunks too, in batches; schemas and channels are added to `names`.
 
     No budget: chunks are passed over.
@@ -177,7 +187,7 @@ def _run(buffer: "np.ndarray[tuple[int], np.dtype[np.uint8]]", step: int, head: 
     return done
 
 
-def _messages(data: bytes, starts: Integers, names: _Names) -> Iterator[Batch]:
+def _messages(data: bytes, starts: Integers, names: _Names) -> Iterator[MessageBatch]:
     """The messages among some records; schemas and channels among them are added to `names`."""
     buffer = np.frombuffer(data, np.uint8)
     kinds = buffer[starts]
@@ -192,7 +202,7 @@ def _messages(data: bytes, starts: Integers, names: _Names) -> Iterator[Batch]:
         raise InputError(_BROKEN)
     starts = starts + _HEAD
     times = gather(buffer, starts + 6, "<u8").astype(np.int64)
-    yield Batch(buffer, starts + _FIXED, lengths, times, gather(buffer, starts, "<u2").astype(np.int64))
+    yield MessageBatch(buffer, starts + _FIXED, lengths, times, gather(buffer, starts, "<u2").astype(np.int64))
 
 
 def _unpacked(data: bytes, at: int, budget: Budget) -> bytes:

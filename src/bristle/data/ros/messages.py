@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField, UnreadableField
-from bristle.data.ros.storage import DAMAGED, Batch, Bytes, Integers, gather, rows_of
+from bristle.data.ros.storage import DAMAGED, Bytes, Integers, MessageBatch, gather, rows_of
 from bristle.errors import InputError
 
 NAMES = ("name", "joint_names")
@@ -26,13 +26,13 @@ _APART = 8
 _MOST_NAMES = 1000
 
 
-class Joint(NamedTuple):
+class NamedJoint(NamedTuple):
     """In a path: the element of an array that a joint's name has among the names of the message."""
 
     name: str
 
 
-Step = str | int | Joint
+Step = str | int | NamedJoint
 
 
 class Path(NamedTuple):
@@ -149,7 +149,7 @@ class _Layout(NamedTuple):
     marks: tuple[tuple[int, Bytes], ...]
     found: Mapping[int, tuple[int, str]]
 
-    def matches(self, batch: Batch, which: Integers) -> Integers:
+    def matches(self, batch: MessageBatch, which: Integers) -> Integers:
         """Those of some messages that have it."""
         which = which[batch.lengths[which] == self.length]
         for begun, wanted in self.marks:
@@ -166,7 +166,7 @@ class Decoder:
         self.message, self.paths, self.is_cdr = message, paths, is_cdr
         self.names_field = next((name for name in NAMES if _is_names(message.fields.get(name))), None)
         tops = {str(path.steps[0]) for path in paths}
-        if any(isinstance(step, Joint) for path in paths for step in path.steps) and self.names_field:
+        if any(isinstance(step, NamedJoint) for path in paths for step in path.steps) and self.names_field:
             tops.add(self.names_field)
         order = list(message.fields)
         self.last = max((order.index(top) for top in tops), default=-1)
@@ -175,7 +175,7 @@ class Decoder:
         self.joints: dict[str, None] = {}
         """Names that were seen, in order."""
 
-    def decode(self, batch: Batch) -> list[NDArray[Any]]:
+    def decode(self, batch: MessageBatch) -> list[NDArray[Any]]:
         """The numbers at each path, shape (messages,): nan where a message has none; stamps in ns, else `NO_STAMP`.
 
         Raises InputError where a message does not fit its definition.
@@ -203,7 +203,7 @@ class Decoder:
             left[which] = False
         return out
 
-    def _take(self, batch: Batch, which: Integers, layout: _Layout, out: list[NDArray[Any]]) -> None:
+    def _take(self, batch: MessageBatch, which: Integers, layout: _Layout, out: list[NDArray[Any]]) -> None:
         """The numbers of messages that have a layout."""
         if not which.size:
             return
@@ -218,7 +218,7 @@ class Decoder:
                 with np.errstate(invalid="ignore"):  # of numbers that are none
                     out[path][which] = gather(batch.data, starts, dtype).astype(float)
 
-    def _layout(self, batch: Batch, k: int) -> _Layout:
+    def _layout(self, batch: MessageBatch, k: int) -> _Layout:
         """The layout of one message."""
         start, length = int(batch.starts[k]), int(batch.lengths[k])
         data = batch.data[start : start + length].tobytes()
@@ -271,14 +271,14 @@ def _tree(paths: Sequence[Path], names: Sequence[str]) -> Wanted:
     for number, path in enumerate(paths):
         inside: Wanted | None = tree
         for step in path.steps:
-            known = _element(step, names) if isinstance(step, Joint) else step
+            known = _element(step, names) if isinstance(step, NamedJoint) else step
             inside = None if inside is None or known is None else inside.inside.setdefault(known, Wanted())
         if inside is not None:
             inside.ends.append(number)
     return tree
 
 
-def _element(joint: Joint, names: Sequence[str]) -> int | None:
+def _element(joint: NamedJoint, names: Sequence[str]) -> int | None:
     """Which element a name, or a number where no joint is named by one, stands for."""
     if joint.name in names:
         return names.index(joint.name)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded
 from bristle.data.ros.files import Bag, batches_of, open_bag
-from bristle.data.ros.messages import NO_STAMP, Decoder, Joint
+from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import Batch, Integers
+from bristle.data.ros.storage import Integers, MessageBatch
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, check_name, short, short_list
@@ -118,7 +118,7 @@ def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
     return _Messages(topic.name, received[order], values, tuple(joints))
 
 
-def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[Batch, Decoder]]:
+def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[MessageBatch, Decoder]]:
     """The messages of a topic in each of its files, with what decodes them."""
     message, count = topic.message(), 0
     for file in dict.fromkeys(file for file, _ in topic.channels):
@@ -141,7 +141,7 @@ def _check_there(targets: Mapping[Key, Target], read: Mapping[str, _Messages]) -
         messages, values = read[name], read[name].values[path]
         if not ((values == NO_STAMP) if path.is_stamp else np.isnan(values)).all():
             continue
-        joint = next((step.name for step in path.steps if isinstance(step, Joint)), None)
+        joint = next((step.name for step in path.steps if isinstance(step, NamedJoint)), None)
         if joint is not None and joint not in messages.joints and not joint.isdecimal():
             raise InputError(
                 f"column {key}: no joint {short(joint)} in {name}; there are: {short_list(messages.joints)}"
@@ -230,7 +230,7 @@ def state_topic(topics: Mapping[str, Topic], topic: str | None = None) -> str:
 
 
 def _joints(topic: Topic) -> tuple[str, ...]:
-    messages = _read(topic, [FieldPath(("position", Joint("")))])
+    messages = _read(topic, [FieldPath(("position", NamedJoint("")))])
     return tuple(check_name(name, "the joint") for name in messages.joints)
 
 

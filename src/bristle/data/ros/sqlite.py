@@ -14,7 +14,7 @@ from urllib.parse import quote
 import numpy as np
 
 from bristle.data.columns import reading
-from bristle.data.ros.storage import DAMAGED, MAX_RECORD, Batch, Channel
+from bristle.data.ros.storage import DAMAGED, MAX_RECORD, Channel, MessageBatch
 from bristle.errors import InputError, short, short_list
 
 _WHAT = "sqlite3 file of a ROS 2 bag"
@@ -44,7 +44,7 @@ def sqlite_channels(path: Path) -> list[Channel]:
     return channels
 
 
-def sqlite_batches(path: Path, wanted: frozenset[int]) -> Iterator[Batch]:
+def sqlite_batches(path: Path, wanted: frozenset[int]) -> Iterator[MessageBatch]:
     """The messages of some topics of a sqlite3 file, in the order of the file. Raises InputError."""
     size = path.stat().st_size
     with _opened(path) as database, reading(_WHAT, DAMAGED):
@@ -63,7 +63,7 @@ def sqlite_batches(path: Path, wanted: frozenset[int]) -> Iterator[Batch]:
             if left < 0:
                 raise InputError(f"is damaged: its messages are longer than the file; {DAMAGED}")
             rows = int(np.clip(_BYTES // max(1, int(lengths.mean())), 1, _ROWS))
-            yield Batch(
+            yield MessageBatch(
                 np.frombuffer(b"".join(messages), np.uint8),
                 np.cumsum(lengths) - lengths,
                 lengths,

@@ -37,7 +37,7 @@ class Channel(NamedTuple):
     """Whether the definition is in IDL, which is not parsed."""
 
 
-class Batch(NamedTuple):
+class MessageBatch(NamedTuple):
     """Some messages, as bytes of one buffer; the arrays have shape (messages,)."""
 
     data: Bytes
@@ -49,10 +49,10 @@ class Batch(NamedTuple):
     channels: Integers
     """`Channel.number` of each."""
 
-    def of(self, channel: int) -> "Batch":
+    def of(self, channel: int) -> "MessageBatch":
         """Its messages of one channel."""
         mask = self.channels == channel
-        return Batch(self.data, *(x[mask] for x in (self.starts, self.lengths, self.times, self.channels)))
+        return MessageBatch(self.data, *(x[mask] for x in (self.starts, self.lengths, self.times, self.channels)))
 
 
 class Budget:

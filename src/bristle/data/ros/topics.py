@@ -8,7 +8,7 @@ from typing import NamedTuple
 from bristle.data.columns import Key
 from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField, message_of
 from bristle.data.ros.files import Bag, channels_of
-from bristle.data.ros.messages import NAMES, Joint, Step
+from bristle.data.ros.messages import NAMES, NamedJoint, Step
 from bristle.data.ros.messages import Path as FieldPath
 from bristle.data.ros.storage import Channel
 from bristle.errors import InputError, check_name, short, short_list
@@ -137,7 +137,7 @@ def _element(part: Field, element: str, key: Key, message: MessageField, steps: 
         raise InputError(
             f"column {key}: got [{element[:60]}]; expected a number from 0, for these messages name no joints"
         )
-    steps.append(Joint(element) if named else int(element))
+    steps.append(NamedJoint(element) if named else int(element))
     return part.element
 
 
