@@ -15,7 +15,7 @@ from bristle.data.ros.storage import DAMAGED, MAX_RECORD, Budget, Channel, Messa
 from bristle.errors import InputError
 
 _MAGIC = b"#ROSBAG V2.0\n"
-_MESSAGE, _HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
+_MESSAGE, _HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 _BROKEN = f"is damaged, or no ROS 1 bag of version 2.0; {DAMAGED}"
 _MOST = 2**24
 """Bytes of a header."""
@@ -23,17 +23,17 @@ _MOST = 2**24
 
 def bag1_channels(path: Path) -> list[Channel]:
     """The connections of a ROS 1 bag, from the index at its end. Raises InputError."""
+    found, counts = dict[int, Channel](), dict.fromkeys((_CONNECTION, _CHUNK_INFO), 0)
     with path.open("rb") as file, text_of(path):
-        file.seek(_index(file))
-        found = dict[int, Channel]()
-        while (record := _record(file)) is not None:
-            fields, start, length = record
+        start, *expected = _index(file)
+        for fields, data in _records(file, start, path.stat().st_size, {_CONNECTION, _CHUNK_INFO}):
+            counts[_op(fields)] += 1
             if _op(fields) == _CONNECTION:
-                file.seek(start)
-                channel = _channel(fields, _read(file, length))
+                channel = _channel(fields, data)
                 if found.setdefault(channel.number, channel) != channel:
                     raise InputError(f"is damaged: two connections have the number {channel.number}; {DAMAGED}")
-            file.seek(start + length)
+    if list(counts.values()) != expected:
+        raise InputError(f"is cut short inside its index; {DAMAGED}")
     return list(found.values())
 
 
@@ -41,48 +41,52 @@ def bag1_batches(path: Path, wanted: frozenset[int]) -> Iterator[MessageBatch]:
     """The messages of some connections of a ROS 1 bag, in the order of the file. Raises InputError."""
     budget = Budget(path.stat().st_size)
     with path.open("rb") as file, text_of(path):
-        stop = _index(file)
-        file.seek(len(_MAGIC))
-        while file.tell() < stop and (record := _record(file)) is not None:
-            fields, start, length = record
-            if _op(fields) == _CHUNK:
-                file.seek(start)
-                size = _number(fields, b"size", 4)
-                budget.take(size)
-                chunk = unpack(_read(file, length), fields.get(b"compression", b"").decode(), size)
-                batch = _messages(chunk, wanted)
-                if batch.starts.size:
-                    yield batch
-            file.seek(start + length)
+        stop, *_ = _index(file)
+        for fields, data in _records(file, len(_MAGIC), stop, {_CHUNK}):
+            size = _number(fields, b"size", 4)
+            budget.take(size)
+            batch = _messages(unpack(data, fields.get(b"compression", b"").decode(), size), wanted)
+            if batch.starts.size:
+                yield batch
 
 
-def _index(file: BinaryIO) -> int:
-    """Where the index starts."""
+def _records(file: BinaryIO, start: int, stop: int, kinds: set[int]) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
+    """Fields and data of the records of some kinds between two offsets; all must end there."""
+    file.seek(start)
+    while (at := file.tell()) < stop:
+        fields, start, length = _record(file)
+        if start + length > stop:
+            raise InputError(f"is cut short inside the record at byte {at}; {DAMAGED}")
+        if _op(fields) in kinds:
+            yield fields, _read(file, length)
+        file.seek(start + length)
+
+
+def _index(file: BinaryIO) -> tuple[int, int, int]:
+    """Where the index starts, and how many connections and chunks it tells of."""
     if file.read(len(_MAGIC)) != _MAGIC:
         raise InputError(_BROKEN)
-    record = _record(file)
-    if record is None or _op(record[0]) != _HEADER:
+    fields, *_ = _record(file)
+    if _op(fields) != _HEADER:
         raise InputError(_BROKEN)
-    if record[0].get(b"encryptor"):
+    if fields.get(b"encryptor"):
         raise InputError("is an encrypted bag; decrypt it with rosbag decrypt")
-    index = _number(record[0], b"index_pos", 8)
+    index = _number(fields, b"index_pos", 8)
     if index == 0:
         raise InputError(f"has no index: a recording that did not end in order; {DAMAGED}")
     if index > file.seek(0, 2):
         raise InputError(f"is cut short before its index; {DAMAGED}")
-    return index
+    return index, _number(fields, b"conn_count", 4), _number(fields, b"chunk_count", 4)
 
 
-def _record(file: BinaryIO) -> tuple[dict[bytes, bytes], int, int] | None:
-    """Fields of the record here, where its data start and their length; None at the end of the file."""
-    head = file.read(4)
-    if not head:
-        return None
-    size = int.from_bytes(head, "little")
-    if len(head) < 4 or size > _MOST:
+def _record(file: BinaryIO) -> tuple[dict[bytes, bytes], int, int]:
+    """Fields of the record here, where its data start and their length."""
+    size = int.from_bytes(_read(file, 4), "little")
+    if size > _MOST:
         raise InputError(_BROKEN)
     fields = _fields(_read(file, size))
-    return fields, file.tell() + 4, int.from_bytes(_read(file, 4), "little")
+    length = int.from_bytes(_read(file, 4), "little")
+    return fields, file.tell(), length
 
 
 def _read(file: BinaryIO, size: int) -> bytes:
