@@ -6,6 +6,7 @@ Every other message that is as long and has the same bytes in those places has i
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from struct import unpack_from
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ _LAYOUTS = 64
 _APART = 8
 """Bytes between lengths that are compared as well: padding, and small numbers between them cost a walk at most."""
 _MOST_NAMES = 1000
+_FORMS = {"u1": "B", "i1": "b", "u2": "H", "i2": "h", "u4": "I", "i4": "i", "u8": "Q", "i8": "q", "f4": "f", "f8": "d"}
+"""Types of numbers in the letters of `struct`."""
 
 
 class NamedJoint(NamedTuple):
@@ -169,7 +172,8 @@ class Decoder:
         if any(isinstance(step, NamedJoint) for path in paths for step in path.steps) and self.names_field:
             tops.add(self.names_field)
         order = list(message.fields)
-        self.last = max((order.index(top) for top in tops), default=-1)
+        self.fields = list(message.fields.items())[: max((order.index(top) for top in tops), default=-1) + 1]
+        self.trees: dict[tuple[str, ...], Wanted] = {}
         self.by_name = self.names_field in tops
         self.layouts: list[_Layout] = []
         self.joints: dict[str, None] = {}
@@ -191,16 +195,14 @@ class Decoder:
             left[which] = False
             if not left.any():
                 return out
-        while left.any():
-            first = int(left.argmax())
-            layout = self._layout(batch, first)
-            if len(self.layouts) < _LAYOUTS:
-                self.layouts.append(layout)
-                which = layout.matches(batch, np.flatnonzero(left))
-            else:
-                which = np.array([first])
+        while left.any() and len(self.layouts) < _LAYOUTS:
+            layout = self._layout(batch, int(left.argmax()))
+            self.layouts.append(layout)
+            which = layout.matches(batch, np.flatnonzero(left))
             self._take(batch, which, layout, out)
             left[which] = False
+        for k in np.flatnonzero(left).tolist():
+            self._take_one(batch, k, out)
         return out
 
     def _take(self, batch: MessageBatch, which: Integers, layout: _Layout, out: list[NDArray[Any]]) -> None:
@@ -211,27 +213,49 @@ class Decoder:
             starts = batch.starts[which] + offset
             if self.paths[path].is_stamp:
                 seconds = gather(batch.data, starts, dtype).astype(np.int64)
-                if not self.is_cdr:
-                    seconds &= 0xFFFFFFFF
-                out[path][which] = seconds * 10**9 + gather(batch.data, starts + 4, dtype[0] + "u4")
+                out[path][which] = self._stamp(seconds, gather(batch.data, starts + 4, dtype[0] + "u4"))
             else:
                 with np.errstate(invalid="ignore"):  # of numbers that are none
                     out[path][which] = gather(batch.data, starts, dtype).astype(float)
 
+    def _take_one(self, batch: MessageBatch, k: int, out: list[NDArray[Any]]) -> None:
+        """The numbers of one message, walked by itself."""
+        data = _bytes(batch, k)
+        for path, (offset, dtype) in self._walked(data).found.items():
+            form = dtype[0] + _FORMS[dtype[1:]]
+            if self.paths[path].is_stamp:
+                out[path][k] = self._stamp(*unpack_from(f"{form}I", data, offset))
+            else:
+                out[path][k] = unpack_from(form, data, offset)[0]
+
+    def _stamp(self, seconds: Any, nanoseconds: Any) -> Any:
+        """A stamp in ns; the seconds of ROS 1 have no sign."""
+        return (seconds if self.is_cdr else seconds & 0xFFFFFFFF) * 10**9 + nanoseconds
+
     def _layout(self, batch: MessageBatch, k: int) -> _Layout:
         """The layout of one message."""
-        start, length = int(batch.starts[k]), int(batch.lengths[k])
-        data = batch.data[start : start + length].tobytes()
+        data = _bytes(batch, k)
+        walk, raw = self._walked(data), np.frombuffer(data, np.uint8)
+        return _Layout(len(data), tuple((a, raw[a:b]) for a, b in _merged(walk.marks)), walk.found)
+
+    def _walked(self, data: bytes) -> _Walk:
+        """A walk through a message, as far as anything is wanted."""
         walk = _Walk(data, self.is_cdr)
-        names = self._names(data) if self.by_name else ()
-        wanted = _tree(self.paths, names)
-        for name, part in list(self.message.fields.items())[: self.last + 1]:
+        wanted = self._tree(self._names(data) if self.by_name else ())
+        for name, part in self.fields:
             begun = walk.at
             walk.visit(part, wanted.inside.get(name, _NOTHING))
             if name == self.names_field and self.by_name:
                 walk.marks.append((begun, walk.at))
-        raw = np.frombuffer(data, np.uint8)
-        return _Layout(length, tuple((a, raw[a:b]) for a, b in _merged(walk.marks)), walk.found)
+        return walk
+
+    def _tree(self, names: tuple[str, ...]) -> Wanted:
+        """What is wanted in a message with these names."""
+        if names not in self.trees:
+            if len(self.trees) > _MOST_NAMES:
+                self.trees.clear()
+            self.trees[names] = _tree(self.paths, names)
+        return self.trees[names]
 
     def _names(self, data: bytes) -> tuple[str, ...]:
         """The names of the joints in a message."""
@@ -248,6 +272,12 @@ class Decoder:
         if len(self.joints) < _MOST_NAMES:
             self.joints |= dict.fromkeys(names)
         return tuple(names)
+
+
+def _bytes(batch: MessageBatch, k: int) -> bytes:
+    """One message."""
+    start = int(batch.starts[k])
+    return batch.data[start : start + int(batch.lengths[k])].tobytes()
 
 
 def _is_names(part: Field | None) -> bool:
