@@ -104,8 +104,8 @@ def _built(store: Any, kind: str, values: Mapping[str, Any]) -> Any:
     return types[kind](**parts)
 
 
-def plain_loop(bag: Path, topic: str, read: Callable[[Any], float]) -> np.ndarray:
-    """What a function reads off each message that rosbags deserialises, in the order of rosbags."""
+def plain_loop(bag: Path, topic: str, read: Callable[[Any], list[float]]) -> np.ndarray:
+    """What a function reads off each message that rosbags deserialises, in the order of rosbags; shape (messages, numbers)."""
     from rosbags.highlevel import AnyReader
 
     with AnyReader([bag]) as reader:

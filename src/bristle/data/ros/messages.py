@@ -20,8 +20,8 @@ NAMES = ("name", "joint_names")
 """Fields that hold the names of joints, in the order of the message's other arrays."""
 NO_STAMP = np.iinfo(np.int64).min
 """In place of a stamp that a message does not have."""
-_LAYOUTS = 64
-"""Layouts that are kept; where there are more, each message is walked by itself."""
+_LAYOUTS, _KNOWN = 64, 20_000
+"""Layouts that are looked for in all messages at once; where there are more, each message is looked at by itself."""
 _APART = 8
 """Bytes between lengths that are compared as well: padding, and small numbers between them cost a walk at most."""
 _MOST_NAMES = 1000
@@ -54,6 +54,12 @@ class Wanted:
 
 
 _NOTHING = Wanted()
+
+
+Found = Mapping[int, tuple[int, str]]
+"""Offset and type of the number at each path."""
+Ranges = tuple[tuple[int, int], ...]
+"""Where the bytes are that decide on the others."""
 
 
 @dataclass(slots=True)
@@ -150,7 +156,7 @@ class _Layout(NamedTuple):
 
     length: int
     marks: tuple[tuple[int, Bytes], ...]
-    found: Mapping[int, tuple[int, str]]
+    found: Found
 
     def matches(self, batch: MessageBatch, which: Integers) -> Integers:
         """Those of some messages that have it."""
@@ -176,6 +182,8 @@ class Decoder:
         self.trees: dict[tuple[str, ...], Wanted] = {}
         self.by_name = self.names_field in tops
         self.layouts: list[_Layout] = []
+        self.ranges: dict[Ranges, None] = {}
+        self.known: dict[tuple[int, Ranges, tuple[bytes, ...]], Found] = {}
         self.joints: dict[str, None] = {}
         """Names that were seen, in order."""
 
@@ -219,14 +227,27 @@ class Decoder:
                     out[path][which] = gather(batch.data, starts, dtype).astype(float)
 
     def _take_one(self, batch: MessageBatch, k: int, out: list[NDArray[Any]]) -> None:
-        """The numbers of one message, walked by itself."""
+        """The numbers of one message, by itself."""
         data = _bytes(batch, k)
-        for path, (offset, dtype) in self._walked(data).found.items():
+        for path, (offset, dtype) in self._found(data).items():
             form = dtype[0] + _FORMS[dtype[1:]]
             if self.paths[path].is_stamp:
                 out[path][k] = self._stamp(*unpack_from(f"{form}I", data, offset))
             else:
                 out[path][k] = unpack_from(form, data, offset)[0]
+
+    def _found(self, data: bytes) -> Found:
+        """Where the wanted numbers of one message are: as in one before with the same marks, else by a walk."""
+        for ranges in self.ranges:
+            known = self.known.get((len(data), ranges, tuple(data[a:b] for a, b in ranges)))
+            if known is not None:
+                return known
+        walk = self._walked(data)
+        ranges = tuple(_merged(walk.marks))
+        if len(self.known) < _KNOWN and (ranges in self.ranges or len(self.ranges) < _LAYOUTS):
+            self.ranges[ranges] = None
+            self.known[len(data), ranges, tuple(data[a:b] for a, b in ranges)] = walk.found
+        return walk.found
 
     def _stamp(self, seconds: Any, nanoseconds: Any) -> Any:
         """A stamp in ns; the seconds of ROS 1 have no sign."""
