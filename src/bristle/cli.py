@@ -325,7 +325,7 @@ def new(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="Logs of one joint (CSV, Parquet, MAT or NPZ), or one half-filled experiment file to complete.",
+            help="Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5 or a ROS bag), or one half-filled experiment file to complete.",
             show_default=False,
         ),
     ],

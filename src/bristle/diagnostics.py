@@ -1813,6 +1813,14 @@ class Kind(Enum):
     MORE_LINES = _NOTE, ", and {count} more"
     DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
     RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
+    TIME_RECEIVED = _NOTE, "Times of {topics!l} are those at which messages were received, not those of a header."
+    TOPICS_INTERPOLATED = (
+        _NOTE,
+        (
+            "{topics!l} interpolated linearly at the stamps of {onto}; {rows} row{rows!e} outside them, or in gaps longer "
+            "than {gap} intervals, left empty."
+        ),
+    )
     ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: {first})."
     ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: {first})."
     ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: {first})."
@@ -2314,7 +2322,7 @@ REASONS: Mapping[str, str] = {
         "ACCELERATION_FROM_VELOCITY TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED "
         "RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE INERTIA_EXACT "
         "NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD GRIPPER_FRICTION "
-        "NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED"
+        "NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED TIME_RECEIVED TOPICS_INTERPOLATED"
     ),
     "It says what to measure or to write next.": (
         "SET_UP_PAYS MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE ALPHA_2_WIDE "

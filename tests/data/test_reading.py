@@ -228,6 +228,11 @@ def test_containers_that_are_not_what_they_say(tmp_path: Path, monkeypatch: pyte
     hdf5 = _write(tmp_path, b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "new.mat")
     with pytest.raises(InputError, match=r"version 7\.3 .*'-v7'"):
         _column(hdf5, "q")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(
+        InputError, match=r"version 7\.3 .*needs h5py; install it with pip install 'bristle\[hdf5\]', or .*'-v7'"
+    ):
+        _column(hdf5, "q")
     with pytest.raises(InputError, match="no MAT-file"):
         _column(_write(tmp_path, "t,q\n0,1\n", "text.mat"), "q")
     np.savez(tmp_path / "objects.npz", q=np.array([{}, None], dtype=object))

@@ -5,6 +5,7 @@ import io
 import json
 from collections.abc import Mapping
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,6 +36,8 @@ class Case(NamedTuple):
         return f"bristle {' '.join(map(repr, self.arguments))}\n" + "\n".join(f"{n}:\n{d!r}" for n, d in files.items())
 
 
+_EXTRA = ["h5"] if find_spec("h5py") else []
+"""Formats that an extra reads."""
 _STEP = 5e-3
 _GRIPPER = TABLE_1["gripper rotation"].positive
 _UNITS = {"t": "s", "q": "rad", "v": "rad/s", "tau": "N*m", "i": "A", "u": "V"}
@@ -247,6 +250,12 @@ def encoded(draw: Draw, columns: Columns, suffix: str) -> bytes:
     elif suffix == "mat":
         file: Any = buffer  # scipy-stubs knows of paths alone
         scipy.io.savemat(file, dict(columns), format=draw(st.sampled_from(["5", "4"])))
+    elif suffix == "h5":
+        import h5py
+
+        with h5py.File(buffer, "w") as group:
+            for name, values in columns.items():
+                group[name] = values
     else:
         if draw(st.booleans()):
             frame = frame.set_index(str(frame.columns[0]))
@@ -287,7 +296,7 @@ def experiments(draw: Draw) -> dict[str, bytes]:
             st.sampled_from(["points", "points", "ramp", "tracking", "presliding"]), min_size=1, max_size=2, unique=True
         )
     )
-    suffix = draw(st.sampled_from(["csv", "csv", "csv", "npz", "mat", "parquet"]))
+    suffix = draw(st.sampled_from(["csv", "csv", "csv", "npz", "mat", "parquet", *_EXTRA]))
     drive = "tau" if "points" in kinds else draw(st.sampled_from(["tau", "tau", "i", "u"]))
     used = (
         ("v", drive)

@@ -1,4 +1,4 @@
-"""Columns from MAT, NPZ and Parquet files, which hold named arrays."""
+"""Columns from MAT, NPZ, Parquet and HDF5 files, which hold named arrays."""
 
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -10,10 +10,11 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, is_vector, numeric, reading
+from bristle.data.hdf5 import hdf5_names, read_hdf5
 from bristle.data.mat import mat_names, read_mat
 from bristle.errors import InputError, short, short_list
 
-__all__ = ["Key", "names_of", "read_mat", "read_npz", "read_parquet"]
+__all__ = ["Key", "names_of", "read_hdf5", "read_mat", "read_npz", "read_parquet"]
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _SAVEZ = "write it again with numpy.savez"
@@ -97,7 +98,7 @@ def _is_number(kind: Any) -> bool:
 
 
 def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the one-dimensional numeric columns that a MAT, NPZ or Parquet file offers, structs as dotted paths.
+    """Names of the one-dimensional numeric columns that a MAT, NPZ, Parquet or HDF5 file offers, structs as dotted paths.
 
     A name may repeat. Raises InputError where the file cannot be read.
     """
@@ -110,6 +111,8 @@ def names_of(path: Path) -> tuple[str, ...]:
         with archive:
             members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
             return tuple(m.filename.removesuffix(".npy") for m in members if is_vector(*_header(archive, m)))
+    if suffix in (".h5", ".hdf5", ".hdf"):
+        return hdf5_names(path)
     with _parquet(path) as file:
         return tuple(field.name for field in file.schema_arrow if _is_number(field.type))
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.columns import MAX_VALUES, Key, bounded, is_vector, numeric, reading
+from bristle.data.hdf5 import mat_7_3_names, read_mat_7_3
 from bristle.errors import InputError, short, short_list
 
 _LONGEST = 1000
@@ -53,16 +54,20 @@ _DAMAGED = "is damaged, or no MAT-file of version 4 to 7; save it again"
 
 def mat_names(path: Path) -> tuple[str, ...]:
     """Dotted paths of the vectors of numbers that a file holds. Raises InputError where it cannot be read."""
+    if is_version_7_3(path):
+        return mat_7_3_names(path)
     variables = _load_mat(path, None)
     return tuple(n for name, value in variables.items() if not name.startswith("__") for n in _vectors(name, value))
 
 
 def read_mat(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a MATLAB file of version 4 to 7, by variable or dotted path.
+    """Columns of a MATLAB file, by variable or dotted path; version 7.3 needs the extra `hdf5`.
 
     `q`, `data.q`, `data.run{2}.q`, `runs(3).q`. Braces and parentheses count from 1, as MATLAB writes them. Raises
     InputError.
     """
+    if is_version_7_3(path):
+        return read_mat_7_3(path, keys)
     variables = _load_mat(path, sorted({_root(key) for key in keys}))
     return {key: numeric(_walk(variables, str(key.column)), key) for key in keys}
 
@@ -83,16 +88,17 @@ def _load_mat(path: Path, names: Sequence[str] | None) -> dict[str, Any]:
         return dict(scipy.io.loadmat(path, variable_names=list(shapes if names is None else names)))
 
 
-def _check_version(path: Path) -> None:
-    """Refuse version 7.3, and what would hang or crash SciPy."""
-    from scipy.io.matlab import matfile_version
-
+def is_version_7_3(path: Path) -> bool:
+    """Whether a file is one of MATLAB's that is HDF5."""
     with path.open("rb") as file:
         head = file.read(520)
-    if b"MATLAB 7.3" in head[:128] or b"\x89HDF" in (head[:4], head[512:516]):
-        raise InputError(
-            "is a MAT-file of version 7.3 (HDF5), which is not read; in MATLAB save it again with save(file, '-v7', ...)"
-        )
+    return b"MATLAB 7.3" in head[:128] or b"\x89HDF" in (head[:4], head[512:516])
+
+
+def _check_version(path: Path) -> None:
+    """Refuse what would hang or crash SciPy."""
+    from scipy.io.matlab import matfile_version
+
     with reading("MAT-file of version 4 to 7", "in MATLAB save it with save(file, '-v7', ...)"):
         major, _ = matfile_version(path)
     (check_version_4 if major == 0 else check_version_5)(path)

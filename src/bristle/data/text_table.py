@@ -19,6 +19,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data import binary_tables
 from bristle.data.columns import Key, reading
+from bristle.data.ros.files import is_bag
+from bristle.data.ros.read import read_bag
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
 
@@ -49,6 +51,7 @@ BINARY = {
     ".npz": binary_tables.read_npz,
     ".parquet": binary_tables.read_parquet,
     ".pq": binary_tables.read_parquet,
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), binary_tables.read_hdf5),
 }
 
 
@@ -215,19 +218,25 @@ class RawTable:
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
     """The columns `keys` of a file; its suffix says which format: .mat, .npz, .parquet, and text for any other.
 
+    A ROS bag (.mcap, .db3, .bag, or a folder with metadata.yaml) is read by topic and field; the digest of a folder is
+    that of its storage files, one after another.
+
     Raises InputError in one sentence, opening with `shown` (or the path), where the file or a column cannot be read as
     numbers.
     """
     name = shown or str(path)
     notes, header = tuple[Diagnostic, ...](), None
     with naming(name):
-        check_regular(path, name)
-        binary = path.suffix.lower() in BINARY
-        digest = _digest(path, text=not binary)
-        if binary:
-            columns: Mapping[Key, Array] = BINARY[path.suffix.lower()](path, keys)
+        columns: Mapping[Key, Array]
+        if is_bag(path):
+            columns, digest, notes = read_bag(path, keys)
         else:
-            columns, notes, header = _read_text(path, keys)
+            check_regular(path, name)
+            digest = _digest(path, text=is_text(path))
+            if is_text(path):
+                columns, notes, header = _read_text(path, keys)
+            else:
+                columns = BINARY[path.suffix.lower()](path, keys)
     lengths = {key: column.size for key, column in columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(
@@ -237,6 +246,11 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
     if rows == 0 and keys:
         raise InputError(f"{name}: holds no row of numbers; expected a log with a row per sample")
     return RawTable(columns=columns, rows=rows, sha256=digest, notes=notes, header=header)
+
+
+def is_text(path: Path) -> bool:
+    """Whether a data file is read as text, as its suffix says."""
+    return path.suffix.lower() not in BINARY and not is_bag(path)
 
 
 @contextmanager

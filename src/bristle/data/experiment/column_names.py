@@ -140,7 +140,9 @@ def _score(words: list[str], signal: str, unit: str) -> float:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """`Torque [Nm]` as (Torque, nm): the name after the last dot, and the unit in brackets."""
+    """`Torque [Nm]` as (Torque, nm): the name after the last dot or slash of a path, and the unit in brackets."""
+    if re.fullmatch(r"/[\w./]+", name):
+        name = name.rsplit("/", 1)[-1]
     last = name.rsplit(".", 1)[-1] if re.fullmatch(r"[\w.{}()]+", name) else name
     match = re.fullmatch(r"\s*(.*?)[\s_]*[\[(](.*?)[\])]\s*", last)
     bare, unit = (match[1], match[2]) if match else (last, "")

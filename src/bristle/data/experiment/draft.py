@@ -13,10 +13,13 @@ import numpy as np
 
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
+from bristle.data.experiment.bag_draft import bag_guesses
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import DRIVE
-from bristle.data.text_table import BINARY, naming, read_table, text_layout
+from bristle.data.ros.files import is_bag
+from bristle.data.ros.read import bag_columns
+from bristle.data.text_table import is_text, naming, read_table, text_layout
 from bristle.data.units import factor
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind
@@ -108,7 +111,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for file in files:
         check_name(file.name, f"{file}: the file name")
     names, described = _columns(first)
-    guesses = dict(guess_columns(names)) | {signal: _told(told, signal, names) for signal in told.columns}
+    guesses = _guesses(first, names, told) | {signal: _told(told, signal, names) for signal in told.columns}
     if told.rate is None and not names and "time" not in guesses and _rises(first):
         guesses["time"] = ColumnGuess("0", None)
     drive = _drive(first, guesses, told, described)
@@ -139,8 +142,8 @@ def _columns(path: Path) -> tuple[tuple[str, ...], str]:
     """Names of the columns, and what is told of them in the draft."""
     with naming(str(path)):
         read_table(path, ())
-        if path.suffix.lower() in BINARY:
-            names = names_of(path)
+        if not is_text(path):
+            names = bag_columns(path) if is_bag(path) else names_of(path)
             return names, _list(names) or "none that is a vector of numbers"
         layout = text_layout(path)
     if layout.names:
@@ -148,6 +151,14 @@ def _columns(path: Path) -> tuple[tuple[str, ...], str]:
     some = layout.first[:_SHOWN]
     numbered = ", ".join(f"{k} (first value {_text(cell[:LONGEST])})" for k, cell in enumerate(some) if cell)
     return (), f"no header; {numbered}{', ...' if len(layout.first) > _SHOWN else ''}"
+
+
+def _guesses(path: Path, names: tuple[str, ...], told: Told) -> dict[str, ColumnGuess]:
+    """Columns by their names; of a bag those of its only joint."""
+    if not is_bag(path):
+        return guess_columns(names)
+    with naming(str(path)):
+        return bag_guesses(path, told.columns)
 
 
 def _list(names: tuple[str, ...]) -> str:
@@ -176,7 +187,7 @@ def _values(path: Path, guess: ColumnGuess) -> "np.ndarray[tuple[int], np.dtype[
 
 def _rises(path: Path) -> bool:
     """Whether the first column of a text file grows in steps that could be those of seconds."""
-    if path.suffix.lower() in BINARY:
+    if not is_text(path):
         return False
     steps = np.diff(_values(path, ColumnGuess("0", None)))
     return bool(steps.size and steps.min() > 0 and 1e-5 < np.median(steps) < 1 and steps.max() < 100 * np.median(steps))

@@ -1,0 +1,246 @@
+"""Columns of a ROS bag, each at the time stamps of one topic."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.columns import Key, bounded
+from bristle.data.ros.files import Bag, batches_of, open_bag
+from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
+from bristle.data.ros.messages import Path as FieldPath
+from bristle.data.ros.storage import Integers, MessageBatch
+from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError, check_name, short, short_list
+
+_GAP = 5
+"""Median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is."""
+
+
+class BagColumns(NamedTuple):
+    """What was read of a bag."""
+
+    columns: Mapping[Key, Array]
+    """Each of shape (messages of the topic of the time,)."""
+    sha256: str
+    notes: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Messages:
+    """All messages of a topic, in the order in which they were received."""
+
+    topic: str
+    received: Integers
+    """ns."""
+    values: Mapping[FieldPath, NDArray[Any]]
+    joints: tuple[str, ...]
+
+    def stamps(self, path: FieldPath | None) -> Integers:
+        """Times in ns, `NO_STAMP` where there is none. Raises InputError where all are zero, and so were never set."""
+        if path is None:
+            return self.received
+        stamps = self.values[path].astype(np.int64)
+        if stamps.size and not stamps.any():
+            raise InputError(
+                f"the stamps of {self.topic} are all zero; name the time as {self.topic}.{RECEIVED}, when its messages were received"
+            )
+        return stamps
+
+
+def read_bag(path: Path, keys: Sequence[Key]) -> BagColumns:
+    """Columns of a bag: a topic and the path of a field, as `/joint_states.position[elbow]` or `/wrench.wrench.torque.z`.
+
+    Times are in s from the first one on. Columns of other topics than that of the time are interpolated linearly at
+    its stamps: nan before their first message, after their last, and across gaps longer than five median intervals.
+    Raises InputError; needs the extra `ros`.
+    """
+    bag = open_bag(path)
+    topics = topics_of(bag)
+    targets = {key: target_of(key, topics) for key in keys}
+    if not targets:
+        return BagColumns({}, bag.sha256, ())
+    base = _base(targets)
+    names = list(dict.fromkeys(target.topic for target in targets.values()))
+    clocks = {name: _clock(topics[name], base) for name in names} if len(names) > 1 else {}
+    wanted = {
+        name: [t.path for t in (*targets.values(), Target(name, clocks.get(name))) if t.topic == name] for name in names
+    }
+    read = {name: _read(topics[name], [path for path in paths if path]) for name, paths in wanted.items()}
+    bounded(sum(messages.received.size for messages in read.values()) * len(keys))
+    _check_there(targets, read)
+    columns = {key: _column(target, read, base.topic, clocks) for key, target in targets.items()}
+    return BagColumns(columns, bag.sha256, tuple(_notes(targets, columns, base, clocks)))
+
+
+def _base(targets: Mapping[Key, Target]) -> Target:
+    """The column whose times are those of all rows. Raises InputError where topics differ and none is plain."""
+    times = list(dict.fromkeys(target for target in targets.values() if target.is_time))
+    names = list(dict.fromkeys(target.topic for target in targets.values()))
+    if len(names) == 1:
+        return times[0] if times else next(iter(targets.values()))
+    if len(times) != 1:
+        got = f"the times of {short_list(t.topic for t in times)}" if times else "no stamp"
+        raise InputError(
+            f"signals come from the topics {short_list(names)}, with {got}; expected one time for all, as "
+            f"time: {{column: {names[0]}.header.stamp, unit: s}}"
+        )
+    return times[0]
+
+
+def _clock(topic: Topic, base: Target) -> FieldPath | None:
+    """The stamps at which the messages of a topic stand, where there are several: those in the header, if the time is."""
+    if topic.name == base.topic:
+        return base.path
+    header = topic.message().fields.get("header")
+    stamped = base.path is not None and "stamp" in getattr(header, "fields", {})
+    return STAMP if stamped else None
+
+
+def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
+    """The numbers of a topic at some paths, in the order in which messages were received."""
+    paths = list(dict.fromkeys(paths))
+    times, parts, joints = list[Integers](), list[list[NDArray[Any]]](), dict[str, None]()
+    for some, decoder in _batches(topic, paths):
+        times.append(some.times)
+        parts.append(decoder.decode(some))
+        joints |= decoder.joints
+    if not times:
+        raise InputError(f"holds no message of topic {topic.name}; name another")
+    received = np.concatenate(times)
+    order = np.argsort(received, kind="stable")
+    values = {path: np.concatenate([part[k] for part in parts])[order] for k, path in enumerate(paths)}
+    return _Messages(topic.name, received[order], values, tuple(joints))
+
+
+def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[MessageBatch, Decoder]]:
+    """The messages of a topic in each of its files, with what decodes them."""
+    message, count = topic.message(), 0
+    for file in dict.fromkeys(file for file, _ in topic.channels):
+        channels = [channel for other, channel in topic.channels if other == file]
+        decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in channels}
+        for batch in batches_of(file, frozenset(decoders)):
+            count += batch.starts.size
+            bounded(count * (len(paths) + 1))
+            for number, decoder in decoders.items():
+                some = batch.of(number)
+                if some.starts.size:
+                    yield some, decoder
+
+
+def _check_there(targets: Mapping[Key, Target], read: Mapping[str, _Messages]) -> None:
+    """Raises InputError where no message has what a column names."""
+    for key, (name, path) in targets.items():
+        if path is None:
+            continue
+        messages, values = read[name], read[name].values[path]
+        if not ((values == NO_STAMP) if path.is_stamp else np.isnan(values)).all():
+            continue
+        joint = next((step.name for step in path.steps if isinstance(step, NamedJoint)), None)
+        if joint is not None and joint not in messages.joints and not joint.isdecimal():
+            raise InputError(
+                f"column {key}: no joint {short(joint)} in {name}; there are: {short_list(messages.joints)}"
+            )
+        raise InputError(
+            f"column {key} is empty in all {messages.received.size} messages of {name}; leave it out, or name what was logged"
+        )
+
+
+def _column(target: Target, read: Mapping[str, _Messages], base: str, clocks: Mapping[str, FieldPath | None]) -> Array:
+    """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
+    messages = read[target.topic]
+    if target.is_time:
+        stamps = messages.stamps(target.path)
+        known = stamps != NO_STAMP
+        first = stamps[known][0]
+        return np.where(known, (stamps - first) / 1e9, np.nan)
+    values: Array = messages.values[target.path].astype(float)  # type: ignore[index]  # no time has a path here
+    if target.topic == base:
+        return values
+    return _interpolated(messages.stamps(clocks[target.topic]), values, read[base].stamps(clocks[base]), target.topic)
+
+
+def _interpolated(stamps: Integers, values: Array, at: Integers, topic: str) -> Array:
+    """Values at other times, ns; nan where there is nothing on both sides within a gap."""
+    known = stamps != NO_STAMP
+    order = np.argsort(stamps[known], kind="stable")
+    stamps, values = stamps[known][order], values[known][order]
+    lasts = np.append(np.diff(stamps) > 0, True)  # of those with one stamp the last
+    stamps, values = stamps[lasts], values[lasts]
+    if stamps.size < 2 or at.max() < stamps[0] or at[at != NO_STAMP].min() > stamps[-1]:
+        raise InputError(
+            f"the messages of {topic} are at other times than those of the time's topic; name topics that were logged together"
+        )
+    steps = np.diff(stamps)
+    right = np.clip(np.searchsorted(stamps, at), 1, stamps.size - 1)
+    outside = (at < stamps[0]) | (at > stamps[-1])
+    gap = steps[right - 1] > _GAP * np.median(steps)
+    met = (stamps[right] == at) | (stamps[right - 1] == at)
+    found = np.interp((at - stamps[0]).astype(float), (stamps - stamps[0]).astype(float), values)
+    return np.where(outside | (gap & ~met), np.nan, found)
+
+
+def _notes(
+    targets: Mapping[Key, Target],
+    columns: Mapping[Key, Array],
+    base: Target,
+    clocks: Mapping[str, FieldPath | None],
+) -> list[Diagnostic]:
+    """What is said of how times were told, and of topics that were interpolated."""
+    times = {t.topic for t in targets.values() if t.path is None} | {
+        name for name, path in clocks.items() if path is None
+    }
+    notes = [Kind.TIME_RECEIVED(topics=tuple(sorted(times)))] if times else []
+    others = sorted(clocks.keys() - {base.topic})
+    if others:
+        without = np.any([np.isnan(columns[key]) for key, t in targets.items() if t.topic in others], axis=0)
+        notes.append(Kind.TOPICS_INTERPOLATED(topics=tuple(others), onto=base.topic, rows=int(without.sum()), gap=_GAP))
+    return notes
+
+
+def bag_topics(path: Path) -> dict[str, str]:
+    """Type of the messages by topic, as `sensor_msgs/msg/JointState`. Raises InputError and OSError; needs the extra `ros`."""
+    return {name: topic.kind for name, topic in topics_of(open_bag(path)).items()}
+
+
+def bag_joints(path: Path, topic: str | None = None) -> tuple[str, ...]:
+    """Names of the joints in the joint states of a bag, in the order in which they are first seen.
+
+    `topic`: of which; None: the only one. Raises InputError where there is none or are several; needs the extra `ros`.
+    """
+    topics = topics_of(open_bag(path))
+    return _joints(topics[state_topic(topics, topic)])
+
+
+def state_topic(topics: Mapping[str, Topic], topic: str | None = None) -> str:
+    """The topic of the joint states. Raises InputError where there is none, or several and none is named."""
+    states = [name for name, t in topics.items() if t.kind == JOINT_STATE and topic in (None, name)]
+    if len(states) != 1:
+        there = short_list(f"{t.name} ({t.kind})" for t in topics.values())
+        raise InputError(
+            f"has {'several topics' if states else 'no topic'} of joint states; name each column with its topic, as in "
+            f"--column position=/joint_states.position[elbow] (there are: {there})"
+        )
+    return states[0]
+
+
+def _joints(topic: Topic) -> tuple[str, ...]:
+    messages = _read(topic, [FieldPath(("position", NamedJoint("")))])
+    return tuple(check_name(name, "the joint") for name in messages.joints)
+
+
+def bag_columns(path: Path) -> tuple[str, ...]:
+    """Names of the columns that a bag offers. Raises InputError; needs the extra `ros`."""
+    bag: Bag = open_bag(path)
+    names = list[str]()
+    for topic in topics_of(bag).values():
+        try:
+            names += columns_of(topic, _joints(topic) if topic.kind == JOINT_STATE else ())
+        except InputError:  # of a topic that is not read, and may not be wanted
+            continue
+    return tuple(names)

@@ -1,0 +1,403 @@
+"""Bags that are broken, or made to harm: each ends in one sentence, soon, or in the columns that it holds."""
+
+# ruff: noqa: S608  # statements that are ours
+import sqlite3
+import struct
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bristle.data.columns import Key
+from bristle.data.ros import storage
+from bristle.data.ros.definitions import message_of
+from bristle.data.text_table import read_table
+from bristle.errors import InputError
+
+from ..bags import FORMATS, START, state, wrench, write_bag
+
+_QUICK = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_KEYS = [Key("header.stamp"), Key("position[b]")]
+_SUFFIX = {"sqlite3": ".db3", "mcap": ".mcap", "bag": ".bag"}
+_SECONDS = 10
+
+
+def _refusal(path: Path, keys: list[Key] = _KEYS) -> str | None:
+    """The sentence with which a file is refused, soon; None where it is read."""
+    begun = time.monotonic()
+    try:
+        table = read_table(path, keys)
+        assert {column.shape for column in table.columns.values()} == {(table.rows,)}
+        says = None
+    except InputError as error:
+        says = str(error)
+    assert time.monotonic() - begun < _SECONDS
+    assert says is None or (says.startswith(str(path)) and "\n" not in says)
+    return says
+
+
+@pytest.fixture(scope="module", params=FORMATS)
+def good(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, bytes]:
+    """Suffix and content of a small bag of two topics."""
+    folder = tmp_path_factory.mktemp("good")
+    messages = [
+        m
+        for k in range(12)
+        for m in (state(START + 10**7 * k, ("a", "b"), (k, -k), (0, 0), (1, k)), wrench(START + 10**7 * k, k))
+    ]
+    bag = write_bag(folder, request.param, messages)
+    file = bag if bag.is_file() else next(path for path in bag.iterdir() if path.name != "metadata.yaml")
+    return file.suffix, file.read_bytes()
+
+
+@_QUICK
+@given(data=st.data())
+def test_bytes_overwritten(tmp_path: Path, good: tuple[str, bytes], data: st.DataObject) -> None:
+    """Whatever bytes of a bag are overwritten, there are columns of one length or one sentence, never another exception."""
+    suffix, content = good
+    broken = bytearray(content)
+    for at, byte in data.draw(
+        st.lists(st.tuples(st.integers(0, len(content) - 1), st.integers(0, 255)), min_size=1, max_size=12)
+    ):
+        broken[at] = byte
+    path = tmp_path / f"broken{suffix}"
+    path.write_bytes(broken)
+    _refusal(path, [*_KEYS, Key("/wrench.wrench.torque.z")])
+
+
+@_QUICK
+@given(data=st.data())
+def test_cut_short(tmp_path: Path, good: tuple[str, bytes], data: st.DataObject) -> None:
+    """A bag that ends early is refused: half a log passes for no whole one."""
+    suffix, content = good
+    path = tmp_path / f"cut{suffix}"
+    path.write_bytes(content[: data.draw(st.integers(0, len(content) - (4096 if suffix == ".db3" else 1)))])
+    assert _refusal(path) is not None
+
+
+@pytest.mark.parametrize("suffix", _SUFFIX.values())
+@_QUICK
+@given(
+    content=st.one_of(
+        st.binary(max_size=400), st.binary(max_size=200).map(lambda x: b"\x89MCAP0\r\n\x01" + x + b"\x89MCAP0\r\n")
+    )
+)
+def test_no_bag_at_all(tmp_path: Path, suffix: str, content: bytes) -> None:
+    """Bytes of anything else, whatever the suffix says, are refused."""
+    path = tmp_path / f"none{suffix}"
+    path.write_bytes(content)
+    assert _refusal(path) is not None
+
+
+def _database(path: Path, *statements: str) -> Path:
+    connection = sqlite3.connect(path)
+    for statement in statements:
+        connection.execute(statement)
+    connection.commit()
+    connection.close()
+    return path
+
+
+_TOPICS = "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT)"
+_TOPIC = "INSERT INTO topics VALUES(1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr')"
+_MESSAGES = "CREATE TABLE messages(topic_id INTEGER, timestamp INTEGER, data BLOB)"
+_ENDLESS = "WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n)"
+
+
+@pytest.mark.parametrize(
+    ("statements", "says"),
+    [
+        (["CREATE TABLE logs(t REAL)"], "lacks the table topics"),
+        ([_TOPICS], "lacks the table messages"),
+        ([_TOPICS, "CREATE TABLE messages(topic_id INTEGER, data BLOB)"], "lacks the table messages"),
+        ([_TOPICS, _TOPIC, f"CREATE VIEW messages AS {_ENDLESS} SELECT 1 AS topic_id, k AS timestamp, x'00' AS data FROM n"], "lacks the table"),
+        ([f"CREATE VIEW topics AS {_ENDLESS} SELECT k AS id, 'a' AS name, 'b' AS type, 'cdr' AS serialization_format FROM n", _MESSAGES], "lacks"),
+        ([_TOPICS, _TOPIC, "CREATE TABLE messages(topic_id, timestamp, data BLOB AS (zeroblob(900000000)))"], "lacks the table messages"),
+        ([_TOPICS, _TOPIC, "CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)"], "lacks the table messages"),
+        ([_TOPICS, _TOPIC, _MESSAGES], "holds no message of topic /joint_states"),
+        ([_TOPICS, _MESSAGES], "names no topic"),
+        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 5, 'text')"], "a message is no blob"),
+        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 'noon', x'0001')"], "a time stamp is no integer"),
+        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 5, x'')"], "not in CDR of version 1"),
+        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 5, x'0001000000000000')"], "ends inside one of its fields"),
+        ([_TOPICS, "INSERT INTO topics VALUES(1, x'ff', 2, 3)", _MESSAGES], "is damaged: its topics are"),
+        ([_TOPICS, _TOPIC.replace("cdr", "cbor"), _MESSAGES], "has messages in 'cbor'; expected cdr or ros1"),
+        ([_TOPICS, _TOPIC.replace("JointState", "Unheard"), _MESSAGES], "names no topic"),
+        ([_TOPICS, f"INSERT INTO topics {_ENDLESS} SELECT k, 'a' || k, 'b', 'cdr' FROM n LIMIT 20000", _MESSAGES], "more than 10000 topics"),
+    ],
+)  # fmt: skip  # a table
+def test_databases_that_are_no_bag(tmp_path: Path, statements: list[str], says: str) -> None:
+    """Other tables, views and columns that compute without end, values of other types: refused, and none is run."""
+    assert says in str(_refusal(_database(tmp_path / "x.db3", *statements)))
+
+
+def test_a_query_without_end_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What SQLite does is counted: a look through more rows than the size of the file explains is ended."""
+    monkeypatch.setattr("bristle.data.ros.sqlite._STEPS", 1)
+    monkeypatch.setattr(Path, "stat", _tiny(Path.stat))
+    path = _database(
+        tmp_path / "x.db3",
+        _TOPICS,
+        _TOPIC,
+        _MESSAGES,
+        f"INSERT INTO messages {_ENDLESS} SELECT 2, k, x'00' FROM n LIMIT 900000",
+    )
+    assert "interrupted" in str(_refusal(path))
+
+
+def _tiny(real: Callable[..., Any]) -> Callable[..., Any]:
+    """Says of each file that it has a size below nothing, so that nothing is explained by it."""
+
+    class Stat:
+        def __init__(self, true: Any) -> None:
+            self.st_mode, self.st_size = true.st_mode, 1 - 500_000
+
+    return lambda path, **options: Stat(real(path, **options)) if path.suffix == ".db3" else real(path, **options)
+
+
+def _text(text: str) -> bytes:
+    return struct.pack("<I", len(text)) + text.encode()
+
+
+def _record(kind: int, content: bytes, claims: int | None = None) -> bytes:
+    return struct.pack("<BQ", kind, len(content) if claims is None else claims) + content
+
+
+def _chunk(packed: bytes, compression: str, claims: int) -> bytes:
+    return _record(
+        6, struct.pack("<QQQI", 0, 0, claims, 0) + _text(compression) + struct.pack("<Q", len(packed)) + packed
+    )
+
+
+_CHANNEL = _record(
+    3, struct.pack("<H", 1) + _text("sensor_msgs/msg/JointState") + _text("ros2msg") + _text("")
+) + _record(4, struct.pack("<HH", 1, 1) + _text("/joint_states") + _text("cdr") + struct.pack("<I", 0))
+
+
+def _mcap(path: Path, *records: bytes) -> Path:
+    magic = b"\x89MCAP0\r\n"
+    path.write_bytes(magic + _record(1, _text("ros2") + _text("")) + b"".join(records) + _record(2, bytes(20)) + magic)
+    return path
+
+
+def _zeros(compression: str, size: int) -> bytes:
+    data = bytes(size)
+    if compression == "lz4":
+        lz4 = pytest.importorskip("lz4.frame")
+        return bytes(lz4.compress(data))
+    return bytes(storage.zstd().compress(data))
+
+
+def _bombs() -> Iterator[tuple[str, list[bytes], str]]:
+    for compression in ("zstd", "lz4"):
+        packed = _zeros(compression, 2**25)
+        yield (
+            f"{compression}, more than it claims",
+            [_chunk(packed, compression, 1000)],
+            "does not unpack to the 1000 bytes",
+        )
+        yield f"{compression}, claims 2^62", [_chunk(packed, compression, 2**62)], "unpacks to too many bytes"
+        yield f"{compression}, claims a little too much", [_chunk(packed, compression, 2**28)], "does not unpack to"
+        many = [_chunk(_zeros(compression, 2**20), compression, 2**20)] * 3000
+        yield f"{compression}, many", [many[0], *many], "damaged, or no MCAP file"
+    yield "unknown compression", [_chunk(b"", "rar", 0)], "has chunks compressed by 'rar'"
+    yield "a chunk in a chunk", [_chunk(_chunk(b"", "", 0), "", len(_chunk(b"", "", 0)))], "is damaged, or no MCAP"
+    yield "a record of 2^63", [_record(5, b"", 2**63)], "is cut short"
+    yield "a message without a head", [_CHANNEL, _record(5, bytes(4))], "is damaged, or no MCAP"
+    yield "a short chunk", [_record(6, bytes(10))], "is damaged, or no MCAP"
+    yield (
+        "a name that is no text",
+        [_record(4, struct.pack("<HHI", 1, 1, 1) + b"\xff" + _text("") + bytes(4))],
+        "not text in UTF-8",
+    )
+    yield (
+        "two channels of one number",
+        [_CHANNEL, _CHANNEL.replace(b"/joint_states", b"/joint_statez")],
+        "two channels have the number 1",
+    )
+    yield "no channel", [], "names no topic"
+    yield "messages of no channel", [_record(5, bytes(30))] * 9, "names no topic"
+    yield "an endless name", [_record(4, struct.pack("<HHI", 1, 1, 2**32 - 1))], "is damaged, or no MCAP"
+
+
+_BOMBS = list(_bombs())
+
+
+@pytest.mark.parametrize(("records", "says"), [bomb[1:] for bomb in _BOMBS], ids=[bomb[0] for bomb in _BOMBS])
+def test_mcap_bombs(tmp_path: Path, records: list[bytes], says: str) -> None:
+    """Chunks that unpack to more than they claim, claim more than is unpacked, or lie in each other: refused, soon."""
+    assert says in str(_refusal(_mcap(tmp_path / "x.mcap", *records)))
+
+
+def test_chunks_together_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many chunks, each within the limit, do not unpack to more than the file's size explains."""
+    monkeypatch.setattr(storage, "MAX_RECORD", 2**22)
+    empty = _record(7, bytes(2**20))
+    chunk = _chunk(bytes(storage.zstd().compress(empty)), "zstd", len(empty))
+    assert "unpacks to too many bytes" in str(_refusal(_mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 2000)))
+
+
+def _message(content: bytes) -> bytes:
+    return _record(5, struct.pack("<HIQQ", 1, 0, 7, 7) + content)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"\0\1\0\0" + bytes(8) + struct.pack("<I", 2**31), "ends inside one of its fields"),
+        (b"\0\1\0\0" + bytes(12) + struct.pack("<I", 2**31), "ends inside one of its fields"),
+        (b"\0\1\0\0" + bytes(16) + struct.pack("<I", 2**31), "ends inside one of its fields"),
+        (b"\0\7\0\0" + bytes(40), "not in CDR of version 1"),
+        (b"", "not in CDR of version 1"),
+    ],
+)
+def test_messages_that_claim_more_than_they_hold(tmp_path: Path, content: bytes, says: str) -> None:
+    """A text, names or positions of 2^31 elements in a message of 20 bytes, and other encodings, are refused at once."""
+    assert says in str(_refusal(_mcap(tmp_path / "x.mcap", _CHANNEL, _message(content)), [Key("position[0]")]))
+
+
+def _defined(text: str, encoding: str = "ros2msg", kind: str = "a_msgs/msg/A") -> list[bytes]:
+    schema = _record(3, struct.pack("<H", 1) + _text(kind) + _text(encoding) + _text(text))
+    channel = _record(4, struct.pack("<HH", 1, 1) + _text("/a") + _text("cdr") + struct.pack("<I", 0))
+    return [schema, channel, _message(b"\0\1\0\0" + bytes(64))]
+
+
+_PART = f"\n{'=' * 80}\nMSG: a_msgs/"
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding", "says"),
+    [
+        ("float64 x\nimport os", "ros2msg", "type 'a_msgs/msg/import' is not defined"),
+        ("%$!", "ros2msg", "is damaged, or no message definition of topic /a"),
+        ("A a\nfloat64 x", "ros2msg", "nests messages over 30 deep"),
+        (f"B b\nfloat64 x{_PART}B\nA a", "ros2msg", "nests messages over 30 deep"),
+        ("".join(f"B{k} b\nB{k} c\nfloat64 x{_PART}B{k}\n" for k in range(25)) + "float64 x", "ros2msg", "ends inside one of its fields"),
+        ("float64[1000000000] y\nfloat64 x", "ros2msg", "ends inside one of its fields"),
+        (f"B[2147483647] y\nfloat64 x{_PART}B\n", "ros2msg", "ends inside one of its fields"),
+        ("float64 y", "ros2msg", "no field 'x' in /a; there are: y"),
+        ("x" * 600_000, "ros2msg", "has over 500000 characters"),
+        ("const long x = " + "(" * 60 + "1" + ")" * 60, "ros2idl", "is defined in IDL, which is not read"),
+        ("", "ros2msg", "is not defined in the bag"),
+        ("int8 X=" + "9" * 10_000 + "\nfloat64 x", "ros2msg", "is damaged, or no message definition"),
+    ],
+)  # fmt: skip  # a table
+def test_definitions_that_are_garbage(tmp_path: Path, text: str, encoding: str, says: str) -> None:
+    """Definitions that do not parse, name each other in circles, or claim fields without end are refused, soon; none is run as code."""
+    assert says in str(_refusal(_mcap(tmp_path / "x.mcap", *_defined(text, encoding)), [Key("/a.x")]))
+
+
+@_QUICK
+@given(
+    st.one_of(
+        st.text(max_size=200),
+        st.lists(
+            st.sampled_from(
+                [
+                    "float64",
+                    "string",
+                    " ",
+                    "x",
+                    "y",
+                    "\n",
+                    "[",
+                    "]",
+                    "3",
+                    "<=",
+                    "=",
+                    "#",
+                    "'",
+                    "MSG: ",
+                    "=" * 80,
+                    "A",
+                    "/",
+                    "b_msgs",
+                    "@",
+                ]
+            ),
+            max_size=60,
+        ).map("".join),
+    )
+)
+def test_any_text_as_a_definition(text: str) -> None:
+    """Whatever text stands as a definition, fields or one sentence come of it."""
+    try:
+        message_of(storage.Channel(1, "/a", "a_msgs/msg/A", "cdr", text))
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017  # or no error at all
+
+
+def _metadata(names: str, storage_identifier: str = "sqlite3", more: str = "") -> str:
+    return f"rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: {storage_identifier}\n  relative_file_paths: {names}\n{more}"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "expected keys"), ("- 1", "expected keys"), ("a: 1", "holds no rosbag2_bagfile_information"), ("{", "metadata.yaml"),
+        (_metadata("[../x.db3]"), "got the file '../x.db3'; expected the name"), (_metadata("[/etc/x.db3]"), "got the file"),
+        (_metadata("[a/../../x.db3]"), "got the file"), (_metadata("[x.csv]"), "got the file"), (_metadata("[1]"), "got the file 1"),
+        (_metadata('["a\\0.db3"]'), "got the file"), (_metadata("[out.db3]"), "is a link out of the folder"),
+        (_metadata("[none.db3]"), "is not in the folder of the bag"), (_metadata("[]"), "got relative_file_paths []"),
+        (_metadata("x.db3"), "got relative_file_paths 'x.db3'"), (_metadata("[pipe.mcap]"), "is a folder"),
+        (_metadata("[x.db3]", more="  compression_mode: FILE\n"), "compression_mode 'FILE' is not read"),
+        ("a: &a [1, 1]\nb: &b [*a, *a]\nc: [*b, *b]", "anchors (&) and aliases (*) are not allowed"),
+        ("a: " + "[" * 5000, "nested too deeply"), ("!!python/object/apply:os.system [true]", "metadata.yaml"),
+        ("a: [" + "1, " * 20_000 + "]", "more than 10000 keys and values"), ("x" * 1_100_000, "larger than 1000000 bytes"),
+    ],
+)  # fmt: skip  # a table
+def test_metadata_that_harms(tmp_path: Path, text: str, says: str) -> None:
+    """metadata.yaml that names files elsewhere, by path or by link, blows up, or is none: refused."""
+    bag = tmp_path / "bag"
+    (bag / "pipe.mcap").mkdir(parents=True)
+    (bag / "metadata.yaml").write_text(text)
+    _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
+    (bag / "out.db3").symlink_to(tmp_path / "x.db3")
+    assert says in str(_refusal(bag))
+
+
+def test_a_folder_without_metadata_is_no_bag(tmp_path: Path) -> None:
+    """A folder that is no bag is refused as a folder; so is a storage file that is one."""
+    (tmp_path / "x.mcap").mkdir()
+    for path in (tmp_path, tmp_path / "x.mcap"):
+        assert "is a folder; expected a file" in str(_refusal(path))
+
+
+@pytest.mark.parametrize("suffix", _SUFFIX.values())
+def test_without_rosbags_the_sentence_says_how_to_install_it(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A missing rosbags is named, with the command that installs it."""
+    for name in ("rosbags", "rosbags.typesys"):
+        monkeypatch.setitem(__import__("sys").modules, name, None)
+    path = tmp_path / f"x{suffix}"
+    path.write_bytes(b"x")
+    assert "is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'" in str(_refusal(path))
+
+
+def test_a_bag_has_a_largest_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bag over the limit is refused before it is read."""
+    path = write_bag(tmp_path, "bag", [state(START, "ab", (1, 2))])
+    monkeypatch.setattr("bristle.data.ros.files.MAX_BYTES", 1000)
+    assert "over the limit of 1000" in str(_refusal(path))
+
+
+def test_runs_of_records_are_found_in_any_order() -> None:
+    """Records of any lengths, in runs or not, start where a plain walk finds them."""
+    from bristle.data.ros.mcap import _records
+
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        sizes = np.repeat(rng.integers(0, 40, 30), rng.integers(1, 400, 30))
+        kinds = np.repeat(rng.integers(1, 9, 30), rng.integers(1, 400, 30))
+        records = [_record(int(kind), bytes(int(size))) for kind, size in zip(kinds, sizes, strict=False)]
+        data = b"".join(records) + b"\5" + bytes(4)
+        starts, end = _records(data)
+        lengths = np.array([len(record) for record in records])
+        np.testing.assert_array_equal(starts, np.cumsum(lengths) - lengths)
+        assert end == lengths.sum()

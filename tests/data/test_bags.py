@@ -1,0 +1,321 @@
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bristle.data.columns import Key
+from bristle.data.experiment.draft import Told, draft_experiment
+from bristle.data.experiment.load import load_experiment, read_runs
+from bristle.data.ros import messages as decoding
+from bristle.data.ros.read import bag_columns, bag_joints, bag_topics
+from bristle.data.text_table import RawTable, read_table
+from bristle.errors import InputError
+
+from ..bags import FORMATS, START, Message, held, number, plain_loop, state, wrench, write_bag
+
+_QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_STAMP = Key("/joint_states.header.stamp")
+
+
+def _read(bag: Path, *columns: str) -> RawTable:
+    return read_table(bag, [Key(column) for column in columns])
+
+
+def _refusal(bag: Path, *columns: str) -> str:
+    with pytest.raises(InputError) as caught:
+        _read(bag, *columns)
+    return str(caught.value)
+
+
+def _states(count: int, seed: int = 0) -> list[Message]:
+    """Joint states of one layout."""
+    rng = np.random.default_rng(seed)
+    names = ("shoulder", "elbow", "wrist")
+    return [state(START + 10**6 * k, names, *rng.standard_normal((3, 3)).tolist()) for k in range(count)]
+
+
+def _check_equal(bag: Path, joints: tuple[str, ...]) -> RawTable:
+    """Every column of some joints is what a loop over deserialised messages reads, bit by bit."""
+    places = [(field, joint) for joint in joints for field in ("position", "velocity", "effort")]
+    table = read_table(bag, [_STAMP, *(Key(f"/joint_states.{field}[{joint}]") for field, joint in places)])
+    plain = plain_loop(bag, "/joint_states", lambda message: [held(message, *place) for place in places])
+    np.testing.assert_array_equal(np.array(list(table.columns.values())[1:]).T, plain)
+    return table
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_bag_is_read_as_its_messages_are(tmp_path: Path, form: str) -> None:
+    """Positions, velocities, efforts and stamps of joint states are those that rosbags deserialises, bit by bit."""
+    table = _check_equal(write_bag(tmp_path, form, _states(300)), ("shoulder", "elbow", "wrist"))
+    assert table.rows == 300
+    np.testing.assert_array_equal(table.columns[_STAMP], np.arange(300) * 10**6 / 1e9)
+    assert not table.notes
+
+
+@pytest.mark.parametrize("form", ["sqlite3", "mcap"])
+def test_many_messages_are_read_as_one(tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 20 000 messages of one layout one is walked, once by its names and once more, and all columns are equal to the loop's."""
+    walks: list[int] = []
+    monkeypatch.setattr(decoding._Walk, "__post_init__", _counted(decoding._Walk.__post_init__, walks))
+    _check_equal(write_bag(tmp_path, form, _states(20_000)), ("elbow",))
+    assert len(walks) == 2
+
+
+def _counted(real: Any, calls: list[int]) -> Any:
+    def count(walk: Any) -> None:
+        calls.append(1)
+        real(walk)
+
+    return count
+
+
+_JOINTS = ("a", "bb", "joint_3", "ellbow\u00fc")
+
+
+@st.composite
+def _odd_states(draw: Any) -> list[Message]:
+    """Joint states whose joints come, go and change their order, with arrays that may be empty."""
+    messages = []
+    for k in range(draw(st.integers(1, 25))):
+        names = draw(st.lists(st.sampled_from(_JOINTS), unique=True, max_size=4))
+        arrays = [
+            draw(st.lists(st.floats(-1e3, 1e3), min_size=n, max_size=n))
+            for n in (draw(st.sampled_from([0, len(names)])) for _ in range(3))
+        ]
+        messages.append(state(START + 10**7 * k, names, *arrays, frame=draw(st.sampled_from(["", "base", "abcdefg"]))))
+    return messages
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@_QUICK
+@given(messages=_odd_states(), most=st.sampled_from([0, 2, 64]))
+def test_names_in_any_order(tmp_path_factory: Any, form: str, messages: list[Message], most: int) -> None:
+    """However joints come and go from message to message, each value is its joint's, and nan where it is not there."""
+    bag = write_bag(tmp_path_factory.mktemp("bag"), form, messages)
+    places = [(field, joint) for joint in _JOINTS for field in ("position", "effort")]
+    plain = plain_loop(bag, "/joint_states", lambda message: [held(message, *place) for place in places])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(decoding, "_LAYOUTS", most)
+        for (field, joint), wanted in zip(places, plain.T, strict=True):
+            key = Key(f"{field}[{joint}]")
+            if np.isnan(wanted).all():
+                assert re.search("no joint|is empty in all", _refusal(bag, str(key.column)))
+            else:
+                np.testing.assert_array_equal(read_table(bag, [key]).columns[key], wanted)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_how_a_column_may_be_named(tmp_path: Path, form: str) -> None:
+    """With or without the topic, by joint, by number or by index, the same column; any field of another topic."""
+    messages = [*_states(20), *(wrench(START + 10**6 * k, 0.5 * k) for k in range(20))]
+    bag = write_bag(tmp_path, form, messages)
+    wanted = _read(bag, "/joint_states.position[elbow]").columns[Key("/joint_states.position[elbow]")]
+    for name in ("position[elbow]", "joint_states.position[elbow]", "position[1]", "/joint_states.position[1]"):
+        np.testing.assert_array_equal(_read(bag, name).columns[Key(name)], wanted)
+    key = Key("/joint_states.position", 1)
+    np.testing.assert_array_equal(read_table(bag, [key]).columns[key], wanted)
+    torque = "/wrench.wrench.torque.z"
+    np.testing.assert_array_equal(_read(bag, torque).columns[Key(torque)], 0.5 * np.arange(20))
+    both = read_table(bag, [Key("position[elbow]"), Key("position[1]")]).columns
+    np.testing.assert_array_equal(both[Key("position[elbow]")], both[Key("position[1]")])
+
+
+def test_joints_named_by_numbers(tmp_path: Path) -> None:
+    """Where joints are named by numbers, as servos on a bus are, a number in brackets is a name, and never a place."""
+    bag = write_bag(tmp_path, "mcap", [state(START + k, ("2", "1"), (20.0 + k, 10.0 + k)) for k in range(5)])
+    assert _read(bag, "position[1]").columns[Key("position[1]")].tolist() == [10, 11, 12, 13, 14]
+    assert "is empty in all" in _refusal(bag, "position[0]")
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        (["position[ellbow]"], "no joint 'ellbow' in /joint_states; there are: shoulder, elbow, wrist"),
+        (["/joint_state.position[elbow]"], "is of no topic of the bag; there are: /joint_states (sensor_msgs/msg/JointState), "),
+        (["/joint_states.positions[elbow]"], "no field 'positions' in /joint_states; there are: header, name, position"),
+        (["position"], "is an array; say which element"),
+        (["header"], "is no number but a message with stamp, frame_id"),
+        (["header.frame_id"], "holds text; name a number"),
+        (["name[0]"], "holds text; name a number"),
+        (["header.stamp[0]"], "stamp is no array; leave [0] out"),
+        (["position[el[bow]"], "is no field; expected names with dots between"),
+        (["/wrench.wrench.torque[z]"], "torque is no array"),
+        (["effort[elbow]"], "is empty in all 4 messages of /joint_states"),
+        (["position[7]"], "is empty in all 4 messages"),
+        (["position[elbow]", "/wrench.wrench.torque.z"], "with no stamp; expected one time for all"),
+        (["position[elbow]", "/wrench.time", "header.stamp"], "with the times of /wrench, /joint_states; expected one"),
+        (["/load.header.stamp"], "no field 'header' in /load; there are: data, or /load.time, when messages were received"),
+        (["/quiet.data", "position[elbow]", "header.stamp"], "are at other times than those of the time's topic"),
+        (["x" * 2000], "is no name"),
+    ],
+)  # fmt: skip  # a table
+def test_what_cannot_be_read_is_said(tmp_path: Path, columns: list[str], says: str) -> None:
+    """Each name that means nothing in the bag has a sentence with what is there."""
+    states = [state(START + k, ("shoulder", "elbow", "wrist"), (1.0, 2.0, 3.0 + k)) for k in range(4)]
+    others = [
+        wrench(START, 1.0),
+        number(START, 1.0),
+        number(START - 10**9, 1.0, "/quiet"),
+        number(START - 1, 1.0, "/quiet"),
+    ]
+    assert says in _refusal(write_bag(tmp_path, "mcap", [*states, *others]), *columns)
+
+
+def test_two_topics_of_joint_states_need_a_name(tmp_path: Path) -> None:
+    """Where several topics hold joint states, a column without its topic is refused, with all of them."""
+    bag = write_bag(tmp_path, "sqlite3", [state(START, "ab", (1, 2)), state(START, "ab", (1, 2), topic="/arm/states")])
+    assert "only a bag with exactly one of joint states allows" in _refusal(bag, "position[a]")
+    assert _read(bag, "/arm/states.position[b]").rows == 1
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_other_topics_are_interpolated(tmp_path: Path, form: str) -> None:
+    """A line over time, sampled by another topic, is that line at the stamps of the time's topic; nan outside it and in its gap."""
+    states = [state(START + 10**7 * k, ("elbow",), (float(k),)) for k in range(100)]
+    times = [t for t in 10**6 * np.arange(55, 900, 7) if not 400 < t / 10**6 < 600]
+    bag = write_bag(tmp_path, form, [*states, *(wrench(START + int(t), 3e-9 * t) for t in times)])
+    torque = "/wrench.wrench.torque.z"
+    table = _read(bag, "header.stamp", "position[elbow]", torque)
+    time = table.columns[Key("header.stamp")]
+    inside = (time >= times[0] / 1e9) & (time <= times[-1] / 1e9) & ~((time > 0.395) & (time < 0.604))
+    np.testing.assert_allclose(table.columns[Key(torque)][inside], 3 * time[inside], atol=1e-12)
+    assert np.isnan(table.columns[Key(torque)][~inside]).all()
+    (note,) = table.notes
+    assert str(note) == (
+        f"/wrench interpolated linearly at the stamps of /joint_states; {(~inside).sum()} rows outside them, or in gaps "
+        "longer than 5 intervals, left empty."
+    )
+
+
+def test_messages_without_a_header_stand_where_they_were_received(tmp_path: Path) -> None:
+    """A topic without a header is interpolated from its receive times, which is said; and its time can be asked for."""
+    states = [state(START + 10**7 * k, ("elbow",), (float(k),), late=0) for k in range(50)]
+    bag = write_bag(
+        tmp_path, "mcap", [*states, *(number(START + 10**7 * k + 5 * 10**6, k + 0.5) for k in range(-1, 50))]
+    )
+    table = _read(bag, "header.stamp", "position[elbow]", "/load.data")
+    np.testing.assert_allclose(table.columns[Key("/load.data")], np.arange(50))
+    assert "Times of /load are those at which messages were received" in str(table.notes[0])
+    alone = _read(bag, "/load.time", "/load.data")
+    np.testing.assert_allclose(alone.columns[Key("/load.time")], 0.01 * np.arange(51), atol=1e-15)
+    assert alone.rows == 51
+
+
+def test_stamps_that_were_never_set_are_refused(tmp_path: Path) -> None:
+    """Stamps that are all zero are no time; the sentence says to take the receive time, which is then read."""
+    bag = write_bag(tmp_path, "mcap", [state(0, ("a",), (float(k),), late=START + 10**7 * k) for k in range(9)])
+    assert "are all zero; name the time as /joint_states.time" in _refusal(bag, "header.stamp", "position[a]")
+    table = _read(bag, "/joint_states.time", "position[a]")
+    np.testing.assert_allclose(np.diff(table.columns[Key("/joint_states.time")]), 0.01)
+
+
+def test_stamps_keep_their_nanoseconds(tmp_path: Path) -> None:
+    """Stamps after 1970 that differ by a nanosecond differ by it when read, though a float of that time could not tell."""
+    bag = write_bag(tmp_path, "sqlite3", [state(START + k, ("a",), (float(k),)) for k in range(100)])
+    np.testing.assert_array_equal(_read(bag, "header.stamp").columns[Key("header.stamp")], np.arange(100) / 1e9)
+
+
+@pytest.mark.parametrize(
+    ("form", "options"),
+    [("mcap", {"compression": "zstd"}), ("bag", {"compression": "lz4"}), ("bag", {"compression": "bz2"}), ("sqlite3", {"version": 8})],
+)  # fmt: skip  # a table
+def test_compressed_bags(tmp_path: Path, form: str, options: dict[str, Any]) -> None:
+    """A bag with compressed chunks holds what the plain one does."""
+    (tmp_path / "plain").mkdir()
+    keys = ("header.stamp", "position[wrist]", "effort[shoulder]")
+    plain = _read(write_bag(tmp_path / "plain", form, _states(5000)), *keys)
+    packed = _read(write_bag(tmp_path, form, _states(5000), **options), *keys)
+    for key in plain.columns:
+        np.testing.assert_array_equal(packed.columns[key], plain.columns[key])
+
+
+@pytest.mark.parametrize("form", ["sqlite3", "mcap"])
+def test_a_storage_file_alone_is_the_bag(tmp_path: Path, form: str) -> None:
+    """A single .db3 or .mcap file is read as its folder is, with one digest, and whatever case its suffix is in."""
+    bag = write_bag(tmp_path, form, _states(10))
+    (file,) = (path for path in bag.iterdir() if path.name != "metadata.yaml")
+    copy = tmp_path / f"COPY{file.suffix.upper()}"
+    copy.write_bytes(file.read_bytes())
+    tables = [_read(path, "header.stamp", "position[elbow]") for path in (bag, file, copy)]
+    assert len({table.sha256 for table in tables}) == 1
+    assert {tuple(table.columns[Key("position[elbow]")]) for table in tables} == {
+        tuple(tables[0].columns[Key("position[elbow]")])
+    }
+
+
+def test_a_bag_of_several_files_is_one_log(tmp_path: Path) -> None:
+    """The files that metadata.yaml names follow one another, and rows are in the order in which messages were received."""
+    states = _states(30)
+    parts = [write_bag(_made(tmp_path / str(k)), "mcap", states[15 * k : 15 * k + 15]) for k in range(2)]
+    bag = _made(tmp_path / "both")
+    for k in range(2):
+        (bag / f"both_{k}.mcap").write_bytes((parts[k] / "mcap.mcap").read_bytes())
+    text = (parts[0] / "metadata.yaml").read_text()
+    (bag / "metadata.yaml").write_text(text.replace("- mcap.mcap", "- both_1.mcap\n  - both_0.mcap"))
+    whole = _read(write_bag(_made(tmp_path / "whole"), "mcap", states), "position[wrist]")
+    np.testing.assert_array_equal(
+        _read(bag, "position[wrist]").columns[Key("position[wrist]")], whole.columns[Key("position[wrist]")]
+    )
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+def test_joints_topics_and_columns_are_listed(tmp_path: Path) -> None:
+    """What a bag offers: its topics with their types, its joints in their order, and the names of its columns."""
+    bag = write_bag(tmp_path, "bag", [*_states(2), wrench(START, 1.0)])
+    assert bag_topics(bag) == {
+        "/joint_states": "sensor_msgs/msg/JointState",
+        "/wrench": "geometry_msgs/msg/WrenchStamped",
+    }
+    assert bag_joints(bag) == bag_joints(bag, "/joint_states") == ("shoulder", "elbow", "wrist")
+    assert {"/joint_states.header.stamp", "/joint_states.effort[wrist]", "/wrench.wrench.torque.z"} <= set(
+        bag_columns(bag)
+    )
+
+
+def _moving(count: int = 400) -> list[Message]:
+    t = 0.01 * np.arange(count)
+    rows = np.column_stack([np.sin(t), np.cos(t), 2 * np.sign(np.cos(t)) + 0.5 * np.cos(t)])
+    return [state(START + 10**7 * k, ("elbow",), *([x] for x in row)) for k, row in enumerate(rows.tolist())]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_an_experiment_of_a_bag(tmp_path: Path, form: str) -> None:
+    """A folder or file of a bag stands under `files`, its columns under `signals`, and notes name rows of the data."""
+    bag = write_bag(tmp_path, form, _moving())
+    (tmp_path / "e.yaml").write_text(
+        "joint: {name: elbow}\nsignals:\n  time: {column: header.stamp, unit: s}\n"
+        "  position: {column: '/joint_states.position[elbow]', unit: rad}\n  torque: {column: 'effort[elbow]', unit: N*m}\n"
+        f"runs: [{{files: {bag.name}, experiment: ramp}}]\n"
+    )
+    (run,) = read_runs(load_experiment(tmp_path / "e.yaml"))
+    assert run.record.file == bag.name
+    assert run.record.rows == 400
+    np.testing.assert_allclose(np.diff(run.record.time), 0.01)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_draft_of_a_bag_of_one_joint(tmp_path: Path, form: str) -> None:
+    """Joint states of one joint are drafted without help, stamps as the time; the draft loads and reads as it is."""
+    bag = write_bag(tmp_path, form, _moving())
+    draft = draft_experiment([bag])
+    assert [line.split(",")[0] for line in draft.signals] == [
+        'time: {column: "/joint_states.header.stamp"', 'position: {column: "/joint_states.position[elbow]"',
+        'velocity: {column: "/joint_states.velocity[elbow]"', 'torque: {column: "/joint_states.effort[elbow]"',
+    ]  # fmt: skip  # a list of lines
+
+
+def test_a_draft_of_several_joints_asks_which(tmp_path: Path) -> None:
+    """Joint states of several joints are refused with their names; with the columns named, the time is their topic's."""
+    bag = write_bag(tmp_path, "mcap", _states(50))
+    with pytest.raises(InputError, match=r"joint states of 3 joints: shoulder, elbow, wrist; name the columns of one"):
+        draft_experiment([bag])
+    told = Told(columns={"position": "position[elbow]", "torque": "/joint_states.effort[elbow]"})
+    assert draft_experiment([bag], told).signals[0] == 'time: {column: "/joint_states.header.stamp", unit: "s"}'

@@ -1,0 +1,217 @@
+import shutil
+import sys
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bristle.data import hdf5, hdf5_worker
+from bristle.data.binary_tables import names_of
+from bristle.data.columns import Key
+from bristle.data.experiment.draft import draft_experiment
+from bristle.data.text_table import read_table
+from bristle.errors import InputError
+
+h5py = pytest.importorskip("h5py", reason="the extra `hdf5` is not installed")
+
+_TABLE = np.array([(k, -k, b"x") for k in range(5)], dtype=[("position", "f4"), ("counts", "i2"), ("tag", "S1")])
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file with vectors, a matrix, a table, links, and what is not read."""
+    folder = tmp_path_factory.mktemp("hdf5")
+    with h5py.File(folder / "other.h5", "w") as file:
+        file["q"] = np.arange(5.0)
+    (folder / "raw").write_bytes(bytes(40))
+    with h5py.File(folder / "log.h5", "w") as file:
+        file["t"] = np.arange(5)
+        file.create_dataset(
+            "arm/q",
+            data=np.arange(10.0).reshape(5, 2),
+            chunks=(2, 2),
+            compression="gzip",
+            shuffle=True,
+            fletcher32=True,
+        )
+        file["arm/column"] = np.arange(5.0).reshape(5, 1)
+        file["arm/a.b"] = np.arange(5.0) + 1
+        file["log"] = _TABLE
+        file["one"], file["flags"] = 3.0, np.array([True, False, True, True, False])
+        file["soft"], file["away"] = h5py.SoftLink("/arm/column"), h5py.ExternalLink("other.h5", "/q")
+        file["soft_away"], file["circle"] = h5py.SoftLink("/away"), h5py.SoftLink("/circle")
+        file["text"] = np.array([b"a"] * 5)
+        file.create_dataset("lists", (5,), dtype=h5py.vlen_dtype(float))
+        file.create_dataset("references", (5,), dtype=h5py.ref_dtype)
+        file.create_dataset("complex", data=np.ones(5, complex))
+        file.create_dataset("outside", (5,), "f8", external=[("raw", 0, 40)])
+        layout = h5py.VirtualLayout((5,), "f8")
+        layout[:] = h5py.VirtualSource("other.h5", "q", (5,))
+        file.create_virtual_dataset("virtual", layout)
+        file.create_dataset("huge", (10**12,), "f8", chunks=(1000,))
+        file.create_dataset("chunky", (5,), "f8", chunks=(10**8,), maxshape=(None,))
+        file.create_dataset("foreign", (5,), "f8", chunks=(5,), compression=32015, allow_unknown_filter=True)
+    return folder / "log.h5"
+
+
+@pytest.mark.parametrize(
+    ("column", "index", "values"),
+    [
+        ("t", None, range(5)), ("/t", None, range(5)), ("/arm/q", 1, [1, 3, 5, 7, 9]), ("arm/column", None, range(5)),
+        ("/arm/a.b", None, range(1, 6)), ("/log.position", None, range(5)), ("/log/counts", None, [0, -1, -2, -3, -4]),
+        ("/soft", None, range(5)), ("flags", None, [1, 0, 1, 1, 0]),
+    ],
+)  # fmt: skip  # a table
+def test_a_path_reads_its_dataset(log: Path, column: str, index: int | None, values: Any) -> None:
+    """Vectors, columns of matrices, fields of tables and links inside the file are read as floats."""
+    key = Key(column, index)
+    table = read_table(log, [Key("t"), key])
+    assert table.columns[key].tolist() == list(values)
+    assert table.columns[key].dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("column", "index", "says"),
+    [
+        ("x", None, "nothing is named 'x'; there are: arm, away, "),
+        ("/arm/x", None, "nothing is named 'x'; there are: a.b, column, q"),
+        ("/arm", None, "is a group, with a.b, column, q; name a dataset"),
+        ("/arm/q", None, r"is a matrix of shape \(5, 2\); say which column with index: 0 to 1"),
+        ("/arm/q", 2, r"has shape \(5, 2\); index counts"),
+        ("/t", 0, r"has shape \(5,\); index counts"),
+        ("one", None, "holds a single number"),
+        ("/log", None, "is a table with the fields position, counts, tag; name one, as in '/log'.position"),
+        ("/log.speed", None, "no field 'speed'; there are: position, counts, tag"),
+        ("/log.tag", None, "holds no plain numbers"),
+        ("text", None, "holds no plain numbers, but text, references or lists"),
+        ("lists", None, "holds no plain numbers"),
+        ("references", None, "holds no plain numbers"),
+        ("complex", None, "holds no plain numbers, but values of type complex128"),
+        ("away", None, "is behind a link to another file"),
+        ("soft_away", None, "is behind a link to another file"),
+        ("circle", None, "links in a circle"),
+        ("outside", None, "is stored in other files; copy the data into the file"),
+        ("virtual", None, "is stored in other files"),
+        ("huge", None, r"holds 1e\+12 numbers, over the limit of 200000000"),
+        ("chunky", None, "has chunks of over 268435456 bytes"),
+        ("foreign", None, "is packed by filter 32015; expected one of gzip, "),
+        ("/", None, "is no path"),
+        (0, None, "is no path"),
+    ],
+)  # fmt: skip  # a table
+def test_what_is_not_read_is_said(log: Path, column: int | str, index: int | None, says: str) -> None:
+    """Each dataset that is not in the file as plain numbers is refused before it is read, with what to do."""
+    with pytest.raises(InputError, match=says):
+        read_table(log, [Key(column, index)])
+
+
+def test_names_and_draft(tmp_path: Path, log: Path) -> None:
+    """The vectors of numbers are offered by path, through no link; a draft takes them by their names."""
+    assert {"/t", "/arm/column", "/log.position", "/log.counts", "/flags"} <= set(names_of(log))
+    assert not {"/soft", "/away", "/text", "/arm/q", "/one"} & set(names_of(log))
+    with h5py.File(tmp_path / "log.hdf5", "w") as file:
+        file["time"] = 0.01 * np.arange(200)
+        file["joint/position"], file["joint/torque"] = np.sin(file["time"][()]), np.cos(file["time"][()])
+    assert [line.split(",")[0] for line in draft_experiment([tmp_path / "log.hdf5"]).signals] == [
+        'time: {column: "/time"', 'position: {column: "/joint/position"', 'torque: {column: "/joint/torque"',
+    ]  # fmt: skip  # a list of lines
+
+
+def _mat_7_3(path: Path) -> Path:
+    """A file as MATLAB writes one of version 7.3: matrices with their rows last, structs as groups."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values, kind in (
+            ("t", np.arange(4.0).reshape(1, 4), "double"),
+            ("data/q", np.arange(4.0).reshape(4, 1), "single"),
+            ("data/m", np.arange(8.0).reshape(2, 4), "double"),
+            ("label", np.arange(4, dtype="u2").reshape(4, 1), "char"),
+        ):
+            file[name] = values
+            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
+        file.create_dataset("runs", (1, 2), dtype=h5py.ref_dtype).attrs["MATLAB_class"] = np.bytes_("cell")
+    content = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512)
+    path.write_bytes(content + path.read_bytes()[512:])
+    return path
+
+
+def test_mat_files_of_version_7_3(tmp_path: Path) -> None:
+    """Variables and structs of version 7.3 are read by the same names as those of version 7; cells and text are refused."""
+    path = _mat_7_3(tmp_path / "log.mat")
+    table = read_table(path, [Key("t"), Key("data.q"), Key("data.m", 1)])
+    assert [column.tolist() for column in table.columns.values()] == [[0, 1, 2, 3], [0, 1, 2, 3], [4, 5, 6, 7]]
+    assert set(names_of(path)) == {"t", "data.q"}
+    for column, says in {
+        "runs{1}.q": "is in a cell or an array of structs", "runs": "holds no plain numbers, but cell", "label": "but char",
+        "data": "is a group", "x": "nothing is named 'x'", "data.m": r"matrix of shape \(4, 2\)",
+    }.items():  # fmt: skip  # a table
+        with pytest.raises(InputError, match=says):
+            read_table(path, [Key(column)])
+
+
+def _flipped(content: bytes, rng: np.random.Generator) -> bytes:
+    broken = bytearray(content)
+    for at in rng.integers(len(content), size=int(rng.choice([1, 2, 5, 20]))):
+        broken[at] = rng.integers(256)
+    return bytes(broken)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda *_: b"", lambda *_: b"\x89HDF\r\n\x1a\n", lambda _, rng: rng.bytes(3000),
+        lambda content, rng: content[: int(rng.integers(len(content)))], *[_flipped] * 12,
+    ],
+)  # fmt: skip  # a list of damages
+def test_damaged_files_are_refused_in_a_sentence(
+    tmp_path: Path, log: Path, damage: Callable[..., bytes], request: Any
+) -> None:
+    """Empty, cut short, random, or with bytes overwritten: a column, or one sentence that names the file."""
+    rng = np.random.default_rng(zlib.crc32(request.node.name.encode()))
+    path = tmp_path / "broken.h5"
+    path.write_bytes(damage(log.read_bytes(), rng))
+    for key in (Key("/arm/q", 1), Key("/log.position")):
+        refusal = _refusal(path, key)
+        assert refusal is None or (refusal.startswith(str(path)) and "\n" not in refusal)
+
+
+def _refusal(path: Path, key: Key) -> str | None:
+    try:
+        read_table(path, [key])
+    except InputError as error:
+        return str(error)
+    return None
+
+
+@pytest.mark.parametrize(
+    ("worker", "says"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "the HDF5 library crashed at it"),
+        ("import time; time.sleep(60)", "the HDF5 library took over 1 s"),
+        ("pass", r"is damaged, or no HDF5 file \(no answer\)"),
+    ],
+)
+def test_a_library_that_crashes_or_hangs_ends_in_a_sentence(
+    tmp_path: Path, log: Path, worker: str, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the process that reads crashes, takes too long or says nothing, one sentence says so."""
+    (tmp_path / "worker.py").write_text(worker)
+    monkeypatch.setattr(hdf5_worker, "__file__", str(tmp_path / "worker.py"))
+    monkeypatch.setattr(hdf5, "SECONDS", 1.0)
+    with pytest.raises(InputError, match=says):
+        read_table(log, [Key("t")])
+
+
+def test_without_h5py_the_sentence_says_how_to_install_it(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A missing h5py is named, with the command that installs it."""
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(InputError, match=r"needs h5py; install it with pip install 'bristle\[hdf5\]'"):
+        read_table(log, [Key("t")])
+
+
+def test_a_suffix_in_capitals(tmp_path: Path, log: Path) -> None:
+    """The suffix says the format in whatever case."""
+    shutil.copy(log, tmp_path / "LOG.HDF")
+    assert read_table(tmp_path / "LOG.HDF", [Key("t")]).rows == 5
