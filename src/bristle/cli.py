@@ -325,7 +325,7 @@ def new(
         list[Path],
         typer.Argument(
             metavar="LOG...",
-            help="Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5 or a ROS bag), or one half-filled experiment file to complete.",
+            help="Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5, ROS bag), a URDF and logs of its robot, or a half-filled experiment file.",
             show_default=False,
         ),
     ],

@@ -10,9 +10,13 @@ from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experim
 from bristle.data.experiment.load import Experiment, Run, experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
+from bristle.data.robot.draft import draft_robot
+from bristle.data.robot.robot_file import robot_of
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
+from bristle.diagnostics import Severity
 from bristle.identification.measured import Measured, measure
 from bristle.identification.moving_runs import ONE_RATE, refuse_opposing_runs, regressor_line
+from bristle.identification.robot.measured import measure_robot
 from bristle.identification.static.runs import refuse_opposing_points
 from bristle.identification.static.set_up import (
     BetterSetUp,
@@ -39,7 +43,7 @@ def draft_of_logs(
     """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
 
     Args:
-        files: the logs, whose columns the first one shows.
+        files: the logs, whose columns the first one shows; of a robot its URDF, then logs of all its joints.
         told: what was not to be guessed.
         folder: where the draft will be saved, as which files are named relative to it; None: beside the first.
         progress: told of each step.
@@ -48,6 +52,8 @@ def draft_of_logs(
     """
     tell = teller(progress, 3)
     tell("reading the logs")
+    if files[0].suffix.lower() == ".urdf":
+        return _of_robot(files[0], files[1:], told, folder)
     draft = draft_experiment(files, told, folder)
     path = (files[0].parent if folder is None else folder) / f"the draft for {files[0].name}"
     runs = [DraftedRun("points", "neither time nor position is logged")] * len(files)
@@ -61,6 +67,15 @@ def draft_of_logs(
     tell("regressors and directions")
     fit, why = _fit(draft, runs, path)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
+
+
+def _of_robot(urdf: Path, logs: Sequence[Path], told: Told, folder: Path | None) -> tuple[str, tuple[str, ...]]:
+    """The text of a robot's file, whose logs were read once, and what its log says against its URDF."""
+    text, said = draft_robot(urdf, logs, told, folder)
+    path = (folder or urdf.parent) / f"the draft for {urdf.name}"
+    joints = measure_robot(robot_of(parse(text, str(path)), path))
+    against = dict.fromkeys(str(w) for m in joints for w in m.findings if w.severity is not Severity.NOTE)
+    return text, (*said, *against)
 
 
 def _sorted(draft: Draft, experiment: Experiment, read: Sequence[Run]) -> tuple[list[DraftedRun], list[str]]:

@@ -82,13 +82,13 @@ class Draft:
 
     def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
         """The experiment file, with what each file is of, and lines about the fit."""
-        lines = [f"joint: {{name: {_text(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
+        lines = [f"joint: {{name: {quoted(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
         lines += [f"motor: {{{self.motor}}}   # at the joint, gear included"] if self.motor else []
         lines += [
             "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
             "# encoder_resolution: 4096 counts/rev  # optional",
             "",
-            f"# Columns of {_text(Path(self.files[0]).name)}: {self.columns}",
+            f"# Columns of {quoted(Path(self.files[0]).name)}: {self.columns}",
             "signals:",
             *(f"  {line}" for line in self.signals),
             "",
@@ -96,7 +96,7 @@ class Draft:
             "runs:",
         ]
         for file, run in zip(self.files, runs, strict=True):
-            entry = f"- {{files: {_text(file)}, experiment: {run.kind}}}{f'   # {run.why}' if run.why else ''}"
+            entry = f"- {{files: {quoted(file)}, experiment: {run.kind}}}{f'   # {run.why}' if run.why else ''}"
             lines.append(f"  {'' if run.used else '# '}{entry}")
         return "\n".join([*lines, "", fit or "# fit: {directions: separate, loss: least-squares}   # all optional", ""])
 
@@ -120,7 +120,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     wanted = ("velocity", drive) if of_points else ("time", "position", "velocity", drive)
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
     if told.rate is not None:
-        lines.append(f"time: {{rate: {_text(told.rate)}}}")
+        lines.append(f"time: {{rate: {quoted(told.rate)}}}")
     for name in wanted:
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
@@ -149,7 +149,7 @@ def _columns(path: Path) -> tuple[tuple[str, ...], str]:
     if layout.names:
         return layout.names, _list(layout.names)
     some = layout.first[:_SHOWN]
-    numbered = ", ".join(f"{k} (first value {_text(cell[:LONGEST])})" for k, cell in enumerate(some) if cell)
+    numbered = ", ".join(f"{k} (first value {quoted(cell[:LONGEST])})" for k, cell in enumerate(some) if cell)
     return (), f"no header; {numbered}{', ...' if len(layout.first) > _SHOWN else ''}"
 
 
@@ -162,7 +162,7 @@ def _guesses(path: Path, names: tuple[str, ...], told: Told) -> dict[str, Column
 
 
 def _list(names: tuple[str, ...]) -> str:
-    return ", ".join([*(_text(name[:LONGEST]) for name in names[:_SHOWN]), *["..."] * (len(names) > _SHOWN)])
+    return ", ".join([*(quoted(name[:LONGEST]) for name in names[:_SHOWN]), *["..."] * (len(names) > _SHOWN)])
 
 
 def _told(told: Told, signal: str, names: tuple[str, ...]) -> ColumnGuess:
@@ -255,23 +255,23 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
 
 def _motor(told: Told) -> str:
     given = {"torque_constant": told.torque_constant, "resistance": told.resistance}
-    return ", ".join(f"{name}: {_text(value)}" for name, value in given.items() if value)
+    return ", ".join(f"{name}: {quoted(value)}" for name, value in given.items() if value)
 
 
 def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, names: tuple[str, ...], guessed: list[str]) -> str:
     """The line of a signal, but for its end; says what was guessed."""
     unit = told.units.get(name) or guess.unit or unit_of(name, kind)
-    shown = _text(guess.column) if guess.column in names or not guess.column.isdecimal() else guess.column
+    shown = quoted(guess.column) if guess.column in names or not guess.column.isdecimal() else guess.column
     if name not in told.columns:
         others = f", the first of {guess.others + 1} that are named so" if guess.others else ""
         guessed.append(f"{name}: column {shown}{others}" if names else f"{name}: column {shown}, which rises steadily")
     if not (name in told.units or guess.unit):
         guessed.append(f"unit of {name} (column {shown}): assumed {unit}")
-    scale = f", scale: {_text(told.scales[name])}" if name in told.scales else ""
-    return f"{name}: {{column: {shown}, unit: {_text(unit)}{scale}"
+    scale = f", scale: {quoted(told.scales[name])}" if name in told.scales else ""
+    return f"{name}: {{column: {shown}, unit: {quoted(unit)}{scale}"
 
 
-def _text(text: str) -> str:
+def quoted(text: str) -> str:
     """The text as YAML on one line, in quotes."""
     import yaml
 

@@ -1,0 +1,180 @@
+"""The draft of a robot's file: joints from its URDF, columns from the joint states of a bag, from names, or as told."""
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from bristle.data.experiment.column_names import guess_columns
+from bristle.data.experiment.draft import SIGNALS, Told, quoted
+from bristle.data.robot.robot_file import FREE
+from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
+from bristle.data.text_table import BINARY, naming, text_layout
+from bristle.errors import InputError, short_list
+
+_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
+"""Of joint states, by signal."""
+_DRIVES = ("torque", "current", "voltage")
+_UNITS = {"time": "s", "position": "rad", "velocity": "rad/s", "torque": "N*m", "current": "A", "voltage": "V"}
+_SLIDING = {"rad": "m", "rad/s": "m/s", "N*m": "N"}
+_NUMBERED = re.compile(r"(.*?)[\[_ ]?([0-9]{1,3})\]?")
+
+
+def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path | None) -> tuple[str, tuple[str, ...]]:
+    """The text of a robot's file for its URDF and logs of all its joints, and a sentence on each thing guessed.
+
+    Files are named relative to `folder`, where the text will be saved; None: beside the URDF. Raises InputError where there
+    is no log, or the columns of a signal can neither be guessed nor were told.
+    """
+    if not logs:
+        raise InputError(
+            f"{urdf_path}: got a URDF alone; name a log of the joints as well, as in bristle new arm.urdf motion.csv"
+        )
+    urdf, base = read_urdf(urdf_path), folder or urdf_path.parent
+    templates, joints, said = _columns(urdf, logs[0], told)
+    drive = next((name for name in _DRIVES if name in templates), None)
+    if drive is None or "position" not in templates:
+        missing = "position" if drive else "torque, current or voltage"
+        raise InputError(
+            f"{logs[0]}: no columns of {missing} are unmistakable; name them, as in --column position=1-{len(urdf.joints)} "
+            f"--column current=7-12, or with the joint's name: --column 'position=q_{{joint}}'"
+        )
+    units = {name: told.units.get(name, _UNITS[name]) for name in templates}
+    said += [f"{name}: unit {units[name]}" for name in templates if name not in told.units]
+    constant = told.torque_constant or FREE
+    lines = [
+        f"robot: {{urdf: {quoted(_relative(urdf_path, base))}, gravity: [0, 0, -9.81]}}   # m/s^2, in the frame of the base",
+        "joints:",
+        *(f"  - {_entry(joint, drive, constant, templates, units, told)}" for joint in joints),
+        "",
+        "signals:   # {joint} stands for the joint's name; columns: 1-6 for one column each",
+        *(
+            f"  {name}: {_signal(templates[name], units[name], told.scales.get(name))}"
+            for name in SIGNALS
+            if name in templates
+        ),
+        *([f"  time: {{rate: {told.rate}}}"] if told.rate and "time" not in templates else []),
+        "",
+        "runs:",
+        *(_run(_relative(log, base), last=0 < k == len(logs) - 1) for k, log in enumerate(logs)),
+        "",
+    ]
+    if drive == "current" and constant == FREE:
+        said.append(
+            "torque_constant: free: it comes out of the links' torque where that is large enough; write it down if you know it"
+        )
+    if drive == "torque" and "effort" in templates["torque"]:
+        said.append(
+            "torque: effort is taken as a torque in N*m; where it is a current, give --column current= and its unit"
+        )
+    if len(logs) > 1:
+        said.append(f"runs: {logs[-1].name} is held out, for validation")
+    return "\n".join(lines), tuple(said)
+
+
+def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[UrdfJoint], list[str]]:
+    """The columns of each signal, the joints that have them, and what is said of that."""
+    templates, there = _of_states(log) if _is_bag(log) else _of_names(log, [j.name for j in urdf.joints])
+    said = [f"{name}: columns {column}" for name, column in templates.items() if name not in told.columns]
+    templates |= told.columns
+    if any(name in told.columns for name in _DRIVES):
+        templates = {name: x for name, x in templates.items() if name not in _DRIVES or name in told.columns}
+    joints = [joint for joint in urdf.joints if not there or joint.name in there]
+    if not joints:
+        raise InputError(
+            f"{log}: has joints {short_list(there)}, none of which {urdf.file} has; it has {short_list(j.name for j in urdf.joints)}"
+        )
+    absent = [joint.name for joint in urdf.joints if joint not in joints]
+    if absent:
+        said.append(f"joints: {short_list(absent)} not in the log, and taken as at rest at zero")
+    return templates, joints, said
+
+
+def _is_bag(log: Path) -> bool:
+    return log.is_dir() or log.suffix.lower() in {".bag", ".mcap", ".db3"}
+
+
+def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The joint states of a bag."""
+    from bristle.data.ros.files import open_bag
+    from bristle.data.ros.read import bag_joints, state_topic
+    from bristle.data.ros.topics import topics_of
+
+    with naming(str(log)):
+        topic = state_topic(topics_of(open_bag(log)))
+        joints = bag_joints(log, topic)
+    templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in _FIELDS.items()}
+    return {"time": f"{topic}.header.stamp", **templates}, joints
+
+
+def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Columns whose names hold those of the joints, or count them, and the time; the joints that are named."""
+    names = [] if log.suffix.lower() in BINARY else _header(log)
+    found: dict[str, str] = {}
+    for name in names:
+        joint = max((j for j in joints if j in name), key=len, default=None)
+        stem = None if joint is None else name.replace(joint, "{joint}")
+        if stem is not None:
+            signal = _meant(name.replace(str(joint), "").strip("_. /[]"))
+            found.setdefault(signal, stem) if signal else None
+    named = tuple(j for j in joints if any(x.replace("{joint}", j) in names for x in found.values()))
+    if not found:
+        found = {signal: columns for signal, columns in _counted(names, len(joints)) if signal}
+    time = next((guess.column for signal, guess in guess_columns(names).items() if signal == "time"), None)
+    return ({"time": time} if time else {}) | found, named
+
+
+def _header(log: Path) -> list[str]:
+    with naming(str(log)):
+        return list(text_layout(log).names)
+
+
+def _counted(names: Sequence[str], joints: int) -> list[tuple[str | None, str]]:
+    """Groups of columns q_0 q_1 ... with one for each joint: the signal that the name means, and their numbers."""
+    groups: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        match = _NUMBERED.fullmatch(name)
+        if match:
+            groups.setdefault(match[1], []).append(k)
+    whole = {stem: at for stem, at in groups.items() if len(at) == joints and at == list(range(at[0], at[0] + joints))}
+    return [(_meant(stem), f"{at[0]}-{at[-1]}") for stem, at in whole.items()]
+
+
+def _meant(stem: str) -> str | None:
+    """The signal that a name without its joint unmistakably means."""
+    return next((signal for signal in guess_columns([stem]) if signal != "time"), None)
+
+
+def _entry(
+    joint: UrdfJoint, drive: str, constant: str, templates: Mapping[str, str], units: Mapping[str, str], told: Told
+) -> str:
+    own = f", torque_constant: {constant}" if drive == "current" else ""
+    slides = {
+        name: _signal(templates[name], _SLIDING[unit], told.scales.get(name))
+        for name, unit in units.items()
+        if joint.kind == "prismatic" and unit in _SLIDING and not _is_range(templates[name])
+    }
+    if slides:
+        own += f", signals: {{{', '.join(f'{name}: {x}' for name, x in slides.items())}}}"
+    return f"{{name: {quoted(joint.name)}{own}}}"
+
+
+def _is_range(columns: str) -> bool:
+    return re.fullmatch(r"[0-9]+-[0-9]+", columns) is not None
+
+
+def _signal(columns: str, unit: str, scale: str | None) -> str:
+    key = (
+        f"columns: {columns}"
+        if _is_range(columns)
+        else f"column: {columns if columns.isdecimal() else quoted(columns)}"
+    )
+    return f"{{{key}, unit: {unit}{f', scale: {scale}' if scale else ''}}}"
+
+
+def _run(file: str, *, last: bool) -> str:
+    return f"  - {{files: {quoted(file)}, experiment: tracking{', hold_out: true' if last else ''}}}"
+
+
+def _relative(path: Path, base: Path) -> str:
+    return Path(os.path.relpath(path, base)).as_posix()
