@@ -10,7 +10,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.measured import Measured
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
+from bristle.model.parameters import in_current, unit
 
 HOLD = 3.0
 """Time over which a constant velocity is averaged where no run shows any, s; measured holds count from `_HOLDS[0]` to `_HOLDS[1]` s."""
@@ -27,6 +27,9 @@ _REACH = 0.5
 """Time from rest to the fastest speed where no moving run shows an acceleration, s."""
 _RARE = 99.0
 """Percentile of a measured signal that counts as its largest: beyond are transients and noise."""
+
+_LEAST_LEFT = 0.1
+"""Of a drive's torque, where the links ask for all of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +84,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Diagnostic, ...]]:
             "acceleration",
             seconds=_REACH,
         ),
-        torque=choice.taken(asked.torque, _largest(measured.runs, "torque"), Kind.LIMIT_TORQUE, "torque") or np.inf,
+        torque=_torque(measured, choice),
         time=asked.time,
         hold=hold,
         frequency=asked.frequency or FREQUENCY,
@@ -90,6 +93,18 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Diagnostic, ...]]:
     if "rate" not in asked.model_fields_set:
         choice.assumed.append(Kind.LIMIT_RATE(rate=asked.rate))
     return limits, tuple(choice.assumed)
+
+
+def _torque(measured: Measured, choice: "_Choice") -> float:
+    """What the drive has for friction and inertia, N*m: of a robot's joint less than its limit, by what the links ask for; inf: not known."""
+    whole = choice.taken(
+        measured.experiment.plan.torque, _largest(measured.runs, "torque"), Kind.LIMIT_TORQUE, "torque"
+    )
+    links = 0.0 if in_current(choice.joint) else _largest(measured.runs, "link_torque")
+    if not whole or not links:
+        return whole or np.inf
+    choice.assumed.append(Kind.LIMIT_LINKS(links=links, unit=unit("torque", choice.joint)))
+    return max(whole - links, _LEAST_LEFT * whole)
 
 
 @dataclass(frozen=True, slots=True)
