@@ -124,7 +124,7 @@ def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[Message
     for file in dict.fromkeys(file for file, _ in topic.channels):
         channels = [channel for other, channel in topic.channels if other == file]
         decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in channels}
-        for batch in batches_of(file, frozenset(decoders)):
+        for batch in batches_of(file, frozenset(decoders), packed=topic.bag.packed):
             count += batch.starts.size
             bounded(count * (len(paths) + 1))
             for number, decoder in decoders.items():
