@@ -136,6 +136,13 @@ def test_databases_that_are_no_bag(tmp_path: Path, statements: list[str], says: 
     assert says in str(_refusal(_database(tmp_path / "x.db3", *statements)))
 
 
+def test_messages_that_are_not_in_the_file_yet(tmp_path: Path) -> None:
+    """A database with a write-ahead log beside it is refused: read-only, its last messages would go missing unsaid."""
+    path = _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
+    (tmp_path / "x.db3-wal").write_bytes(b"x")
+    assert "has messages in x.db3-wal that are not in it yet" in str(_refusal(path))
+
+
 def test_a_query_without_end_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What SQLite does is counted: a look through more rows than the size of the file explains is ended."""
     monkeypatch.setattr("bristle.data.ros.sqlite._STEPS", 1)

@@ -40,9 +40,7 @@ class Bag(NamedTuple):
     """The files of a bag."""
 
     files: tuple[Path, ...]
-    sha256: str
-    """Of a file; of a folder the digest over its storage files, one after another, in the order of metadata.yaml."""
-    distribution: str | None
+    distribution: str | None = None
     """Of ROS 2, where metadata.yaml names it."""
     packed: bool = False
     """Whether each message is compressed by zstd, as metadata.yaml says."""
@@ -55,7 +53,7 @@ def is_bag(path: Path) -> bool:
 
 def open_bag(path: Path) -> Bag:
     """The files of a bag, each regular and, together, of at most `MAX_BYTES`. Raises InputError and OSError."""
-    bag = _of_folder(path) if path.is_dir() else Bag((path,), "", None)
+    bag = _of_folder(path) if path.is_dir() else Bag((path,))
     _check_installed()
     size = 0
     for file in bag.files:
@@ -65,7 +63,7 @@ def open_bag(path: Path) -> Bag:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut the bag into several runs")
     if size == 0:
         raise InputError("the file is empty; expected a bag with messages")
-    return bag._replace(sha256=_digest(bag.files))
+    return bag
 
 
 def channels_of(file: Path) -> list[Channel]:
@@ -86,9 +84,10 @@ def _check_installed() -> None:
         raise InputError("is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'") from error
 
 
-def _digest(files: tuple[Path, ...]) -> str:
+def digest_of(bag: Bag) -> str:
+    """SHA-256 of a bag's file; of a folder over its storage files, one after another, in the order of metadata.yaml."""
     digest = hashlib.sha256()
-    for path in files:
+    for path in bag.files:
         with path.open("rb") as file:
             for piece in iter(lambda: file.read(2**20), b""):
                 digest.update(piece)
@@ -111,8 +110,8 @@ def _of_folder(folder: Path) -> Bag:
     if not isinstance(names, list) or not 0 < len(names) <= _MOST_FILES:
         raise InputError(f"{METADATA}: got relative_file_paths {short(names)}; expected the names of the storage files")
     distribution = about.get("ros_distro")
-    files = tuple(_inside(folder, name) for name in names)
-    return Bag(files, "", distribution if isinstance(distribution, str) else None, mode == "message")
+    files = tuple(dict.fromkeys(_inside(folder, name) for name in names))
+    return Bag(files, distribution if isinstance(distribution, str) else None, mode == "message")
 
 
 def _inside(folder: Path, name: Any) -> Path:

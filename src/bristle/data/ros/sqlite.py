@@ -92,6 +92,11 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     with path.open("rb") as file:
         if file.read(16) != b"SQLite format 3\0":
             raise InputError(f"is damaged, or no {_WHAT}; {DAMAGED}")
+    log = path.with_name(f"{path.name}-wal")
+    if log.exists() and log.stat().st_size:
+        raise InputError(
+            f"has messages in {log.name} that are not in it yet; close what writes it, or open it once with sqlite3"
+        )
     with reading(_WHAT, DAMAGED):
         database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
     try:
