@@ -86,7 +86,7 @@ def _writer(
 
     new = Writer2(folder / form, version=version, storage_plugin=StoragePlugin[form.upper()])
     if compression:
-        new.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        new.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     return new, lambda message, kind: bytes(store.serialize_cdr(message, kind))
 
 

@@ -136,6 +136,13 @@ def test_databases_that_are_no_bag(tmp_path: Path, statements: list[str], says: 
     assert says in str(_refusal(_database(tmp_path / "x.db3", *statements)))
 
 
+def test_messages_that_are_not_in_the_file_yet(tmp_path: Path) -> None:
+    """A database with a write-ahead log beside it is refused: read-only, its last messages would go missing unsaid."""
+    path = _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
+    (tmp_path / "x.db3-wal").write_bytes(b"x")
+    assert "has messages in x.db3-wal that are not in it yet" in str(_refusal(path))
+
+
 def test_a_query_without_end_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What SQLite does is counted: a look through more rows than the size of the file explains is ended."""
     monkeypatch.setattr("bristle.data.ros.sqlite._STEPS", 1)
@@ -345,7 +352,7 @@ def _metadata(names: str, storage_identifier: str = "sqlite3", more: str = "") -
         (_metadata('["a\\0.db3"]'), "got the file"), (_metadata("[out.db3]"), "is a link out of the folder"),
         (_metadata("[none.db3]"), "is not in the folder of the bag"), (_metadata("[]"), "got relative_file_paths []"),
         (_metadata("x.db3"), "got relative_file_paths 'x.db3'"), (_metadata("[pipe.mcap]"), "is a folder"),
-        (_metadata("[x.db3]", more="  compression_mode: FILE\n"), "compression_mode 'FILE' is not read"),
+        (_metadata("[x.db3]", more="  compression_mode: FILE\n"), "compression_mode 'file' by 'none' is not read"),
         ("a: &a [1, 1]\nb: &b [*a, *a]\nc: [*b, *b]", "anchors (&) and aliases (*) are not allowed"),
         ("a: " + "[" * 5000, "nested too deeply"), ("!!python/object/apply:os.system [true]", "metadata.yaml"),
         ("a: [" + "1, " * 20_000 + "]", "more than 10000 keys and values"), ("x" * 1_100_000, "larger than 1000000 bytes"),
@@ -359,6 +366,21 @@ def test_metadata_that_harms(tmp_path: Path, text: str, says: str) -> None:
     _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
     (bag / "out.db3").symlink_to(tmp_path / "x.db3")
     assert says in str(_refusal(bag))
+
+
+@pytest.mark.parametrize(
+    ("content", "says"), [(b"", "not in CDR"), (b"\0\1\0\0" + bytes(30), "no message compressed by zstd"), (None, "too many bytes")]
+)  # fmt: skip  # a table
+def test_packed_messages_that_are_none(
+    tmp_path: Path, content: bytes | None, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Messages that are said to be compressed, and are not, or unpack to very many bytes, are refused."""
+    monkeypatch.setattr(storage, "MAX_RECORD", 2**22)
+    (tmp_path / "metadata.yaml").write_text(
+        _metadata("[x.mcap]", "mcap", "  compression_mode: MESSAGE\n  compression_format: zstd\n")
+    )
+    _mcap(tmp_path / "x.mcap", _CHANNEL, _message(_zeros("zstd", 2**25) if content is None else content))
+    assert says in str(_refusal(tmp_path))
 
 
 def test_a_folder_without_metadata_is_no_bag(tmp_path: Path) -> None:

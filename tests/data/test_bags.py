@@ -221,10 +221,11 @@ def test_stamps_keep_their_nanoseconds(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("form", "options"),
-    [("mcap", {"compression": "zstd"}), ("bag", {"compression": "lz4"}), ("bag", {"compression": "bz2"}), ("sqlite3", {"version": 8})],
+    [("mcap", {"compression": "storage"}), ("mcap", {"compression": "message"}), ("sqlite3", {"compression": "message"}),
+     ("bag", {"compression": "lz4"}), ("bag", {"compression": "bz2"}), ("sqlite3", {"version": 8})],
 )  # fmt: skip  # a table
 def test_compressed_bags(tmp_path: Path, form: str, options: dict[str, Any]) -> None:
-    """A bag with compressed chunks holds what the plain one does."""
+    """A bag with compressed chunks or messages holds what the plain one does."""
     (tmp_path / "plain").mkdir()
     keys = ("header.stamp", "position[wrist]", "effort[shoulder]")
     plain = _read(write_bag(tmp_path / "plain", form, _states(5000)), *keys)

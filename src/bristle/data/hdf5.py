@@ -21,7 +21,7 @@ from bristle.data import hdf5_worker
 from bristle.data.columns import MAX_VALUES, Key, bounded
 from bristle.errors import InputError
 
-SECONDS, _BYTES_PER_SECOND = 60.0, 5e6
+SECONDS, _BYTES_PER_SECOND = 15.0, 5e6
 """How long a file may take, beside what its size explains."""
 _LONGEST = 1000
 """Characters of a path."""
@@ -72,7 +72,7 @@ def _read(path: Path, keys: Sequence[Key], *, matlab: bool) -> dict[Key, Array]:
         return {}
     answer, values = _ask(path, [[key.column, key.index] for key in keys], matlab=matlab)
     ends = np.cumsum(answer["lengths"])
-    return {key: part.copy() for key, part in zip(keys, np.split(values, ends[:-1]), strict=True)}
+    return {key: part.astype(float) for key, part in zip(keys, np.split(values, ends[:-1]), strict=True)}
 
 
 def _ask(path: Path, keys: list[Any] | None, *, matlab: bool) -> tuple[dict[str, Any], Array]:
@@ -89,7 +89,7 @@ def _ask(path: Path, keys: list[Any] | None, *, matlab: bool) -> tuple[dict[str,
             what = "MAT-file of version 7.3" if matlab else "HDF5 file"
             raise InputError(f"is damaged, or no {what} ({answer['damaged']}); {MATLAB_ADVICE if matlab else _ADVICE}")
         bounded(sum(answer.get("lengths", ())))
-        return answer, np.frombuffer(out.read(), "<f8").astype(float)
+        return answer, np.frombuffer(out.read(), "<f8")
 
 
 def _run(asked: dict[str, Any], out: IO[bytes], seconds: float) -> None:

@@ -156,7 +156,10 @@ def _answer(asked: dict[str, Any]) -> tuple[dict[str, Any], list[Any]]:
         if keys is None:
             found = _names(file, "" if matlab else "/", 0, matlab=matlab)
             return {"names": [name for _, name in zip(range(_MOST_NAMES), found, strict=False)]}, []
-        columns = [_column(file, name, index, asked["most"], matlab=matlab) for name, index in keys]
+        columns = list[Any]()
+        for name, index in keys:
+            left = asked["most"] - sum(column.size for column in columns)
+            columns.append(_column(file, name, index, left, matlab=matlab))
     return {"lengths": [column.size for column in columns]}, columns
 
 

@@ -9,7 +9,7 @@ from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.ros.bag1 import bag1_batches, bag1_channels
 from bristle.data.ros.mcap import mcap_batches, mcap_channels
 from bristle.data.ros.sqlite import sqlite_batches, sqlite_channels
-from bristle.data.ros.storage import Channel, MessageBatch
+from bristle.data.ros.storage import Budget, Channel, MessageBatch, unpacked
 from bristle.errors import InputError, check_regular, short
 
 METADATA = "metadata.yaml"
@@ -40,10 +40,10 @@ class Bag(NamedTuple):
     """The files of a bag."""
 
     files: tuple[Path, ...]
-    sha256: str
-    """Of a file; of a folder the digest over its storage files, one after another, in the order of metadata.yaml."""
-    distribution: str | None
+    distribution: str | None = None
     """Of ROS 2, where metadata.yaml names it."""
+    packed: bool = False
+    """Whether each message is compressed by zstd, as metadata.yaml says."""
 
 
 def is_bag(path: Path) -> bool:
@@ -53,17 +53,17 @@ def is_bag(path: Path) -> bool:
 
 def open_bag(path: Path) -> Bag:
     """The files of a bag, each regular and, together, of at most `MAX_BYTES`. Raises InputError and OSError."""
-    files, distribution = _of_folder(path) if path.is_dir() else ((path,), None)
+    bag = _of_folder(path) if path.is_dir() else Bag((path,))
     _check_installed()
     size = 0
-    for file in files:
+    for file in bag.files:
         check_regular(file, file.name)
         size += file.stat().st_size
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut the bag into several runs")
     if size == 0:
         raise InputError("the file is empty; expected a bag with messages")
-    return Bag(files, _digest(files), distribution)
+    return bag
 
 
 def channels_of(file: Path) -> list[Channel]:
@@ -71,9 +71,10 @@ def channels_of(file: Path) -> list[Channel]:
     return _STORAGES[file.suffix.lower()].channels(file)
 
 
-def batches_of(file: Path, wanted: frozenset[int]) -> Iterator[MessageBatch]:
-    """The messages of some channels of a storage file. Raises InputError."""
-    return _STORAGES[file.suffix.lower()].batches(file, wanted)
+def batches_of(file: Path, wanted: frozenset[int], *, packed: bool = False) -> Iterator[MessageBatch]:
+    """The messages of some channels of a storage file, each unpacked where they are packed. Raises InputError."""
+    batches, budget = _STORAGES[file.suffix.lower()].batches(file, wanted), Budget(file.stat().st_size)
+    return (unpacked(batch, budget) for batch in batches) if packed else batches
 
 
 def _check_installed() -> None:
@@ -83,31 +84,34 @@ def _check_installed() -> None:
         raise InputError("is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'") from error
 
 
-def _digest(files: tuple[Path, ...]) -> str:
+def digest_of(bag: Bag) -> str:
+    """SHA-256 of a bag's file; of a folder over its storage files, one after another, in the order of metadata.yaml."""
     digest = hashlib.sha256()
-    for path in files:
+    for path in bag.files:
         with path.open("rb") as file:
             for piece in iter(lambda: file.read(2**20), b""):
                 digest.update(piece)
     return digest.hexdigest()
 
 
-def _of_folder(folder: Path) -> tuple[tuple[Path, ...], str | None]:
-    """The storage files that metadata.yaml names, all inside the folder, and the distribution. Raises InputError."""
+def _of_folder(folder: Path) -> Bag:
+    """The storage files that metadata.yaml names, all inside the folder. Raises InputError."""
     text = read_text(folder / METADATA)
     about = parse(text, METADATA).get(_HEAD)
     if not isinstance(about, dict):
         raise InputError(f"{METADATA} holds no {_HEAD}; expected the folder of a ROS 2 bag")
-    if about.get("compression_mode") not in (None, "", "none", "NONE"):
+    mode, form = (str(about.get(f"compression_{name}") or "none").lower() for name in ("mode", "format"))
+    if mode not in ("none", "message") or (mode == "message" and form != "zstd"):
         raise InputError(
-            f"{METADATA}: compression_mode {short(about['compression_mode'])} is not read; convert the bag with ros2 bag convert, "
+            f"{METADATA}: compression_mode {short(mode)} by {short(form)} is not read; convert the bag with ros2 bag convert, "
             "uncompressed or as MCAP with compressed chunks"
         )
     names = about.get("relative_file_paths")
     if not isinstance(names, list) or not 0 < len(names) <= _MOST_FILES:
         raise InputError(f"{METADATA}: got relative_file_paths {short(names)}; expected the names of the storage files")
     distribution = about.get("ros_distro")
-    return tuple(_inside(folder, name) for name in names), distribution if isinstance(distribution, str) else None
+    files = tuple(dict.fromkeys(_inside(folder, name) for name in names))
+    return Bag(files, distribution if isinstance(distribution, str) else None, mode == "message")
 
 
 def _inside(folder: Path, name: Any) -> Path:

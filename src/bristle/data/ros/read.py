@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded
-from bristle.data.ros.files import Bag, batches_of, open_bag
+from bristle.data.ros.files import Bag, batches_of, digest_of, open_bag
 from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
 from bristle.data.ros.storage import Integers, MessageBatch
@@ -64,7 +64,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> BagColumns:
     topics = topics_of(bag)
     targets = {key: target_of(key, topics) for key in keys}
     if not targets:
-        return BagColumns({}, bag.sha256, ())
+        return BagColumns({}, digest_of(bag), ())
     base = _base(targets)
     names = list(dict.fromkeys(target.topic for target in targets.values()))
     clocks = {name: _clock(topics[name], base) for name in names} if len(names) > 1 else {}
@@ -75,7 +75,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> BagColumns:
     bounded(sum(messages.received.size for messages in read.values()) * len(keys))
     _check_there(targets, read)
     columns = {key: _column(target, read, base.topic, clocks) for key, target in targets.items()}
-    return BagColumns(columns, bag.sha256, tuple(_notes(targets, columns, base, clocks)))
+    return BagColumns(columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks)))
 
 
 def _base(targets: Mapping[Key, Target]) -> Target:
@@ -124,7 +124,7 @@ def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[Message
     for file in dict.fromkeys(file for file, _ in topic.channels):
         channels = [channel for other, channel in topic.channels if other == file]
         decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in channels}
-        for batch in batches_of(file, frozenset(decoders)):
+        for batch in batches_of(file, frozenset(decoders), packed=topic.bag.packed):
             count += batch.starts.size
             bounded(count * (len(paths) + 1))
             for number, decoder in decoders.items():

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -47,29 +48,37 @@ def sqlite_channels(path: Path) -> list[Channel]:
 def sqlite_batches(path: Path, wanted: frozenset[int]) -> Iterator[MessageBatch]:
     """The messages of some topics of a sqlite3 file, in the order of the file. Raises InputError."""
     size = path.stat().st_size
-    with _opened(path) as database, reading(_WHAT, DAMAGED):
-        marks = ", ".join("?" * len(wanted))
-        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks})"  # noqa: S608  # only marks
-        cursor = database.execute(query, tuple(wanted))
+    marks = ", ".join("?" * len(wanted))
+    query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks})"  # noqa: S608  # only marks
+    with _opened(path) as database:
+        with reading(_WHAT, DAMAGED):
+            cursor = database.execute(query, tuple(wanted))
         left, rows = size, 64
-        while some := cursor.fetchmany(rows):
-            numbers, times, messages = zip(*some, strict=True)
-            if not _are(messages, bytes):
-                raise InputError(f"is damaged: a message is no blob; {DAMAGED}")
-            if not (_are(times, int) and _are(numbers, int)):
-                raise InputError(f"is damaged: a time stamp is no integer; {DAMAGED}")
-            lengths = np.fromiter(map(len, messages), np.int64, len(messages))
-            left -= int(lengths.sum())
+        while some := _fetched(cursor, rows):
+            batch = _batch(*zip(*some, strict=True))
+            left -= batch.data.size
             if left < 0:
                 raise InputError(f"is damaged: its messages are longer than the file; {DAMAGED}")
-            rows = int(np.clip(_BYTES // max(1, int(lengths.mean())), 1, _ROWS))
-            yield MessageBatch(
-                np.frombuffer(b"".join(messages), np.uint8),
-                np.cumsum(lengths) - lengths,
-                lengths,
-                np.array(times, np.int64),
-                np.array(numbers, np.int64),
-            )
+            rows = int(np.clip(_BYTES * batch.lengths.size // max(1, batch.data.size), 1, _ROWS))
+            yield batch
+
+
+def _fetched(cursor: sqlite3.Cursor, rows: int) -> list[tuple[object, ...]]:
+    with reading(_WHAT, DAMAGED):
+        return cursor.fetchmany(rows)
+
+
+def _batch(numbers: tuple[Any, ...], times: tuple[Any, ...], messages: tuple[Any, ...]) -> MessageBatch:
+    """Rows of the table of messages. Raises InputError where one holds another type than it must."""
+    if not _are(messages, bytes):
+        raise InputError(f"is damaged: a message is no blob; {DAMAGED}")
+    if not (_are(times, int) and _are(numbers, int)):
+        raise InputError(f"is damaged: a time stamp is no integer; {DAMAGED}")
+    lengths = np.fromiter(map(len, messages), np.int64, len(messages))
+    data = np.frombuffer(b"".join(messages), np.uint8)
+    return MessageBatch(
+        data, np.cumsum(lengths) - lengths, lengths, np.array(times, np.int64), np.array(numbers, np.int64)
+    )
 
 
 def _are(values: tuple[object, ...], kind: type) -> bool:
@@ -92,6 +101,11 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     with path.open("rb") as file:
         if file.read(16) != b"SQLite format 3\0":
             raise InputError(f"is damaged, or no {_WHAT}; {DAMAGED}")
+    log = path.with_name(f"{path.name}-wal")
+    if log.exists() and log.stat().st_size:
+        raise InputError(
+            f"has messages in {log.name} that are not in it yet; close what writes it, or open it once with sqlite3"
+        )
     with reading(_WHAT, DAMAGED):
         database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
     try:

@@ -86,6 +86,19 @@ def unpack(data: bytes, compression: str, size: int) -> bytes:
     return raw
 
 
+def unpacked(batch: MessageBatch, budget: Budget) -> MessageBatch:
+    """The batch with each message decompressed by zstd. Raises InputError where one is no zstd, or all are too long."""
+    messages = list[bytes]()
+    for start, length in zip(batch.starts.tolist(), batch.lengths.tolist(), strict=True):
+        with reading("message compressed by zstd", DAMAGED):
+            message = _zstd(batch.data[start : start + length].tobytes(), MAX_RECORD)
+        budget.take(len(message))
+        messages.append(message)
+    lengths = np.fromiter(map(len, messages), np.int64, len(messages))
+    data = np.frombuffer(b"".join(messages), np.uint8)
+    return MessageBatch(data, np.cumsum(lengths) - lengths, lengths, batch.times, batch.channels)
+
+
 def _bz2(data: bytes, size: int) -> bytes:
     import bz2
 

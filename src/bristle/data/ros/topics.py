@@ -31,11 +31,11 @@ class Topic(NamedTuple):
     kind: str
     channels: tuple[tuple[Path, Channel], ...]
     """Each with its storage file."""
-    distribution: str | None
+    bag: Bag
 
     def message(self) -> MessageField:
         """The fields of its messages. Raises InputError where they are not known."""
-        return message_of(self.channels[0][1], self.distribution)
+        return message_of(self.channels[0][1], self.bag.distribution)
 
 
 class Target(NamedTuple):
@@ -61,7 +61,7 @@ def topics_of(bag: Bag) -> dict[str, Topic]:
                 topics[channel.topic] = old._replace(kind="")
                 continue
             before = () if old is None else old.channels
-            topics[channel.topic] = Topic(channel.topic, channel.kind, (*before, (file, channel)), bag.distribution)
+            topics[channel.topic] = Topic(channel.topic, channel.kind, (*before, (file, channel)), bag)
     return topics
 
 
