@@ -1757,6 +1757,26 @@ class Kind(Enum):
     HEADER_LINE = _NOTE, "{line} ({text})"
     MORE_LINES = _NOTE, ", and {count} more"
     DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
+    UNIT_DIFFERS = (
+        _CAUTION,
+        (
+            "Unit of {signal}: the header of {files!l} states {stated}, and {declared} is declared. Write {remedy}; where the header is "
+            "wrong, correct it, or leave the unit out of it."
+        ),
+    )
+    OWN_TIME = (
+        _NOTE,
+        (
+            "{signal} has a time of its own ({samples} sample{samples!e}): linear between its samples, and missing in {outside} row{outside!e} of "
+            "the run, beyond them or in their gaps."
+        ),
+    )
+    FILES_JOINED = (
+        _NOTE,
+        "One run of {files!l}, in this order. Times that begin anew, and then follow after a gap: {restarts}.",
+    )
+    PART_TAKEN = _NOTE, "Of {total} rows {rows} are taken: {part}."
+    GEAR_TAKEN = _NOTE, "Gear of ratio {ratio:g}{unit}: logged at the motor, and brought to the joint: {signals!l}."
     RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
     ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: {first})."
     ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: {first})."
@@ -2209,7 +2229,7 @@ REASONS: Mapping[str, str] = {
         "FREQUENCY_LOWERED"
     ),
     "What was read may not be what was meant.": (
-        "HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN"
+        "HEADER_LINES DECIMAL_COMMA UNIT_DIFFERS COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN"
     ),
     "The sessions are not alike, so a change may not be one of the joint.": (
         "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"
@@ -2251,7 +2271,8 @@ REASONS: Mapping[str, str] = {
         "TRUTH_INSIDE FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL"
     ),
     "It says how a signal was read, or a number made.": (
-        "RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION ACCELERATION_FROM_VELOCITY "
+        "OWN_TIME FILES_JOINED PART_TAKEN GEAR_TAKEN RATE_DECLARED "
+        "COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION ACCELERATION_FROM_VELOCITY "
         "TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED RUN_IN ENCODER_COUNT "
         "ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE INERTIA_EXACT NOISE_OF_EQUATIONS "
         "NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD GRIPPER_FRICTION NOISE_OF_FIT "

@@ -16,7 +16,8 @@ from bristle.data.columns import Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import DRIVE
-from bristle.data.text_table import BINARY, naming, read_table, text_layout
+from bristle.data.text_layout import text_layout
+from bristle.data.text_table import BINARY, naming, read_table
 from bristle.data.units import factor
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind

@@ -17,6 +17,8 @@ from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_
 from bristle.data import cleaning as clean
 from bristle.data.constant_velocity.segments import Thresholds
 from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
+from bristle.data.experiment.gear import SIDED, Gear
+from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.schema import (
     AdaptOptions,
     FitOptions,
@@ -24,7 +26,6 @@ from bristle.data.experiment.schema import (
     MotorConstants,
     PlanOptions,
     PlusMinus,
-    RunFiles,
     RunKind,
     SegmentLimits,
     Shown,
@@ -32,9 +33,11 @@ from bristle.data.experiment.schema import (
     read_inertia,
 )
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
+from bristle.data.experiment.tables import keys_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
 from bristle.data.signal_checks import check_signals
+from bristle.data.stated_units import check_units, gear_note
 from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind as JointKind
@@ -72,8 +75,10 @@ class Experiment(StrictModel):
     joint: JointDescription
     motor_constants: MotorConstants | None = Field(default=None, alias="motor")
     inertia: Annotated[PlusMinus, BeforeValidator(read_inertia)] | None = None
-    encoder_resolution: Annotated[float, quantity("position"), Field(gt=0)] | None = None
-    """Size of one count, rad."""
+    declared_count: Annotated[float, quantity("position", of_motor=True), Field(gt=0)] | None = Field(
+        default=None, alias="encoder_resolution"
+    )
+    """Size of one count on the side of the gear that the encoder is on, rad."""
     signals: Signals = Signals()
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1)]
     cleaning: Cleaning = Cleaning()
@@ -87,12 +92,17 @@ class Experiment(StrictModel):
 
     @property
     def motor(self) -> Motor[float] | None:
-        """The motor, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; what is not known is nan, but L, which is then 0."""
-        m = self.motor_constants
-        if m is None:
+        """The motor as seen at the joint, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; what is not known is nan, but L, which is then 0."""
+        m = None if self.motor_constants is None else self.motor_constants.at_joint()
+        if m is None or m.torque_constant is None:
             return None
         R = m.resistance.value if m.resistance else _NAN
         return Motor(m.torque_constant.value, R, m.inductance, _known(m.inertia))
+
+    @property
+    def encoder_resolution(self) -> float | None:
+        """Size of one count at the joint, rad."""
+        return self.context.count
 
     @property
     def segments(self) -> Thresholds:
@@ -109,7 +119,7 @@ class Experiment(StrictModel):
 
     def signals_of(self, run: RunFiles) -> Signals:
         """The signals of a run: its own, and those of the experiment that it does not replace."""
-        return run.signals.over(self.signals) if run.signals else self.signals
+        return (run.signals.over(self.signals) if run.signals else self.signals).timed()
 
     @property
     def torque_constants(self) -> tuple[Constant, ...]:
@@ -124,7 +134,8 @@ class Experiment(StrictModel):
     @property
     def context(self) -> Context:
         """What its units depend on."""
-        return Context(kind=self.joint.kind, resolution=self.encoder_resolution)
+        gear = self.motor_constants.gear if self.motor_constants else None
+        return Context(kind=self.joint.kind, resolution=self.declared_count, gear=gear)
 
     @field_validator("true_sets")
     @classmethod
@@ -160,10 +171,24 @@ def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
     if not moving and (signals.velocity is None or drive != "torque"):
         raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
     constants = experiment.motor_constants
-    if drive != "torque" and (constants is None or (drive == "voltage" and constants.resistance is None)):
-        wanted = "motor.torque_constant" if constants is None else "motor.resistance"
+    k_t = constants and constants.torque_constant
+    if drive != "torque" and (
+        constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
+    ):
+        wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
         raise InputError(
             f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
+        )
+
+    gear = experiment.context.gear
+    unsaid = [name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None]
+    if unsaid:
+        raise InputError(
+            f"{where}: motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
+        )
+    if not moving and signals.apart():
+        raise InputError(
+            f"{where}: points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
         )
 
 
@@ -188,7 +213,19 @@ def _context(data: dict[str, Any]) -> Context:
     """The joint's kind and resolution, before they are validated: the units of all other keys depend on them."""
     joint = data.get("joint")
     kind: JointKind = "prismatic" if isinstance(joint, dict) and joint.get("kind") == "prismatic" else "revolute"
-    return Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None)
+    return Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None, gear=_gear(data, kind))
+
+
+def _gear(data: dict[str, Any], kind: JointKind) -> Gear | None:
+    """The gear, before it is validated with the rest; of one that is not valid its sides, on which units depend."""
+    motor = data.get("motor")
+    gear = motor.get("gear") if isinstance(motor, dict) else None
+    if not isinstance(gear, dict):
+        return None
+    try:
+        return Gear.model_validate(gear, context=Context(kind=kind))
+    except ValueError:
+        return Gear.model_construct(ratio=1.0, **{name: gear.get(name) for name in SIDED})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,11 +243,17 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
     Tracking runs have acceleration as well. Raises InputError in one sentence that names the file and what is wrong
     with it.
     """
-    files = ((run, path, shown) for run in experiment.runs for path, shown in _matches(run.files, experiment.path))
     return tuple(
-        Run(kind=run.experiment, record=_read(experiment, run, path, shown), hold_out=run.hold_out)
-        for run, path, shown in files
+        Run(kind=run.experiment, record=_read(experiment, run, sources), hold_out=run.hold_out)
+        for run in experiment.runs
+        for sources in _sources(run, experiment.path)
     )
+
+
+def _sources(run: RunFiles, experiment: Path) -> list[list[tuple[Path, str]]]:
+    """The files of each run of an entry: one of each, or all of the one that they are joined to."""
+    found = [match for pattern in run.patterns for match in _matches(pattern, experiment)]
+    return [found] if run.joined else [[source] for source in found]
 
 
 def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
@@ -268,11 +311,24 @@ def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
     return Run(kind=run.experiment, record=_record(experiment, run, table, shown), hold_out=run.hold_out)
 
 
-def _read(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record:
-    from bristle.data.text_table import read_table
+def _read(experiment: Experiment, run: RunFiles, sources: list[tuple[Path, str]]) -> Record:
+    from bristle.data.experiment.tables import joined, part_of, read_columns
 
-    table = read_table(path, list(clean.keys_of(experiment.signals_of(run)).values()), shown)
-    return _record(experiment, run, table, shown)
+    def find(file: str) -> tuple[Path, str]:
+        """The one file that a signal names."""
+        found = _matches(file, experiment.path)
+        if len(found) > 1 or len(list(_sources(run, experiment.path))) > 1 or run.joined:
+            raise InputError(
+                f"{experiment.path}: runs: a signal of {short(file)} goes with one file; give each run an entry of its own, with its signals"
+            )
+        return found[0]
+
+    signals, gap = experiment.signals_of(run), experiment.cleaning.gap
+    names = [name for _, name in sources]
+    shown = " + ".join(names[:3] if len(names) < 4 else [names[0], f"{len(names) - 1} more"])
+    tables = [read_columns(signals, source, gap, experiment.context, find) for source in sources]
+    table = tables[0] if len(tables) == 1 else joined(tables, names, gap)
+    return _record(experiment, run, part_of(table, run, shown), shown)
 
 
 def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str) -> Record:
@@ -284,7 +340,13 @@ def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str
             record = make(shown, table, signals, experiment.cleaning, experiment.context, labels=labels)
             if run.experiment != "points":
                 record = _complete(experiment, run.experiment, record, signals.drive())
-            found = check_signals(record, run.experiment, signals, experiment.context, experiment.fit)
+            record = replace(record, notes=(*record.notes, *gear_note(signals, experiment.context)))
+            found = [
+                *check_units(
+                    shown, {name: table.units.get(key, "") for name, key in keys_of(signals).items()}, signals
+                ),
+                *check_signals(record, run.experiment, signals, experiment.context, experiment.fit),
+            ]
             shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
             return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
         except InputError as error:
