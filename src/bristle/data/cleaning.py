@@ -101,7 +101,8 @@ def make_points(
     _drop_non_finite(rows, table, cleaning)
     _enough(rows)
     _refuse_constant(rows)
-    rows.data["time"] = np.arange(rows.number.size, dtype=float)
+    before = 0 if table.numbers is None else int(table.numbers[0]) - 1 - (table.header or 0)
+    rows.data["time"] = np.arange(rows.number.size, dtype=float) + before
     return _record(file, table, rows, (0,), labels or {})
 
 

@@ -4,9 +4,7 @@ All quantities are in SI once the file is loaded; m, N and kg stand in for rad, 
 prismatic.
 """
 
-import glob
-import os
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -33,13 +31,14 @@ from bristle.data.experiment.schema import (
     read_inertia,
 )
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
+from bristle.data.experiment.sources import matches, sources_of
 from bristle.data.experiment.tables import keys_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
 from bristle.data.signal_checks import check_signals
 from bristle.data.stated_units import check_units, gear_note
 from bristle.diagnostics import Kind
-from bristle.errors import InputError, check_name, short
+from bristle.errors import InputError, short
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Motor
 
@@ -64,7 +63,6 @@ __all__ = [
     "run_of_table",
 ]
 
-_VARIABLE = re.compile(r"\$\{(\w+)\}")
 _NAN = float("nan")
 
 
@@ -243,66 +241,24 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
     Tracking runs have acceleration as well. Raises InputError in one sentence that names the file and what is wrong
     with it.
     """
+    found = [(run, sources) for run in experiment.runs for sources in sources_of(run, experiment.path)]
+    _refuse_parts_again(experiment, found)
     return tuple(
         Run(kind=run.experiment, record=_read(experiment, run, sources), hold_out=run.hold_out)
-        for run in experiment.runs
-        for sources in _sources(run, experiment.path)
+        for run, sources in found
     )
 
 
-def _sources(run: RunFiles, experiment: Path) -> list[list[tuple[Path, str]]]:
-    """The files of each run of an entry: one of each, or all of the one that they are joined to."""
-    found = [match for pattern in run.patterns for match in _matches(pattern, experiment)]
-    return [found] if run.joined else [[source] for source in found]
-
-
-def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
-    """Paths that a pattern matches, sorted by name, each with the name that results show.
-
-    No variable in it is filled in.
-    """
-    folder, variables = experiment.parent, {}
-    for name in _VARIABLE.findall(files):
-        if not os.environ.get(name):
-            raise InputError(
-                f"{experiment}: runs: files {short(files)} needs the environment variable {name}, which is not set; set it to a folder"
-            )
-        variables[name] = os.environ[name]
-    pattern = _VARIABLE.sub(lambda match: variables[match[1]], files)
-    if pattern.count("**") > 1:  # each may stand for any number of folders: together they search for ever
-        raise InputError(
-            f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
-        )
-    try:
-        matches = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
-    except OSError as error:
-        raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
-    if not matches:
-        what = "matches no file" if glob.has_magic(pattern) else "is no file"
-        raise InputError(
-            f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
-        )
-    shown = [_shown(match, folder, variables) for match in matches]
-    return [
-        (folder / match, check_name(name, f"{experiment}: runs: files: the file name"))
-        for match, name in zip(matches, shown, strict=True)
-    ]
-
-
-def _glob(pattern: str, folder: Path) -> list[str]:
-    if "**" not in pattern:
-        return glob.glob(pattern, root_dir=folder)  # noqa: PTH207  # Path.glob takes no absolute pattern
-    root = Path(pattern).anchor  # and glob.glob follows links, in circles where they go so
-    base = Path(root) if root else folder
-    matches = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
-    return [f"{root}{path}" for path in matches if not any(p.startswith(".") and p != ".." for p in path.parts)]
-
-
-def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:
-    for name, value in variables.items():
-        if value in match:
-            return Path(match.replace(value, f"${{{name}}}", 1)).as_posix()
-    return Path(os.path.relpath(match, folder) if Path(match).is_absolute() else match).as_posix()
+def _refuse_parts_again(experiment: Experiment, found: Sequence[tuple[RunFiles, list[tuple[Path, str]]]]) -> None:
+    """Raises InputError where a file of a joined run is in another run of the same signals too."""
+    for k, (run, sources) in enumerate(found):
+        for other, files in found[:k]:
+            again = [shown for path, shown in sources if path in [x for x, _ in files]]
+            alike = run.experiment == other.experiment and experiment.signals_of(run) == experiment.signals_of(other)
+            if again and alike and (run.joined or other.joined):
+                raise InputError(
+                    f"{experiment.path}: runs: {short(again[0])} is a part of a joined run and of another; name each run once"
+                )
 
 
 def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
@@ -316,8 +272,8 @@ def _read(experiment: Experiment, run: RunFiles, sources: list[tuple[Path, str]]
 
     def find(file: str) -> tuple[Path, str]:
         """The one file that a signal names."""
-        found = _matches(file, experiment.path)
-        if len(found) > 1 or len(list(_sources(run, experiment.path))) > 1 or run.joined:
+        found = matches(file, experiment.path)
+        if len(found) > 1 or len(list(sources_of(run, experiment.path))) > 1 or run.joined:
             raise InputError(
                 f"{experiment.path}: runs: a signal of {short(file)} goes with one file; give each run an entry of its own, with its signals"
             )
@@ -328,7 +284,7 @@ def _read(experiment: Experiment, run: RunFiles, sources: list[tuple[Path, str]]
     shown = " + ".join(names[:3] if len(names) < 4 else [names[0], f"{len(names) - 1} more"])
     tables = [read_columns(signals, source, gap, experiment.context, find) for source in sources]
     table = tables[0] if len(tables) == 1 else joined(tables, names, gap)
-    return _record(experiment, run, part_of(table, run, shown), shown)
+    return _record(experiment, run, *part_of(table, run, shown))
 
 
 def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str) -> Record:

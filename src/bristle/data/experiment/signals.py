@@ -132,7 +132,7 @@ class TimeColumn(StrictModel):
             )
         return self
 
-    def keys(self, file: str | None = None) -> tuple[Key, ...]:
+    def columns(self, file: str | None = None) -> tuple[Key, ...]:
         """Which columns it is read from: its own, and the one that is added."""
         first = [] if self.column is None else [Key(self.column, self.index, self.unit == ISO, file)]
         return (*first, *([Key(self.plus.column, self.plus.index, file=file)] if self.plus else []))

@@ -18,13 +18,15 @@ from bristle.data.timestamps import ISO
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 
+_INSIDE = 2
+"""Samples of a signal with a time of its own that lie in a run."""
 Source = tuple[Path, str]
 """A file, and how it is called."""
 
 
 def keys_of(signals: Signals) -> dict[str, Key]:
     """Which column each signal is read from; none for a time that is given by its rate."""
-    keys = {} if signals.time is None or signals.time.column is None else {"time": signals.time.keys()[0]}
+    keys = {} if signals.time is None or signals.time.column is None else {"time": signals.time.columns()[0]}
     return keys | {name: Key(s.column, s.index, file=s.file) for name, s in signals if isinstance(s, Signal)}
 
 
@@ -44,7 +46,7 @@ def read_columns(
     """
     apart, keys = signals.apart(), keys_of(signals)
     common = [key for name, key in keys.items() if name not in apart]
-    more = signals.time.keys()[1:] if signals.time else ()
+    more = signals.time.columns()[1:] if signals.time else ()
     table = read_table(source[0], [*common, *more], source[1])
     time, origin = (None, 0) if signals.time is None else _seconds(table, signals.time)
     table = replace(table, time=time, origin=origin)
@@ -58,7 +60,7 @@ def read_columns(
 
 def _seconds(table: RawTable, clock: TimeColumn) -> tuple[Array, int]:
     """Time of each row, s, and since when, ns; from a rate where there is no column."""
-    keys = clock.keys()
+    keys = clock.columns()
     if not keys:
         return np.arange(table.rows) / getattr(clock, "rate", 1.0), 0
     times = table.columns[keys[0]]
@@ -84,7 +86,7 @@ def _with_signal(
         return table
     own = own if own.unit else own.model_copy(update={"unit": common.unit or "s", "plus": own.plus})
     key = Key(signal.column, signal.index)
-    read = read_table(source[0], [key, *own.keys()], source[1])
+    read = read_table(source[0], [key, *own.columns()], source[1])
     if (own.unit == ISO) != (common.unit == ISO):
         raise InputError(
             f"{source[1]}: {name}: one time is of unit iso and the other is not, so that nothing tells how they go together; give both alike"
@@ -133,11 +135,13 @@ def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
     steps = np.diff(own)
     after = np.clip(np.searchsorted(own, np.nan_to_num(time, nan=own[0])), 1, own.size - 1)
     onto[(steps[after - 1] > gap * np.median(steps)) & (time != own[after]) & (time != own[after - 1])] = np.nan
-    if not np.isfinite(onto).any():
-        seen = time[np.isfinite(time)]
-        rest = f"{seen[0]:.6g} s to {seen[-1]:.6g} s" if seen.size else "nowhere"
+    seen = time[np.isfinite(time)]
+    inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
+    if inside < _INSIDE or not np.isfinite(onto).any():
+        rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
         raise InputError(
-            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has nothing in common with that of the run, {rest}; give both since the same instant"
+            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
+            "both count since the same instant"
         )
     return onto
 
@@ -176,9 +180,9 @@ def _shift(before: Array, time: Array, first: RawTable, table: RawTable, gap: fl
     own = np.asarray(table.time)[np.isfinite(np.asarray(table.time))]
     other = np.asarray(first.time)[np.isfinite(np.asarray(first.time))]
     step = float(np.median(np.diff(begun))) if begun.size > 1 else 1.0
-    if table.origin != first.origin or own[0] > other[0] + step:
+    if table.origin != first.origin or own[0] > other[0] + step or own[-1] < other[0]:
         raise InputError(
-            f"{names}: the second begins before the first ends; give the files in the order of time, each once"
+            f"{names}: the second begins before the first ends, and not anew; give the files in the order of time, each once"
         )
     return float(ended[-1] - begun[0] + 2 * gap * step)
 
@@ -188,45 +192,43 @@ def _together(digests: Sequence[str]) -> str:
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def part_of(table: RawTable, run: RunFiles, name: str) -> RawTable:
-    """The rows of a table that a run takes, all where it names none. Raises InputError where there is none of them."""
+def part_of(table: RawTable, run: RunFiles, name: str) -> tuple[RawTable, str]:
+    """The rows of a table that a run takes, all where it names none, and what that part is called.
+
+    Raises InputError where there is none of them.
+    """
     number = np.arange(1, table.rows + 1) + (table.header or 0)
     if run.rows is not None:
-        word = "rows" if table.header is None else "lines"
-        if run.rows[1] > number[-1]:
+        word, (first, last) = "rows" if table.header is None else "lines", run.rows
+        if last > number[-1]:
             raise InputError(
-                f"{name}: rows: got {run.rows[0]}-{run.rows[1]}; expected {word} between {number[0]} and {number[-1]}, as bristle inspect prints them"
+                f"{name}: rows: got {first}-{last}; expected {word} between {number[0]} and {number[-1]}, as bristle inspect prints them"
             )
-        return _cut(
-            table,
-            (number >= run.rows[0]) & (number <= run.rows[1]),
-            number,
-            name,
-            f"{word} {run.rows[0]} to {run.rows[1]}",
-        )
+        return _cut(table, (number >= first) & (number <= last), number, name, f"{word} {first}-{last}")
     if run.time is not None and table.time is not None:
-        inside, shown = _within(table.time, run.time)
-        return _cut(table, inside, number, name, shown)
-    return table
+        return _cut(table, *_within(table.time, run.time, number), name, _span(run.time))
+    return table, name
 
 
-def _within(time: Array, span: TimeRange) -> tuple[NDArray[np.bool_], str]:
+def _within(time: Array, span: TimeRange, number: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
     low, high = (-np.inf if span.start is None else span.start), (np.inf if span.to is None else span.to)
-    ends = [f"from {low:g} s"] * np.isfinite(low) + [f"to {high:g} s"] * np.isfinite(high)
-    return (time >= low) & (time <= high), "time " + " ".join(ends)
+    return (time >= low) & (time <= high), number
 
 
-def _cut(table: RawTable, inside: NDArray[np.bool_], number: NDArray[np.intp], name: str, shown: str) -> RawTable:
+def _span(span: TimeRange) -> str:
+    return " ".join(f"{word} {end:g} s" for word, end in (("from", span.start), ("to", span.to)) if end is not None)
+
+
+def _cut(
+    table: RawTable, inside: NDArray[np.bool_], number: NDArray[np.intp], name: str, part: str
+) -> tuple[RawTable, str]:
     rows = int(inside.sum())
     if not rows:
-        there = (
-            ""
-            if table.time is None
-            else f", whose time goes from {np.nanmin(table.time):.6g} s to {np.nanmax(table.time):.6g} s"
-        )
-        raise InputError(f"{name}: no row lies in {shown} of the file{there}; give another range")
-    note: Diagnostic = Kind.PART_TAKEN(part=shown, rows=rows, total=table.rows)
-    return replace(
+        seen = np.zeros(0) if table.time is None else table.time[np.isfinite(table.time)]
+        there = f", whose time goes from {seen.min():.6g} s to {seen.max():.6g} s" if seen.size else ""
+        raise InputError(f"{name}: no row lies in the part {part} of the file{there}; give another range")
+    note: Diagnostic = Kind.PART_TAKEN(part=part, rows=rows, total=table.rows)
+    cut = replace(
         table,
         columns={key: values[inside] for key, values in table.columns.items()},
         rows=rows,
@@ -234,3 +236,4 @@ def _cut(table: RawTable, inside: NDArray[np.bool_], number: NDArray[np.intp], n
         time=None if table.time is None else table.time[inside],
         numbers=number[inside],
     )
+    return cut, f"{name} ({part})"
