@@ -201,7 +201,7 @@ def _place(key: Key, layout: Layout) -> int:
     found = _named(column, key.index, layout)
     if len(found) > 1:
         raise InputError(
-            f"several columns named {key}, which are {short_list(found)} from 0; write a number, as in column: {found[1]}, "
+            f"several columns named {key}, columns {short_list(found)}, counted from 0; write a number, as in column: {found[1]}, "
             f"or {short(f'{layout.names[found[1]]}#2')} for the second"
         )
     if not found:
