@@ -137,8 +137,7 @@ def test_exports_are_read_as_they_are(tmp_path: Path, name: str) -> None:
     path = tmp_path / "log.csv"
     path.write_text(write(), encoding="utf-8", newline="")
     keys = [Key(c, stamps=name == "Siemens" and c == "Timestamp") for c in columns]
-    table = read_table(path, keys)
-    time, *values = (table.columns[key] for key in keys)
+    time, *values = (read_table(path, [key]).columns[key] for key in keys)
     by = {**dict.fromkeys(MILLI, 1e-3), "ROS 2": 1e-9}.get(name, 1.0)
     np.testing.assert_allclose(time * by, T, atol=1e-9)
     np.testing.assert_allclose(values[0], Q, atol=1e-4)
@@ -212,6 +211,22 @@ def test_channels_with_times_of_their_own(tmp_path: Path) -> None:
     np.testing.assert_allclose(record.torque, 0.5e-3 * I[:-1], rtol=2e-3)
 
 
+def test_the_time_of_another_channel_is_refused(tmp_path: Path) -> None:
+    """Of channels with a block each, one sampled otherwise than the time that is read with it is refused, with the line to add."""
+    (tmp_path / "log.csv").write_text(twincat(), encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"column 'Axis1\.ActCurrent' has a time of its own, column 2, .*; add time: 2 to the signal"
+    ):
+        read_table(tmp_path / "log.csv", [Key(0), Key("Axis1.ActPos"), Key("Axis1.ActCurrent")])
+
+
+def test_a_row_of_words_hides_no_row_above_it(tmp_path: Path) -> None:
+    """Words in the midst of data are refused by their row: what stands above them, below the names, is data."""
+    (tmp_path / "log.csv").write_text("t,q,tau\n0,1,2\nstart,of,run\n" + "1,2,3\n" * 9, encoding="utf-8")
+    with pytest.raises(InputError, match="row 2 of column 't' holds 'start'"):
+        read_table(tmp_path / "log.csv", [Key("t")])
+
+
 @pytest.mark.parametrize(
     ("content", "column", "expected"),
     [
@@ -227,6 +242,8 @@ def test_channels_with_times_of_their_own(tmp_path: Path) -> None:
         ('t,q\n"0,1","1,5"\n"0,2","2,5"\n', "q", [1.5, 2.5]),
         ("t,q\n2024-05-01 12:00:00,1\n2024-05-01 12:00:01,3\n", "q", [1, 3]),
         ("sep=|\nt|q\n0|1\n1|3\n", "q", [1, 3]),
+        ("sep=\t\nt\tq\n0\t1\n1\t3\n", "q", [1, 3]),
+        ('"sep=;"\nt;q\n0;1\n1;3\n', "q", [1, 3]),
     ],
 )
 def test_columns_are_found(tmp_path: Path, content: str, column: int | str, expected: list[float]) -> None:

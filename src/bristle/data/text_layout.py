@@ -28,7 +28,7 @@ _STAMP = re.compile(
     r"(?:\d{4}-\d\d-\d\d(?:[T ]\d\d?:\d\d.*)?|\d\d?\.\d\d?\.\d{4}(?: \d\d?:\d\d.*)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?)"
 )
 """A date, a time of day, or both."""
-_SEPARATOR = re.compile(r"sep=(.)", re.IGNORECASE)
+_SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)
 """What Excel writes above a table."""
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
 _HEADED = 3
@@ -61,6 +61,8 @@ class Layout(NamedTuple):
     """Rows above the numbers that are as wide, in which a name is looked for that the header does not have."""
     note: Diagnostic | None = None
     """What is said of a header that is more than one line of names."""
+    blocks: bool = False
+    """Whether each channel has a block of two columns, its time and its value."""
 
 
 class _Header(NamedTuple):
@@ -87,7 +89,7 @@ def text_layout(path: Path) -> Layout:
         for i, line in enumerate(lines)
         if line.strip() and not (comment and line.lstrip().startswith(comment))
     ]
-    told = _SEPARATOR.fullmatch(rows[0][1].strip().strip('"')) if rows else None
+    told = _SEPARATOR.fullmatch(rows[0][1].strip(' "')) if rows else None
     rows = rows[1:] if told else rows
     if not rows:
         raise InputError("holds no row of numbers; expected a log with a row per sample")
@@ -119,6 +121,7 @@ def text_layout(path: Path) -> Layout:
         _units(above, header, names),
         tuple(tuple(row) for row in above[-_LOOKED_AT:] if len(row) <= width + 1 and tuple(row) != names),
         note,
+        header.names is not None and _keyed(names).startswith("name"),
     )
 
 
@@ -129,7 +132,7 @@ def _uncommented(lines: Iterable[str], comment: str) -> list[str]:
 def _start(cells: Rows) -> int:
     """The first row of the table; as many as there are rows where there is none.
 
-    Rows that look alike above a line of names, as `Range,1,2` does, are no part of it, but for a header that repeats: those rows are a part.
+    Rows that look alike above a line of names, as `Range,1,2` does, are no part of it, but those that have a line of names above them are.
     """
     columns = _columns_of_numbers(cells)
     flags = [_is_row(row, columns) for row in cells]
@@ -140,8 +143,8 @@ def _start(cells: Rows) -> int:
     runs = (k for k in range(first, len(cells)) if all(flags[k : k + _RUN]) and k + _RUN <= len(cells))
     later = next(runs, first)
     between = [row for row in cells[first:later] if _is_names(row, width)]
-    again = any(list(row) in [list(x) for x in cells[:first]] for row in between)
-    return later if between and not again else first
+    named = first > 0 and _is_names(cells[first - 1], width)
+    return later if between and not named else first
 
 
 def _columns_of_numbers(cells: Rows) -> list[int]:

@@ -134,6 +134,8 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     if not layout.first:
         raise InputError("has a header and no row of numbers; expected a log with a row per sample")
     frame = _frame(path, layout, [place for key, place in places.items() if key.stamps])
+    if layout.blocks:
+        _refuse_other_times(frame, places)
     notes = (
         *([layout.note] if layout.note else []),
         *([Kind.DECIMAL_COMMA()] if layout.decimal == "," else []),
@@ -150,6 +152,17 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
         units={key: unit for key, unit in stated.items() if unit},
         origins={key: origin for key, (_, origin) in stamps.items()},
     )
+
+
+def _refuse_other_times(frame: "pd.DataFrame", places: Mapping[Key, int]) -> None:
+    """Raises InputError where channels of a file of blocks, a time and a value each, are read with a time that is another one's."""
+    times = [place for place in places.values() if place % 2 == 0]
+    for key, place in places.items():
+        if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
+            raise InputError(
+                f"column {key} has a time of its own, column {place - 1}, which is not that of column {times[0]}; "
+                f"add time: {place - 1} to the signal"
+            )
 
 
 def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
