@@ -72,9 +72,8 @@ def _seconds(table: RawTable, clock: TimeColumn) -> tuple[Array, int]:
     seen = times[np.isfinite(times)]
     first = float(seen[0]) if seen.size else 0.0
     origin = round(min(max(first * by, -9e9), 9e9)) * 10**9  # whole seconds, so that the digits of the rest stay
-    return (times - first) * by + (first * by - origin / 1e9) + table.columns[keys[1]] * units.factor(
-        clock.plus.unit, "s"
-    ), origin
+    added = table.columns[keys[1]] * units.factor(clock.plus.unit, "s")
+    return (times - first) * by + (first * by - origin / 1e9) + added, origin
 
 
 def _with_signal(
@@ -84,7 +83,7 @@ def _with_signal(
     own = signal.time
     if own is None or table.time is None:
         return table
-    own = own if own.unit else own.model_copy(update={"unit": common.unit or "s", "plus": own.plus})
+    own = own if own.unit else own.model_copy(update={"unit": common.unit or "s"})
     key = Key(signal.column, signal.index)
     read = read_table(source[0], [key, *own.columns()], source[1])
     if (own.unit == ISO) != (common.unit == ISO):
