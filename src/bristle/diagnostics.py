@@ -1819,6 +1819,26 @@ class Kind(Enum):
     HEADER_LINE = _NOTE, "{line} ({text})"
     MORE_LINES = _NOTE, ", and {count} more"
     DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
+    UNIT_DIFFERS = (
+        _CAUTION,
+        (
+            "Unit of {signal}: the header of {files!l} states {stated}, and {declared} is declared. Write {remedy}; where the header is "
+            "wrong, correct it, or leave the unit out of it."
+        ),
+    )
+    OWN_TIME = (
+        _NOTE,
+        (
+            "{signal} has a time of its own ({samples} sample{samples!e}): linear between its samples, and missing in {outside} row{outside!e} of "
+            "the run, beyond them or in their gaps."
+        ),
+    )
+    FILES_JOINED = (
+        _NOTE,
+        "One run of {files!l}, in this order. Times that begin anew, and then follow after a gap: {restarts}.",
+    )
+    PART_TAKEN = _NOTE, "Of {total} rows {rows} are taken: {part}."
+    GEAR_TAKEN = _NOTE, "Gear of ratio {ratio:g}{unit}: logged at the motor, and brought to the joint: {signals!l}."
     RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
     TIME_RECEIVED = _NOTE, "Times of {topics!l} are those at which messages were received, not those of a header."
     TOPICS_INTERPOLATED = (
@@ -2283,7 +2303,7 @@ REASONS: Mapping[str, str] = {
         "FREQUENCY_LOWERED"
     ),
     "What was read may not be what was meant.": (
-        "LINKS_SCALE BEYOND_URDF HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN"
+        "LINKS_SCALE BEYOND_URDF HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN UNIT_DIFFERS"
     ),
     "The sessions are not alike, so a change may not be one of the joint.": (
         "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"
@@ -2329,7 +2349,8 @@ REASONS: Mapping[str, str] = {
         "ACCELERATION_FROM_VELOCITY TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED "
         "RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE LIMIT_LINKS "
         "INERTIA_EXACT NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD "
-        "GRIPPER_FRICTION NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED TIME_RECEIVED TOPICS_INTERPOLATED"
+        "GRIPPER_FRICTION NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED TIME_RECEIVED TOPICS_INTERPOLATED OWN_TIME FILES_JOINED "
+        "PART_TAKEN GEAR_TAKEN"
     ),
     "It says what to measure or to write next.": (
         "SET_UP_PAYS MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE ALPHA_2_WIDE "

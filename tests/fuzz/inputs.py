@@ -127,6 +127,10 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
     "motor.resistance": _of_or_uncertain("ohm"),
     "motor.inductance": _of("H"),
     "motor.inertia": _of("kg*m**2"),
+    "motor.gear": st.fixed_dictionaries(
+        {"ratio": st.one_of(NUMBERS, _POSITIVE, quantities())},
+        optional=dict.fromkeys(("position", "velocity", "torque"), st.sampled_from(["motor", "joint"])),
+    ),
     "inertia": _of_or_uncertain("kg*m**2"),
     "encoder_resolution": st.one_of(_of("rad"), st.just("4096 counts/rev")),
     "segments.minimum_duration": _of("s"),
@@ -161,6 +165,7 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
     "fit.decimation": st.sampled_from([1, 2, 5, 10, 300, 10_000]),
     "signals.torque.scale": st.one_of(_POSITIVE, _of_or_uncertain("N*m/A"), NUMBERS),
     "signals.torque.delay": _of("s"),
+    "signals.torque.time": st.one_of(st.sampled_from(["t", 0, 1]), st.just({"column": "t", "unit": "ms"}), NAMES),
     "signals.position.wraps": st.one_of(st.booleans(), _of("rad")),
     "signals.time": st.one_of(_of("Hz").map(lambda x: {"rate": x}), st.just({"column": 0, "unit": "ms"})),
     "simulated": st.booleans(),

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.data.columns import Key
 from bristle.data.encoder import whole_positions
-from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals
-from bristle.data.experiment.yaml_file import StrictModel
+from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals, Time
+from bristle.data.experiment.tables import keys_of
 from bristle.data.record import Record
 from bristle.data.text_table import RawTable
 from bristle.diagnostics import Diagnostic, Kind
@@ -48,11 +47,6 @@ class _Rows:
         self.number = self.number[mask]
 
 
-def keys_of(signals: Signals) -> dict[str, Key]:
-    """Which column each signal is read from; none for a time that is given by its rate."""
-    return {name: Key(s.column, s.index) for name, s in signals if s is not None and s.column is not None}
-
-
 def make_record(
     file: str,
     table: RawTable,
@@ -69,7 +63,7 @@ def make_record(
     """
     rows = _scaled(table, signals, context)
     if signals.time is not None and signals.time.rate is not None:
-        rows.data["time"] = np.arange(table.rows) / signals.time.rate
+        rows.data["time"] = np.arange(table.rows) / signals.time.rate if table.time is None else table.time
         rows.notes.append(Kind.RATE_DECLARED(rate=signals.time.rate))
     _drop_non_finite(rows, table, cleaning)
     _drop_by_time(rows, cleaning)
@@ -83,6 +77,7 @@ def make_record(
             signals.position.period(context),
             declared=signals.position.wraps is not None or whole is not None,
             revolute=context.kind == "revolute",
+            turn=_TURN * abs(context.to_joint("position")) if context.kind_of("position") == "revolute" else None,
         )
     _refuse_constant(rows)
     _undelay(rows, signals, starts)
@@ -106,7 +101,8 @@ def make_points(
     _drop_non_finite(rows, table, cleaning)
     _enough(rows)
     _refuse_constant(rows)
-    rows.data["time"] = np.arange(rows.number.size, dtype=float)
+    before = 0 if table.numbers is None else int(table.numbers[0]) - 1 - (table.header or 0)
+    rows.data["time"] = np.arange(rows.number.size, dtype=float) + before
     return _record(file, table, rows, (0,), labels or {})
 
 
@@ -131,17 +127,13 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
 
     data = {}
     for name, key in keys_of(signals).items():
-        signal: StrictModel | None = getattr(signals, name)
-        times = (
-            signal.factor(name, context)
-            if isinstance(signal, Signal)
-            else factor(signals.time.unit or "s", "s")
-            if signals.time
-            else 1.0
-        )
-        data[name] = table.columns[key] * times
+        signal: Signal | Time = getattr(signals, name)
+        if isinstance(signal, Signal):
+            data[name] = table.columns[key] * signal.factor(name, context)
+        else:
+            data[name] = table.columns[key] * factor(signal.unit or "s", "s") if table.time is None else table.time
         _refuse_absurd(name, data[name])
-    number = np.arange(1, table.rows + 1) + (table.header or 0)
+    number = np.arange(1, table.rows + 1) + (table.header or 0) if table.numbers is None else table.numbers
     return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
 
 
@@ -216,15 +208,15 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide)))
 
 
-def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool) -> None:
+def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool, turn: float | None) -> None:
     position = rows.data["position"]
     jumps = np.diff(position)
     if period is not None:
         rows.data["position"] = np.unwrap(position, period=period)
         turns = int((np.abs(jumps) > period / 2).sum())
         rows.notes.append(Kind.UNWRAPPED(period=period, unit="rad" if revolute else "m", turns=turns))
-    elif revolute and not declared:
-        full = np.flatnonzero(np.abs(np.abs(jumps) / _TURN - 1) < 0.1)
+    elif turn is not None and not declared:
+        full = np.flatnonzero(np.abs(np.abs(jumps) / turn - 1) < 0.1)
         if full.size:
             raise InputError(
                 f"position jumps by a full turn between samples, {full.size} times (first: {rows.word} {rows.number[full[0] + 1]}); "

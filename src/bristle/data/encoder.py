@@ -8,9 +8,10 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.experiment.signals import Context, Position, si
+from bristle.data.experiment.signals import Context, Position
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.model.parameters import unit as unit_of
 
 if TYPE_CHECKING:
     from bristle.data.experiment.load import Experiment
@@ -68,11 +69,11 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
     seen = logged[np.isfinite(logged)]
     if not (seen == np.round(seen)).all() or np.unique(seen).size < 3:
         return None
-    size = abs(signal.factor("position", context))
+    size = abs(signal.factor("position", context) / context.to_joint("position"))
     if size >= _WHOLE:
         return Kind.WHOLE_POSITIONS(files=(file,), unit=signal.unit)
     declared = context.resolution is not None and _apart(size / context.resolution, 1.0) < _FACTOR
-    degrees = context.kind == "revolute" and _apart(size, units.factor("deg", "rad")) < _NAMED
+    degrees = context.kind_of("position") == "revolute" and _apart(size, units.factor("deg", "rad")) < _NAMED
     return Kind.WHOLE_DEGREES(files=(file,)) if degrees and not declared else None
 
 
@@ -86,22 +87,29 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     repeats = levels.size <= record.position.size / 2
     if not step or multiples.size < _ENOUGH or not (repeats or np.unique(multiples).size > _DIFFERENT):
         return None
+    step /= abs(context.to_joint("position"))
     if context.resolution is None:
         return _turn_of_another_unit(record.file, step, signal, context)
     ratio = step / context.resolution
     if _apart(ratio, 1.0) < _FACTOR:
         return None
-    kind = Kind.COUNT_ROUNDED if _is_round(step / abs(signal.factor("position", context))) else Kind.COUNT_CONTRADICTS
+    now = signal.factor("position", context) / context.to_joint("position")
+    kind = Kind.COUNT_ROUNDED if _is_round(step / abs(now)) else Kind.COUNT_CONTRADICTS
     kind = Kind.COUNT_BITS if _power_of_two(ratio, _NAMED) else kind
     line = next((f"`unit: {u}`" for u, by in _other_units(signal, context) if _apart(ratio * by, 1.0) < _NAMED), None)
-    numbers = {"files": (record.file,), "step": step, "ratio": ratio, "unit": si("position", context)}
+    numbers = {
+        "files": (record.file,),
+        "step": step,
+        "ratio": ratio,
+        "unit": unit_of("position", context.kind_of("position")),
+    }
     return kind(**numbers) if line is None else Kind.COUNT_UNIT(**numbers, remedy=line)
 
 
 def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Diagnostic | None:
     """A turn of so many counts that it is a power of two in another unit than the declared one."""
     turn = 2 * np.pi / step
-    if context.kind != "revolute" or _power_of_two(turn, _POWER):
+    if context.kind_of("position") != "revolute" or _power_of_two(turn, _POWER):
         return None
     for unit, by in _other_units(signal, context):
         if turn / by > _COARSEST and _power_of_two(turn / by, _POWER):
@@ -114,9 +122,9 @@ def _turn_of_another_unit(file: str, step: float, signal: Position, context: Con
 def _other_units(signal: Position, context: Context) -> Iterator[tuple[str, float]]:
     """Each unit that the column may have been logged in, and what it multiplies the position by, as declared."""
     now = signal.factor("position", context)
-    for unit in (*POSITION_UNITS[context.kind], *(["counts"] if context.resolution else [])):
+    for unit in (*POSITION_UNITS[context.kind_of("position")], *(["counts"] if context.resolution else [])):
         with suppress(ValueError):  # where the scale converts the unit
-            by = units.factor(unit, si("position", context), scale=signal.scale, resolution=context.resolution) / now
+            by = signal.model_copy(update={"unit": unit}).factor("position", context) / now
             if _apart(by, 1.0) > _NAMED:
                 yield unit, by
 

@@ -15,9 +15,10 @@ from bristle.data import units
 from bristle.data.differentiation import ORDER, between_gaps, smoothed, usable
 from bristle.data.encoder import POSITION_UNITS, count_mismatch, smallest_step
 from bristle.data.experiment.schema import FitOptions, RunKind
-from bristle.data.experiment.signals import Context, Position, Signal, Signals, si
+from bristle.data.experiment.signals import Context, Position, Signal, Signals
 from bristle.data.motion_checks import held_position, irregular_sampling, position_jumps, shortened, velocity_lag
 from bristle.data.record import Record
+from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
 from bristle.diagnostics import Diagnostic, Kind, Severity
 
@@ -164,6 +165,8 @@ def _unrelated(record: Record, ratio: TravelRatio) -> Diagnostic | None:
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
     """Lines that would make position and velocity agree: units that are this far apart, or else a factor; and a sign."""
     size = abs(ratio)
+    if context.gear and _near(max(size, 1 / size), abs(context.gear.ratio)):
+        return [f"the other side for {name} under motor.gear" for name in ("velocity", "position")]
     lines = [] if _near(size, 1.0) else [*_other_units(signals, context, size)] or _factors(signals, size)
     turned = ["the opposite sign of `scale` under signals.velocity or signals.position"]
     return [*lines, *(turned if ratio < 0 else [])]
@@ -175,12 +178,12 @@ def _other_units(signals: Signals, context: Context, size: float) -> Iterator[st
         if signal is None or signal.unit.strip().startswith("count"):
             continue
         now = signal.factor(name, context)
-        for unit in _UNITS[name][context.kind]:
+        for unit in _UNITS[name][context.kind_of(name)]:
             with suppress(ValueError):  # where the scale converts the unit
-                if _near(units.factor(unit, si(name, context), scale=signal.scale) / now, wanted):
+                if _near(signal.model_copy(update={"unit": unit}).factor(name, context) / now, wanted):
                     yield f"`unit: {unit}` under signals.{name}"
-    if signals.time is not None and signals.time.unit is not None:
-        now = units.factor(signals.time.unit, "s")
+    if signals.time is not None and signals.time.unit not in {None, ISO}:
+        now = units.factor(signals.time.unit or "s", "s")
         yield from (f"`unit: {x}` under signals.time" for x in _TIMES if _near(units.factor(x, "s") / now, size))
 
 
@@ -199,7 +202,7 @@ def _coarse(record: Record, context: Context, options: FitOptions) -> Diagnostic
     if record.acceleration is None:
         return None
     source, order = (record.position, 2) if record.velocity_estimated else (record.velocity, 1)
-    counts = _counts(source, context.resolution if record.velocity_estimated else None, record)
+    counts = _counts(source, context.count if record.velocity_estimated else None, record)
     decimated = 0.4 / (record.step * options.decimation)
     ends = min(_ENDS * options.decimation, record.time.size // 4)
     seen = smoothed(record, record.acceleration, decimated) if options.decimation > 1 else record.acceleration

@@ -5,6 +5,7 @@ What pint does not mind, and a log must: Hz is not rad/s, and a bare number has 
 
 import re
 import tokenize
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,8 @@ _RAISED = re.compile(r"[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _PLAIN_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")
 """A power of a bracket, in which another one may stand."""
+_GERMAN = {"Grad": "deg", "U/min": "rpm"}
+"""What pint takes for a gigaradian, and for none."""
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
@@ -190,6 +193,7 @@ def _parse(unit: str) -> "pint.Unit":
     if len(unit) > _LONGEST:
         raise InputError(bad)
     text = re.sub(r"(?<=[^\W\d])[-·⋅.](?=[^\W\d])", "*", unit.strip().replace("°", "deg"))
+    text = _GERMAN.get(text, text)
     text = _RAISED.sub(lambda digits: "**" + digits[0].translate(_PLAIN_DIGITS), text)
     text = "dimensionless" if text in ("1", "-") else text.replace("%", "percent")
     if not _UNIT.fullmatch(text) or _POWER.search(text) or len(_OF_BRACKET.findall(text)) > 1:
@@ -200,6 +204,20 @@ def _parse(unit: str) -> "pint.Unit":
         raise InputError(bad) from error
 
 
+_OF_SIGNALS = ("s", "rad", "m", "rad/s", "m/s", "rad/s**2", "m/s**2", "N", "N*m", "A", "V", "W", "Hz", "kelvin")
+"""Units of what a log may hold: another word in a row of units is none."""
+
+
+@cache
+def signal_unit(text: str) -> str:
+    """A text that is the unit of a signal, as `factor` takes it: `Volt` as volt; empty where it is none."""
+    for unit in (text, text.lower()) if 3 < len(text) <= _LONGEST else (text,):
+        with suppress(InputError):
+            if unit and _parse(unit).dimensionality in {_parse(x).dimensionality for x in _OF_SIGNALS}:
+                return unit
+    return ""
+
+
 @cache
 def _registry() -> "pint.UnitRegistry[float]":
     import pint
@@ -207,6 +225,8 @@ def _registry() -> "pint.UnitRegistry[float]":
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(autoconvert_offset_to_baseunit=False)
     registry.define("newton_metre = newton * meter = Nm")
     registry.define("@alias turn = rev")
+    registry.define("newton_centimetre = 0.01 * newton * meter = Ncm")
+    registry.define("newton_millimetre = 0.001 * newton * meter = Nmm")
     return registry
 
 

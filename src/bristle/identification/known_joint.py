@@ -247,7 +247,7 @@ def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
     None where nothing tells it.
     """
     declared = experiment.inertia.value if experiment.inertia else None
-    motor = experiment.motor_constants.inertia if experiment.motor_constants else None
+    motor = experiment.motor_constants.at_joint().inertia if experiment.motor_constants else None
     identified = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
     own = next((J for J in (*identified, declared, motor) if J is not None and J > 0), None)
     return own if joint.link_inertia is None else (own or 0.0) + joint.link_inertia

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
@@ -19,6 +20,10 @@ from bristle.identification.static.points import PointSearch, search_points, wit
 
 _STILL = 1e-12
 """Of the fastest point: a slower one is at rest, and its velocity rounding."""
+
+
+_ROUNDING = 1e-12
+"""Of a position: what unwrapping makes of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,16 +111,35 @@ def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
     for k, run in enumerate(runs):
         for other in runs[:k]:
             a, b = run.record, other.record
-            same = a.sha256 == b.sha256 and run.kind == other.kind and a.time.size == b.time.size
-            if same and all(_equal(getattr(a, name), getattr(b, name)) for name in ("time", "torque", "velocity")):
+            same = a.sha256 == b.sha256 and run.kind == other.kind
+            if same and _overlap(a, b):
                 what = "is held out and fitted as well" if run.hold_out != other.hold_out else "is given twice"
                 raise InputError(
-                    f"{experiment.path.name}: runs: {a.file} {what} (as {b.file}, the same bytes); name each run once"
+                    f"{experiment.path.name}: runs: {a.file} {what} (as {b.file}, the same bytes, with rows in common); name each run once, "
+                    "and parts of a file that do not overlap"
                 )
 
 
-def _equal(a: Array | None, b: Array | None) -> bool:
-    return (a is None) == (b is None) and (a is None or b is None or np.array_equal(a, b))
+def _overlap(a: Record, b: Record) -> bool:
+    """Whether two records of one file share rows and what they measured there: two joints of one file share rows alone."""
+    rows = (a.time, b.time) if a.lines is None or b.lines is None else (a.lines, b.lines)
+    _, of_a, of_b = np.intersect1d(*rows, return_indices=True)
+    if not of_a.size:
+        return False
+    estimated = a.velocity_estimated or b.velocity_estimated
+    names = ["torque" if a.voltage is None else "voltage", *([] if estimated else ["velocity"])]
+    pairs = [(getattr(a, name), getattr(b, name)) for name in names]
+    measured = [(x[of_a], y[of_b]) for x, y in pairs if x is not None and y is not None]
+    alike = len(measured) == len(pairs) and all(np.array_equal(x, y) for x, y in measured)
+    return alike and _moves_alike(a.position, b.position, of_a, of_b)
+
+
+def _moves_alike(a: Array | None, b: Array | None, of_a: NDArray[np.intp], of_b: NDArray[np.intp]) -> bool:
+    """Whether two positions are one in the rows that they share, but for the turn in which each begins."""
+    if a is None or b is None:
+        return (a is None) == (b is None)
+    x, y = a[of_a] - a[of_a[0]], b[of_b] - b[of_b[0]]
+    return bool(np.abs(x - y).max() <= _ROUNDING * max(np.abs(a).max(), np.abs(b).max()))
 
 
 def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:

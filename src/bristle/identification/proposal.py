@@ -74,8 +74,12 @@ def _of_robot(urdf: Path, logs: Sequence[Path], told: Told, folder: Path | None)
     text, said = draft_robot(urdf, logs, told, folder)
     path = (folder or urdf.parent) / f"the draft for {urdf.name}"
     joints = measure_robot(robot_of(parse(text, str(path)), path))
-    against = dict.fromkeys(str(w) for m in joints for w in m.findings if w.severity is not Severity.NOTE)
-    return text, (*said, *against)
+    against: dict[str, list[str]] = {}
+    for m in joints:
+        for w in m.findings:
+            if w.severity is not Severity.NOTE:
+                against.setdefault(str(w), []).append(m.experiment.joint.name)
+    return text, (*said, *(f"{', '.join(names)}: {sentence}" for sentence, names in against.items()))
 
 
 def _sorted(draft: Draft, experiment: Experiment, read: Sequence[Run]) -> tuple[list[DraftedRun], list[str]]:

@@ -3,15 +3,20 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import cache
 from typing import NamedTuple
 
+from bristle.data.units import factor
+from bristle.errors import InputError
+
 _NAMES = {
-    "time": ("t", "time", "timestamp", "timestamps", "stamp"),
-    "position": ("q", "qm", "pos", "position", "angle", "theta", "phi"),
-    "velocity": ("dq", "qd", "vel", "velocity", "speed", "omega", "qdot"),
-    "torque": ("tau", "torque", "trq", "effort", "force", "moment"),
-    "current": ("i", "iq", "current", "curr", "amps"),
-    "voltage": ("u", "v_in", "voltage", "volt", "volts"),
+    "time": ("t", "time", "timestamp", "timestamps", "stamp", "zeit", "zeitstempel"),
+    "position": ("q", "qm", "pos", "position", "angle", "theta", "phi", "winkel", "lage"),
+    "velocity": ("dq", "qd", "vel", "velocity", "speed", "omega", "qdot", "velo", "geschwindigkeit", "drehzahl"),
+    "torque": ("tau", "torque", "trq", "effort", "force", "moment", "drehmoment", "kraft"),
+    "current": ("i", "iq", "current", "curr", "amps", "strom"),
+    "voltage": ("u", "v_in", "voltage", "volt", "volts", "spannung"),
 }
 _WITH_UNIT = {"position": ("x", "y", "p", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m"), "voltage": ("v",)}
 """Names that mean a signal where a unit of it follows."""
@@ -50,6 +55,14 @@ _UNITS = {
     },
     "voltage": {**dict.fromkeys(("v", "volt", "volts"), "V"), **dict.fromkeys(("mv", "millivolts"), "mV")},
 }
+_SI = {
+    "time": ("s",),
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "torque": ("N*m", "N"),
+    "current": ("A",),
+    "voltage": ("V",),
+}
 LONGEST = 100
 """Characters of a column's name that may be a usual one."""
 _SHORT = 2
@@ -80,19 +93,24 @@ class ColumnGuess(NamedTuple):
     """Columns whose names say so just as well, which come later in the file."""
 
 
-def guess_columns(names: Sequence[str]) -> dict[str, ColumnGuess]:
+def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str, ColumnGuess]:
     """The column whose name says most plainly that it is a signal, signal by signal; a column that repeats is none.
 
-    A name is cut into words, and perhaps a unit behind them: `motor_current_A`, `jointPosDeg`, `Torque [Nm]`.
+    A name is cut into words, and perhaps a unit behind them: `motor_current_A`, `jointPosDeg`, `Torque [Nm]`. `stated` are the units that a file
+    states of its columns, empty where it states none; a column alone in a unit of time is the time.
     """
     once = [name for name, count in Counter(names).items() if count == 1 and len(name) <= LONGEST]
-    best = [max(_readings(name), default=None) for name in once]
+    units = dict(zip(names, stated, strict=False))
+    best = [max(_readings(name, units.get(name, "")), default=None) for name in once]
     guesses: dict[str, ColumnGuess] = {}
     for signal in _NAMES:
         found = [(x.score, name, x.unit) for name, x in zip(once, best, strict=True) if x and x.signal == signal]
         if found:
             score, name, unit = max(found, key=lambda x: x[0])  # the first of those that are alike
             guesses[signal] = ColumnGuess(name, unit or None, sum(x[0] == score for x in found) - 1)
+    timed = [name for name in once if units.get(name) and _fits(units[name], "time")]
+    if "time" not in guesses and len(timed) == 1:
+        guesses["time"] = ColumnGuess(timed[0], units[timed[0]])
     v = next((name for name in once if name.strip().lower() == "v"), None)
     if v is not None and "velocity" not in guesses and guesses.keys() & {"torque", "current"}:
         guesses["velocity"] = ColumnGuess(v, None)  # and no voltage, for what drives the joint is there
@@ -107,13 +125,24 @@ class _Reading(NamedTuple):
     unit: str
 
 
-def _readings(name: str) -> list[_Reading]:
+@cache
+def _fits(unit: str, signal: str) -> bool:
+    """Whether a unit is one of a signal, of a joint that turns or slides."""
+    for target in _SI[signal]:
+        with suppress(InputError):
+            return bool(factor(unit, target))
+    return False
+
+
+def _readings(name: str, stated: str = "") -> list[_Reading]:
     bare, bracket = _split(name)
     words = _words(bare)
     readings = []
     for signal, units in _UNITS.items():
+        if stated and _fits(stated, signal) and (score := _score(words, signal, stated)):
+            readings.append(_Reading(score, signal, stated))
         if bracket:
-            cuts = [(words, units[bracket])] if bracket in units else []
+            cuts = [(words, units[bracket.lower()])] if bracket.lower() in units else []
         else:
             ends = ((words[:-k], "_".join(words[-k:])) for k in (1, 2, 3) if k < len(words))
             cuts = [(words, ""), *((stem, units[end]) for stem, end in ends if end in units)]
@@ -140,13 +169,13 @@ def _score(words: list[str], signal: str, unit: str) -> float:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """`Torque [Nm]` as (Torque, nm): the name after the last dot or slash of a path, and the unit in brackets."""
+    """`Torque [Nm]` as (Torque, Nm): the name after the last dot or slash of a path, and the unit in brackets."""
     if re.fullmatch(r"/[\w./]+", name):
         name = name.rsplit("/", 1)[-1]
     last = name.rsplit(".", 1)[-1] if re.fullmatch(r"[\w.{}()]+", name) else name
     match = re.fullmatch(r"\s*(.*?)[\s_]*[\[(](.*?)[\])]\s*", last)
     bare, unit = (match[1], match[2]) if match else (last, "")
-    return bare.strip(), unit.strip().lower()
+    return bare.strip(), unit.strip()
 
 
 def _words(bare: str) -> list[str]:

@@ -3,10 +3,12 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from bristle.arrays import Array
 from bristle.data import units
 from bristle.data.experiment.schema import MotorConstants, PlusMinus
-from bristle.data.experiment.signals import Context, Signals, si
+from bristle.data.experiment.signals import Context, Signals, motor_si
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.model.functions import drive_torque_slopes_function
@@ -39,9 +41,9 @@ def torque_constants(signals: Signals, motor: MotorConstants | None, context: Co
     if drive is None or signal is None:
         return
     for name in _OF_DRIVE[drive]:
-        known: PlusMinus | None = getattr(motor, name)
+        known: PlusMinus | None = getattr(motor, name, None)
         if known is not None:
-            unit = si({TORQUE_CONSTANT: "k_t", RESISTANCE: "R"}[name], context)
+            unit = motor_si({TORQUE_CONSTANT: "k_t", RESISTANCE: "R"}[name], context)
             yield Constant(name, known.value, known.standard_error, unit)
     number, unit, relative = units.scale_parts(signal.scale)
     if relative is not None or abs(number) != 1 or unit != "1":
@@ -74,10 +76,18 @@ def torque_shifts(record: Record, signals: Signals, motor: MotorConstants | None
     for constant in torque_constants(signals, motor, context):
         if constant.error is not None and record.torque is not None:
             by = record.torque / constant.value
-            if record.voltage is not None and record.velocity is not None and motor and motor.resistance:
-                k_t, R = motor.torque_constant.value, motor.resistance.value
-                by_V, by_k_t, by_R = evaluate(drive_torque_slopes_function(), record.voltage, record.velocity, k_t, R)
-                by_scale = by_V * record.voltage / constant.value
-                by = {TORQUE_CONSTANT: by_k_t, RESISTANCE: by_R}.get(constant.name, by_scale)
+            if record.voltage is not None and record.velocity is not None and motor is not None:
+                by = _of_voltage(record.voltage, record.velocity, constant, motor.at_joint())
             shifts[str(constant)] = by * constant.error
     return shifts
+
+
+def _of_voltage(voltage: Array, velocity: Array, constant: Constant, motor: MotorConstants) -> Array:
+    """Slope of a torque from voltage by one of its constants, as declared: k_t is the motor's own where there is a gear, (n,)."""
+    if motor.torque_constant is None or motor.resistance is None:
+        return np.zeros(voltage.size)
+    k_t, R = motor.torque_constant.value, motor.resistance.value
+    by_V, by_k_t, by_R = evaluate(drive_torque_slopes_function(), voltage, velocity, k_t, R)
+    if constant.name == TORQUE_CONSTANT:
+        return by_k_t * (k_t / constant.value)
+    return by_R if constant.name == RESISTANCE else by_V * voltage / constant.value

@@ -5,6 +5,7 @@ What was guessed is said; what cannot be guessed, and was not told, is refused w
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +20,9 @@ from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import DRIVE
 from bristle.data.ros.files import is_bag
 from bristle.data.ros.read import bag_columns
-from bristle.data.text_table import is_text, naming, read_table, text_layout
+from bristle.data.text_layout import is_stamp, text_layout
+from bristle.data.text_table import is_text, naming, read_table
+from bristle.data.timestamps import ISO
 from bristle.data.units import factor
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind
@@ -31,7 +34,8 @@ _DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
 _SHOWN = 200
 """Columns that the draft lists."""
-_LINEAR = {"m", "mm", "um", "m/s", "mm/s", "N", "kN"}
+_LINEAR = {"position": "m", "velocity": "m/s", "torque": "N"}
+"""Units of a joint that slides."""
 _POINTS = 1000
 """Rows: where time is not logged, more than so many are a log, and no velocity-torque pairs."""
 _WRAPPED = 0.1
@@ -111,12 +115,17 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for file in files:
         check_name(file.name, f"{file}: the file name")
     names, described = _columns(first)
-    guesses = _guesses(first, names, told) | {signal: _told(told, signal, names) for signal in told.columns}
+    stated = _stated(first)
+    guesses = _guesses(first, names, stated, told) | {
+        signal: _told(told, signal, names, stated) for signal in told.columns
+    }
     if told.rate is None and not names and "time" not in guesses and _rises(first):
         guesses["time"] = ColumnGuess("0", None)
+    if "time" in guesses and "time" not in told.units and _is_dated(first, guesses["time"]):
+        guesses["time"] = guesses["time"]._replace(unit=ISO)
     drive = _drive(first, guesses, told, described)
     of_points = _of_points(first, guesses, told, described)
-    kind: Kind = "prismatic" if _is_linear(guesses, told, drive) else "revolute"
+    kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
     wanted = ("velocity", drive) if of_points else ("time", "position", "velocity", drive)
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
     if told.rate is not None:
@@ -124,7 +133,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for name in wanted:
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
-            lines.append(_signal(name, guess, kind, told, names, guessed) + f"{wraps}}}")
+            lines.append(_signal(name, guess, kind, told, names, stated, guessed) + f"{wraps}}}")
             guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
     return Draft(
         name=first.stem[:200],
@@ -153,23 +162,46 @@ def _columns(path: Path) -> tuple[tuple[str, ...], str]:
     return (), f"no header; {numbered}{', ...' if len(layout.first) > _SHOWN else ''}"
 
 
-def _guesses(path: Path, names: tuple[str, ...], told: Told) -> dict[str, ColumnGuess]:
+def _guesses(path: Path, names: tuple[str, ...], stated: tuple[str, ...], told: Told) -> dict[str, ColumnGuess]:
     """Columns by their names; of a bag those of its only joint."""
     if not is_bag(path):
-        return guess_columns(names)
+        return guess_columns(names, stated)
     with naming(str(path)):
         return bag_guesses(path, told.columns)
+
+
+def _stated(path: Path) -> tuple[str, ...]:
+    """The units that a text file states of its columns, empty where it states none."""
+    return text_layout(path).units if is_text(path) else ()
+
+
+def _is_dated(path: Path, guess: ColumnGuess) -> bool:
+    """Whether a column of a text file holds dates or times of day."""
+    column = _key(guess, path).column
+    if not is_text(path):
+        return False
+    layout = text_layout(path)
+    place = (
+        column
+        if isinstance(column, int)
+        else layout.names.index(column)
+        if column in layout.names
+        else len(layout.first)
+    )
+    return place < len(layout.first) and is_stamp(layout.first[place])
 
 
 def _list(names: tuple[str, ...]) -> str:
     return ", ".join([*(quoted(name[:LONGEST]) for name in names[:_SHOWN]), *["..."] * (len(names) > _SHOWN)])
 
 
-def _told(told: Told, signal: str, names: tuple[str, ...]) -> ColumnGuess:
-    """The column that was told, with the unit that its name has."""
+def _told(told: Told, signal: str, names: tuple[str, ...], stated: tuple[str, ...]) -> ColumnGuess:
+    """The column that was told, with the unit that its name has, or the file states."""
     column = told.columns[signal]
-    named = guess_columns([column]).get(signal) if column in names else None
-    return ColumnGuess(column, named.unit if named else None)
+    place = names.index(column) if column in names else int(column) if column.isdecimal() and len(column) < 6 else None
+    unit = stated[place] if place is not None and place < len(stated) else ""
+    named = guess_columns([column], [unit]).get(signal) if column in names else None
+    return ColumnGuess(column, named.unit if named else unit or None)
 
 
 def _key(guess: ColumnGuess, path: Path) -> Key:
@@ -189,7 +221,12 @@ def _rises(path: Path) -> bool:
     """Whether the first column of a text file grows in steps that could be those of seconds."""
     if not is_text(path):
         return False
-    steps = np.diff(_values(path, ColumnGuess("0", None)))
+    if _is_dated(path, ColumnGuess("0", None)):
+        return True
+    try:
+        steps = np.diff(_values(path, ColumnGuess("0", None)))
+    except InputError:  # it holds words
+        return False
     return bool(steps.size and steps.min() > 0 and 1e-5 < np.median(steps) < 1 and steps.max() < 100 * np.median(steps))
 
 
@@ -236,11 +273,16 @@ def _of_points(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, descr
     )
 
 
-def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told, drive: str) -> bool:
-    known = {
-        told.units.get(name) or guess.unit for name, guess in guesses.items() if name in ("position", "velocity", drive)
-    }
-    return bool(known & _LINEAR) or ("torque" in guesses and "force" in guesses["torque"].column.lower())
+def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
+    slides = any(_is_unit(told.units.get(name) or guesses[name].unit, name) for name in _LINEAR if name in guesses)
+    return slides or ("torque" in guesses and "force" in guesses["torque"].column.lower())
+
+
+def _is_unit(unit: str | None, name: str) -> bool:
+    """Whether a unit is one of a signal of a joint that slides."""
+    with suppress(InputError):
+        return bool(unit and factor(unit, _LINEAR[name]))
+    return False
 
 
 def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
@@ -258,13 +300,25 @@ def _motor(told: Told) -> str:
     return ", ".join(f"{name}: {quoted(value)}" for name, value in given.items() if value)
 
 
-def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, names: tuple[str, ...], guessed: list[str]) -> str:
+def _signal(
+    name: str,
+    guess: ColumnGuess,
+    kind: Kind,
+    told: Told,
+    names: tuple[str, ...],
+    stated: tuple[str, ...],
+    guessed: list[str],
+) -> str:
     """The line of a signal, but for its end; says what was guessed."""
     unit = told.units.get(name) or guess.unit or unit_of(name, kind)
     shown = quoted(guess.column) if guess.column in names or not guess.column.isdecimal() else guess.column
     if name not in told.columns:
         others = f", the first of {guess.others + 1} that are named so" if guess.others else ""
         guessed.append(f"{name}: column {shown}{others}" if names else f"{name}: column {shown}, which rises steadily")
+    if guess.unit == ISO:
+        guessed.append(f"unit of time: iso, for column {shown} holds dates or times of day")
+    elif guess.unit in stated and guess.unit and name not in told.units:
+        guessed.append(f"unit of {name}: {guess.unit}, as the file's header states")
     if not (name in told.units or guess.unit):
         guessed.append(f"unit of {name} (column {shown}): assumed {unit}")
     scale = f", scale: {quoted(told.scales[name])}" if name in told.scales else ""

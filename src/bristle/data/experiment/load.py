@@ -4,10 +4,7 @@ All quantities are in SI once the file is loaded; m, N and kg stand in for rad, 
 prismatic.
 """
 
-import glob
-import os
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -18,6 +15,8 @@ from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_
 from bristle.data import cleaning as clean
 from bristle.data.constant_velocity.segments import Thresholds
 from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
+from bristle.data.experiment.gear import SIDED, Gear
+from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.schema import (
     AdaptOptions,
     FitOptions,
@@ -25,7 +24,6 @@ from bristle.data.experiment.schema import (
     MotorConstants,
     PlanOptions,
     PlusMinus,
-    RunFiles,
     RunKind,
     SegmentLimits,
     Shown,
@@ -33,11 +31,14 @@ from bristle.data.experiment.schema import (
     read_inertia,
 )
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
+from bristle.data.experiment.sources import matches, sources_of
+from bristle.data.experiment.tables import Source, keys_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
 from bristle.data.signal_checks import check_signals
+from bristle.data.stated_units import check_units, gear_note
 from bristle.diagnostics import Kind
-from bristle.errors import InputError, check_name, short
+from bristle.errors import InputError, short
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Motor
 
@@ -62,7 +63,6 @@ __all__ = [
     "run_of_table",
 ]
 
-_VARIABLE = re.compile(r"\$\{(\w+)\}")
 _NAN = float("nan")
 
 
@@ -73,8 +73,10 @@ class Experiment(StrictModel):
     joint: JointDescription
     motor_constants: MotorConstants | None = Field(default=None, alias="motor")
     inertia: Annotated[PlusMinus, BeforeValidator(read_inertia)] | None = None
-    encoder_resolution: Annotated[float, quantity("position"), Field(gt=0)] | None = None
-    """Size of one count, rad."""
+    declared_count: Annotated[float, quantity("position", of_motor=True), Field(gt=0)] | None = Field(
+        default=None, alias="encoder_resolution"
+    )
+    """Size of one count on the side of the gear that the encoder is on, rad."""
     signals: Signals = Signals()
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1)]
     cleaning: Cleaning = Cleaning()
@@ -88,12 +90,17 @@ class Experiment(StrictModel):
 
     @property
     def motor(self) -> Motor[float] | None:
-        """The motor, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; what is not known is nan, but L, which is then 0."""
-        m = self.motor_constants
-        if m is None:
+        """The motor as seen at the joint, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; what is not known is nan, but L, which is then 0."""
+        m = None if self.motor_constants is None else self.motor_constants.at_joint()
+        if m is None or m.torque_constant is None:
             return None
         R = m.resistance.value if m.resistance else _NAN
         return Motor(m.torque_constant.value, R, m.inductance, _known(m.inertia))
+
+    @property
+    def encoder_resolution(self) -> float | None:
+        """Size of one count at the joint, rad."""
+        return self.context.count
 
     @property
     def segments(self) -> Thresholds:
@@ -110,7 +117,7 @@ class Experiment(StrictModel):
 
     def signals_of(self, run: RunFiles) -> Signals:
         """The signals of a run: its own, and those of the experiment that it does not replace."""
-        return run.signals.over(self.signals) if run.signals else self.signals
+        return (run.signals.over(self.signals) if run.signals else self.signals).timed()
 
     @property
     def torque_constants(self) -> tuple[Constant, ...]:
@@ -125,7 +132,8 @@ class Experiment(StrictModel):
     @property
     def context(self) -> Context:
         """What its units depend on."""
-        return Context(kind=self.joint.kind, resolution=self.encoder_resolution)
+        gear = self.motor_constants.gear if self.motor_constants else None
+        return Context(kind=self.joint.kind, resolution=self.declared_count, gear=gear)
 
     @field_validator("true_sets")
     @classmethod
@@ -161,10 +169,24 @@ def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
     if not moving and (signals.velocity is None or drive != "torque"):
         raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
     constants = experiment.motor_constants
-    if drive != "torque" and (constants is None or (drive == "voltage" and constants.resistance is None)):
-        wanted = "motor.torque_constant" if constants is None else "motor.resistance"
+    k_t = constants and constants.torque_constant
+    if drive != "torque" and (
+        constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
+    ):
+        wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
         raise InputError(
             f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
+        )
+
+    gear = experiment.context.gear
+    unsaid = [name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None]
+    if unsaid:
+        raise InputError(
+            f"{where}: motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
+        )
+    if not moving and signals.apart():
+        raise InputError(
+            f"{where}: points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
         )
 
 
@@ -193,7 +215,19 @@ def _context(data: dict[str, Any]) -> Context:
     """The joint's kind and resolution, before they are validated: the units of all other keys depend on them."""
     joint = data.get("joint")
     kind: JointKind = "prismatic" if isinstance(joint, dict) and joint.get("kind") == "prismatic" else "revolute"
-    return Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None)
+    return Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None, gear=_gear(data, kind))
+
+
+def _gear(data: dict[str, Any], kind: JointKind) -> Gear | None:
+    """The gear, before it is validated with the rest; of one that is not valid its sides, on which units depend."""
+    motor = data.get("motor")
+    gear = motor.get("gear") if isinstance(motor, dict) else None
+    if not isinstance(gear, dict):
+        return None
+    try:
+        return Gear.model_validate(gear, context=Context(kind=kind))
+    except ValueError:
+        return Gear.model_construct(ratio=1.0, **{name: gear.get(name) for name in SIDED})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,64 +246,31 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
     with it.
     """
     return tuple(
-        Run(kind=run.experiment, record=read_run(experiment, run, path, shown), hold_out=run.hold_out)
-        for run, path, shown in files_of(experiment)
+        Run(kind=run.experiment, record=read_run(experiment, run, sources), hold_out=run.hold_out)
+        for run, sources in files_of(experiment)
     )
 
 
-def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, Path, str]]:
-    """Each file that an experiment names: its entry, where it is, and the name that results show. Raises InputError where there is none."""
-    for run in experiment.runs:
-        yield from ((run, path, shown) for path, shown in _matches(run.files, experiment.path))
+def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, list[Source]]]:
+    """Each run that an experiment names: its entry, and its files, each with the name that results show.
 
-
-def _matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
-    """Paths that a pattern matches, sorted by name, each with the name that results show.
-
-    No variable in it is filled in.
+    Raises InputError where there is none, or a file is in two runs.
     """
-    folder, variables = experiment.parent, {}
-    for name in _VARIABLE.findall(files):
-        if not os.environ.get(name):
-            raise InputError(
-                f"{experiment}: runs: files {short(files)} needs the environment variable {name}, which is not set; set it to a folder"
-            )
-        variables[name] = os.environ[name]
-    pattern = _VARIABLE.sub(lambda match: variables[match[1]], files)
-    if pattern.count("**") > 1:  # each may stand for any number of folders: together they search for ever
-        raise InputError(
-            f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
-        )
-    try:
-        matches = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
-    except OSError as error:
-        raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
-    if not matches:
-        what = "matches no file" if glob.has_magic(pattern) else "is no file"
-        raise InputError(
-            f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
-        )
-    shown = [_shown(match, folder, variables) for match in matches]
-    return [
-        (folder / match, check_name(name, f"{experiment}: runs: files: the file name"))
-        for match, name in zip(matches, shown, strict=True)
-    ]
+    found = [(run, sources) for run in experiment.runs for sources in sources_of(run, experiment.path)]
+    _refuse_parts_again(experiment, found)
+    yield from found
 
 
-def _glob(pattern: str, folder: Path) -> list[str]:
-    if "**" not in pattern:
-        return glob.glob(pattern, root_dir=folder)  # noqa: PTH207  # Path.glob takes no absolute pattern
-    root = Path(pattern).anchor  # and glob.glob follows links, in circles where they go so
-    base = Path(root) if root else folder
-    matches = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
-    return [f"{root}{path}" for path in matches if not any(p.startswith(".") and p != ".." for p in path.parts)]
-
-
-def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:
-    for name, value in variables.items():
-        if value in match:
-            return Path(match.replace(value, f"${{{name}}}", 1)).as_posix()
-    return Path(os.path.relpath(match, folder) if Path(match).is_absolute() else match).as_posix()
+def _refuse_parts_again(experiment: Experiment, found: Sequence[tuple[RunFiles, list[tuple[Path, str]]]]) -> None:
+    """Raises InputError where a file of a joined run is in another run of the same signals too."""
+    for k, (run, sources) in enumerate(found):
+        for other, files in found[:k]:
+            again = [shown for path, shown in sources if path in [x for x, _ in files]]
+            alike = run.experiment == other.experiment and experiment.signals_of(run) == experiment.signals_of(other)
+            if again and alike and (run.joined or other.joined):
+                raise InputError(
+                    f"{experiment.path}: runs: {short(again[0])} is a part of a joined run and of another; name each run once"
+                )
 
 
 def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
@@ -278,12 +279,32 @@ def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
     return Run(kind=run.experiment, record=_record(experiment, run, table, shown), hold_out=run.hold_out)
 
 
-def read_run(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record:
-    """One file as a record with velocity and torque. Raises InputError as `read_runs`."""
-    from bristle.data.text_table import read_table
+def read_run(experiment: Experiment, run: RunFiles, sources: list[Source]) -> Record:
+    """One run as a record with velocity and torque. Raises InputError as `read_runs`."""
+    return _record(experiment, run, *table_of_run(experiment, run, sources, experiment.signals_of(run)))
 
-    table = read_table(path, list(clean.keys_of(experiment.signals_of(run)).values()), shown)
-    return _record(experiment, run, table, shown)
+
+def table_of_run(
+    experiment: Experiment, run: RunFiles, sources: list[Source], signals: Signals
+) -> "tuple[RawTable, str]":
+    """The columns of some signals of a run, on its time, and the name that results show. Raises InputError as `read_runs`."""
+    from bristle.data.experiment.tables import joined, part_of, read_columns
+
+    def find(file: str) -> tuple[Path, str]:
+        """The one file that a signal names."""
+        found = matches(file, experiment.path)
+        if len(found) > 1 or len(list(sources_of(run, experiment.path))) > 1 or run.joined:
+            raise InputError(
+                f"{experiment.path}: runs: a signal of {short(file)} goes with one file; give each run an entry of its own, with its signals"
+            )
+        return found[0]
+
+    gap = experiment.cleaning.gap
+    names = [name for _, name in sources]
+    shown = " + ".join(names[:3] if len(names) < 4 else [names[0], f"{len(names) - 1} more"])
+    tables = [read_columns(signals, source, gap, experiment.context, find) for source in sources]
+    table = tables[0] if len(tables) == 1 else joined(tables, names, gap)
+    return part_of(table, run, shown)
 
 
 def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str) -> Record:
@@ -295,7 +316,13 @@ def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str
             record = make(shown, table, signals, experiment.cleaning, experiment.context, labels=labels)
             if run.experiment != "points":
                 record = _complete(experiment, run.experiment, record, signals.drive())
-            found = check_signals(record, run.experiment, signals, experiment.context, experiment.fit)
+            record = replace(record, notes=(*record.notes, *gear_note(signals, experiment.context)))
+            found = [
+                *check_units(
+                    shown, {name: table.units.get(key, "") for name, key in keys_of(signals).items()}, signals
+                ),
+                *check_signals(record, run.experiment, signals, experiment.context, experiment.fit),
+            ]
             shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
             return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
         except InputError as error:

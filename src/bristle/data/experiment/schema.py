@@ -1,12 +1,13 @@
 """The parts of an experiment file: joint, motor, thresholds, fit options, runs; quantities are in SI once validated."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, StrictStr, ValidationInfo, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, StrictStr, ValidationInfo, model_validator
 
 from bristle.data import units
-from bristle.data.experiment.signals import Context, Hertz, Seconds, Signals, Speed, quantity, si
+from bristle.data.experiment.gear import Gear, refuse_efficiency
+from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
 from bristle.model.parameters import Kind, Lugre
@@ -35,7 +36,7 @@ def read_constant(name: str) -> BeforeValidator:
         if isinstance(value, PlusMinus):
             return value
         plain = isinstance(value, int | float) and not isinstance(info.context, Context)
-        number, error = (value, None) if plain else units.plus_minus(value, si(name, info.context))
+        number, error = (value, None) if plain else units.plus_minus(value, motor_si(name, info.context))
         if not isinstance(number, int | float) or not number > 0:
             raise InputError(f"got {short(value)}; expected greater than 0")
         if error is not None and not error < number:
@@ -134,12 +135,39 @@ class JointDescription(StrictModel):
 
 
 class MotorConstants(StrictModel):
-    """What is known of the motor, seen at the joint (so gear included)."""
+    """What is known of the motor: its own constants where a gear is declared, else as seen at the joint, gear included."""
 
-    torque_constant: Annotated[PlusMinus, read_constant("k_t")]
+    torque_constant: Annotated[PlusMinus, read_constant("k_t")] | None = None
     resistance: Annotated[PlusMinus, read_constant("R")] | None = None
     inductance: Annotated[float, quantity("L"), Field(ge=0)] = 0.0
-    inertia: Annotated[float, quantity("J"), Field(gt=0)] | None = None
+    inertia: Annotated[float, quantity("J", of_motor=True), Field(gt=0)] | None = None
+    gear: Gear | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_efficiency(cls, value: Any) -> Any:
+        if isinstance(value, dict):
+            refuse_efficiency(value)
+        return value
+
+    @model_validator(mode="after")
+    def _says_something(self) -> "MotorConstants":
+        if self.torque_constant is None and self.gear is None:
+            raise InputError("motor.torque_constant: missing; add this key")
+        return self
+
+    def at_joint(self) -> "MotorConstants":
+        """The same without a gear: k_t times abs(ratio), J times its square; R and L are what they are."""
+        if self.gear is None:
+            return self
+        ratio, k_t = abs(self.gear.ratio), self.torque_constant
+        error = None if k_t is None or k_t.standard_error is None else ratio * k_t.standard_error
+        at_joint = {
+            "torque_constant": k_t and PlusMinus(value=ratio * k_t.value, standard_error=error),
+            "inertia": self.inertia and ratio**2 * self.inertia,
+            "gear": None,
+        }
+        return self.model_copy(update=at_joint)
 
 
 class SegmentLimits(StrictModel):
@@ -151,7 +179,7 @@ class SegmentLimits(StrictModel):
     minimum_velocity: Speed | None = None
 
 
-def _rows(value: object) -> object:
+def read_rows(value: object) -> object:
     """Read `12` or `12-40`: the first row and the last."""
     if isinstance(value, tuple):
         return value
@@ -169,7 +197,7 @@ class ExcludedRows(StrictModel):
 
     file: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
     """As `bristle inspect` prints it."""
-    rows: Annotated[tuple[int, int], BeforeValidator(_rows)]
+    rows: Annotated[tuple[int, int], BeforeValidator(read_rows)]
     """As `bristle inspect` prints them, lines of a text file, else rows of data, from 1: 12 or 12-40; all that they touch are left out."""
 
 
@@ -285,19 +313,6 @@ class AdaptOptions(StrictModel):
         if wrong:
             raise InputError(f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}")
         return self
-
-
-class RunFiles(StrictModel):
-    """One entry under runs: a file or several, and what they hold."""
-
-    files: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
-    """Path or glob, relative to the experiment file; ${NAME} stands for an environment variable."""
-    experiment: RunKind
-    hold_out: StrictBool = False
-    temperature: Label | None = None
-    load: Label | None = None
-    signals: Signals | None = None
-    """Signals that differ from the experiment's."""
 
 
 class TrueSet(StrictModel):

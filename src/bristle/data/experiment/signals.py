@@ -15,7 +15,10 @@ from pydantic import (
 )
 
 from bristle.data import units
+from bristle.data.columns import Key
+from bristle.data.experiment.gear import Gear
 from bristle.data.experiment.yaml_file import StrictModel
+from bristle.data.timestamps import ISO
 from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
@@ -39,10 +42,24 @@ class Context:
 
     kind: Kind = "revolute"
     resolution: float | None = None
-    """Size of one encoder count, rad or m."""
+    """Size of one encoder count, rad or m, on the side of the gear that the encoder is on."""
+    gear: Gear | None = None
+
+    @property
+    def count(self) -> float | None:
+        """Size of one encoder count at the joint, rad or m."""
+        return None if self.resolution is None else self.resolution * abs(self.to_joint("position"))
+
+    def kind_of(self, signal: str) -> Kind:
+        """Whether a signal was logged where something turns or slides: a motor turns."""
+        return "revolute" if self.gear and self.gear.at_motor(signal) else self.kind
+
+    def to_joint(self, signal: str) -> float:
+        """What a signal in SI, as logged, is multiplied by to be the joint's."""
+        return self.gear.to_joint(signal) if self.gear else 1.0
 
 
-def quantity(name: str) -> BeforeValidator:
+def quantity(name: str, *, of_motor: bool = False) -> BeforeValidator:
     """Read a quantity such as `2.1 ohm` into SI. `name` is a parameter's or signal's, or an SI unit.
 
     Outside an experiment file (no validation context) a number stands for its SI value.
@@ -52,7 +69,7 @@ def quantity(name: str) -> BeforeValidator:
         """The value in SI; a number outside an experiment file as it is."""
         if not isinstance(info.context, Context) and not isinstance(value, str):
             return value
-        return units.to_si(value, si(name, info.context))
+        return units.to_si(value, (motor_si if of_motor else si)(name, info.context))
 
     return BeforeValidator(read)
 
@@ -65,9 +82,78 @@ def si(name: str, context: object) -> str:
         return name
 
 
+def motor_si(name: str, context: object) -> str:
+    """SI unit of a constant of the motor, or of its encoder: as at the joint, unless there is a gear, and a motor turns."""
+    if not isinstance(context, Context) or context.gear is None:
+        return si(name, context)
+    return unit(name, context.kind_of("position") if name == "position" else "revolute")
+
+
 Hertz = Annotated[float, quantity("Hz"), Field(gt=0)]
 Seconds = Annotated[float, quantity("s"), Field(gt=0)]
 Speed = Annotated[float, quantity("velocity"), Field(gt=0)]
+
+
+class PlusColumn(StrictModel):
+    """A second column of a time, which is added to the first: the nanoseconds beside the seconds."""
+
+    column: Column
+    index: Annotated[StrictInt, Field(ge=0)] | None = None
+    unit: StrictStr
+
+    @field_validator("unit")
+    @classmethod
+    def _of_time(cls, text: str) -> str:
+        units.factor(text, "s")
+        return text
+
+
+class TimeColumn(StrictModel):
+    """Time stamps from a column."""
+
+    column: Column | None = None
+    index: Annotated[StrictInt, Field(ge=0)] | None = None
+    unit: StrictStr | None = None
+    """Such as s, or `iso` of dates and times of day; None, of one signal's own time: that of the others."""
+    plus: PlusColumn | None = None
+
+    @field_validator("unit")
+    @classmethod
+    def _of_time(cls, text: str | None) -> str | None:
+        if text is not None and text != ISO:
+            units.factor(text, "s")
+        return text
+
+    @model_validator(mode="after")
+    def _dates_stand_alone(self) -> "TimeColumn":
+        if self.plus is not None and (self.unit == ISO or self.column is None):
+            raise InputError(
+                "plus: expected it beside a column with a unit such as s: unit iso and a rate have no second column"
+            )
+        return self
+
+    def columns(self, file: str | None = None) -> tuple[Key, ...]:
+        """Which columns it is read from: its own, and the one that is added."""
+        first = [] if self.column is None else [Key(self.column, self.index, self.unit == ISO, file)]
+        return (*first, *([Key(self.plus.column, self.plus.index, file=file)] if self.plus else []))
+
+
+class Time(TimeColumn):
+    """Time stamps from a column, or a rate where there are none."""
+
+    rate: Hertz | None = None
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> "Time":
+        if (self.column is None) == (self.rate is None) or (self.column is not None and self.unit is None):
+            raise InputError(
+                "expected either a column with its unit, as in {column: t, unit: s}, or a rate, as in {rate: 1 kHz}"
+            )
+        return self
+
+
+def _as_column(value: object) -> object:
+    return {"column": value} if isinstance(value, int | str) and not isinstance(value, bool) else value
 
 
 class Signal(StrictModel):
@@ -76,7 +162,11 @@ class Signal(StrictModel):
     column: Column
     """Name, or number counted from 0; in MAT and NPZ files a variable or a dotted path."""
     index: Annotated[StrictInt, Field(ge=0)] | None = None
-    """Column of a matrix, counted from 0 (MAT and NPZ files)."""
+    """Column of a matrix, or of an array in the names of columns, counted from 0."""
+    file: Annotated[StrictStr, Field(min_length=1, max_length=4096)] | None = None
+    """Where it is logged in another file than the rest of the run."""
+    time: Annotated[TimeColumn | None, BeforeValidator(_as_column)] = None
+    """Its own time, where it was not logged together with the others."""
     unit: StrictStr
     scale: float | str = 1.0
     delay: Annotated[float, quantity("s")] = 0.0
@@ -84,7 +174,17 @@ class Signal(StrictModel):
 
     def factor(self, name: str, context: Context) -> float:
         """What logged values are multiplied by to be in SI. Raises InputError where the unit does not fit."""
-        return units.factor(self.unit, si(name, context), scale=self.scale, resolution=context.resolution)
+        target = unit(name, context.kind_of(name))
+        logged = units.factor(self.unit, target, scale=self.scale, resolution=context.resolution)
+        return logged * context.to_joint(name)
+
+    @model_validator(mode="after")
+    def _file_has_time(self) -> "Signal":
+        if self.file is not None and self.time is None:
+            raise InputError(
+                "file: a signal of another file needs a time of its own; add it, as in time: {column: t, unit: s}"
+            )
+        return self
 
     @property
     def relative_error(self) -> float | None:
@@ -100,39 +200,21 @@ class Position(Signal):
     refused."""
 
     def period(self, context: Context) -> float | None:
-        """Where the position wraps, rad or m; None where it does not.
+        """Where the position wraps, rad or m at the joint; None where it does not.
 
         Raises InputError where a prismatic joint has no explicit period.
         """
+        kind, by = context.kind_of("position"), abs(context.to_joint("position"))
         if isinstance(self.wraps, str):
-            period = units.to_si(self.wraps, si("position", context))
+            period = units.to_si(self.wraps, unit("position", kind))
             if not period > 0:
                 raise InputError(f"wraps: got {short(self.wraps)}; expected a positive period such as '360 deg'")
-            return period
-        if self.wraps and context.kind == "prismatic":
+            return period * by
+        if self.wraps and kind == "prismatic":
             raise InputError(
                 "wraps: true means a full turn, which a prismatic joint does not have; give the period, such as wraps: '10 mm'"
             )
-        return units.to_si("360 deg", "rad") if self.wraps else None
-
-
-class Time(StrictModel):
-    """Time stamps from a column, or a rate where there are none."""
-
-    column: Column | None = None
-    index: Annotated[StrictInt, Field(ge=0)] | None = None
-    unit: StrictStr | None = None
-    rate: Hertz | None = None
-
-    @model_validator(mode="after")
-    def _one_of_both(self) -> "Time":
-        if (self.column is None) == (self.rate is None) or (self.column is not None and self.unit is None):
-            raise InputError(
-                "expected either a column with its unit, as in {column: t, unit: s}, or a rate, as in {rate: 1 kHz}"
-            )
-        if self.unit is not None:
-            units.factor(self.unit, "s")
-        return self
+        return units.to_si("360 deg", "rad") * by if self.wraps else None
 
 
 class Signals(StrictModel):
@@ -173,6 +255,22 @@ class Signals(StrictModel):
         given = {name: signal for name, signal in self if signal is not None}
         cleared = dict.fromkeys(DRIVE) if set(DRIVE) & set(given) else {}
         return base.model_copy(update=cleared | given)
+
+    def timed(self) -> "Signals":
+        """These signals, with the time of the position where they have none in common. Raises InputError where that has no unit."""
+        own = self.position.time if self.position is not None and self.position.file is None else None
+        if self.time is not None or self.position is None or own is None:
+            return self
+        if own.unit is None:
+            raise InputError(
+                "signals.position.time: no unit, and no other time; give it, as in time: {column: t, unit: s}"
+            )
+        time = Time(**dict(own))
+        return self.model_copy(update={"time": time, "position": self.position.model_copy(update={"time": None})})
+
+    def apart(self) -> dict[str, Signal]:
+        """The signals that have a time of their own, by name."""
+        return {name: s for name, s in self if isinstance(s, Signal) and s.time is not None}
 
     def drive(self) -> str | None:
         """Which of torque, voltage and current is logged."""

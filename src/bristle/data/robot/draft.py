@@ -9,7 +9,8 @@ from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import SIGNALS, Told, quoted
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
-from bristle.data.text_table import BINARY, naming, text_layout
+from bristle.data.text_layout import text_layout
+from bristle.data.text_table import is_text, naming
 from bristle.errors import InputError, short_list
 
 _FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
@@ -109,7 +110,7 @@ def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
 
 def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
     """Columns whose names hold those of the joints, or count them, and the time; the joints that are named."""
-    names = [] if log.suffix.lower() in BINARY else _header(log)
+    names = _header(log) if is_text(log) else []
     found: dict[str, str] = {}
     for name in names:
         joint = max((j for j in joints if j in name), key=len, default=None)

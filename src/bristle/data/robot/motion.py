@@ -2,20 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import cleaning as clean
 from bristle.data.differentiation import estimate_motion
-from bristle.data.experiment.load import Experiment, Run, files_of, read_run
-from bristle.data.experiment.schema import RunFiles
+from bristle.data.experiment.load import Experiment, Run, files_of, read_run, table_of_run
+from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.signals import DRIVE
+from bristle.data.experiment.tables import Source, keys_of
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.data.robot.robot_file import Robot
-from bristle.data.text_table import read_table
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 
@@ -27,8 +26,10 @@ _STILL = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotMotion:
-    """One file: how each joint moves in it."""
+    """One run: how each joint moves in it."""
 
+    file: str
+    """As results call it."""
     moving: Mapping[str, Record]
     """Of each joint that moves: position, velocity, acceleration."""
     resting: Mapping[str, float]
@@ -48,58 +49,71 @@ class RobotMotion:
 
 
 def read_motions(robot: Robot) -> dict[str, RobotMotion]:
-    """How all joints move in each file that is a course over time.
+    """How all joints move in each run that is a course over time, by what tells that from others.
 
     Raises InputError where a joint has no position, or a file cannot be read as declared.
     """
     records: dict[str, dict[str, Record | float]] = {}
+    called: dict[str, str] = {}
     for joint in robot.joints:
         experiment = joint.experiment
-        for run, path, shown in files_of(_kinematic(experiment, robot)):
+        for run, sources in files_of(_kinematic(experiment, robot)):
             if run.experiment != "points":
-                records.setdefault(shown, {})[experiment.joint.name] = _motion(experiment, run, path, shown)
-    travels = {shown: {name: _travel(x) for name, x in own.items()} for shown, own in records.items()}
+                key = _key(run, sources)
+                called[key], moved = _motion(experiment, run, sources)
+                records.setdefault(key, {})[experiment.joint.name] = moved
+    travels = {key: {name: _travel(x) for name, x in own.items()} for key, own in records.items()}
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
     rests = {
-        shown: {name for name, x in t.items() if x <= max(_STILL, _RESTS * farthest[name])}
-        for shown, t in travels.items()
+        key: {name for name, x in t.items() if x <= max(_STILL, _RESTS * farthest[name])} for key, t in travels.items()
     }
     return {
-        shown: RobotMotion(
-            moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests[shown]},
-            resting={name: _place(x) for name, x in own.items() if name in rests[shown]},
+        key: RobotMotion(
+            file=called[key],
+            moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests[key]},
+            resting={name: _place(x) for name, x in own.items() if name in rests[key]},
         )
-        for shown, own in records.items()
+        for key, own in records.items()
     }
 
 
 def _kinematic(experiment: Experiment, robot: Robot) -> Experiment:
     """The joint with all runs of the robot, those of other joints alone too."""
-    every = {run.files: run for joint in robot.joints for run in joint.experiment.runs}
-    own = {run.files: run for run in experiment.runs}
+    every = {_entry(run): run for joint in robot.joints for run in joint.experiment.runs}
+    own = {_entry(run): run for run in experiment.runs}
     return experiment.model_copy(update={"runs": tuple((every | own).values())})
 
 
-def _motion(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record | float:
-    """How one joint moves in a file; where it rests, if it does not."""
+def _key(run: RunFiles, sources: list[Source]) -> str:
+    """What tells the files of a run, and the part of them, from others."""
+    return repr((sources, run.rows, run.time))
+
+
+def _entry(run: RunFiles) -> str:
+    return repr((run.files, run.joined, run.rows, run.time))
+
+
+def _motion(experiment: Experiment, run: RunFiles, sources: list[Source]) -> tuple[str, Record | float]:
+    """What a run is called, and how one joint moves in it; where it rests, if it does not."""
     signals = experiment.signals_of(run).model_copy(update=dict.fromkeys(DRIVE))
     if signals.position is None:
         raise InputError(
-            f"{shown}: {experiment.joint.name} has no position, which a robot's joints need; name it under signals"
+            f"{experiment.path}: {experiment.joint.name} has no position, which a robot's joints need; name it under signals"
         )
-    table = read_table(path, list(clean.keys_of(signals).values()), shown)
-    logged = table.columns[clean.keys_of(signals)["position"]] * signals.position.factor("position", experiment.context)
+    table, shown = table_of_run(experiment, run, sources, signals)
+    keys = keys_of(signals)
+    logged = table.columns[keys["position"]] * signals.position.factor("position", experiment.context)
     seen = logged[np.isfinite(logged)]
     if seen.size and np.ptp(seen) <= _STILL:
-        return float(np.median(seen))
-    velocity = None if signals.velocity is None else table.columns[clean.keys_of(signals)["velocity"]]
+        return shown, float(np.median(seen))
+    velocity = None if signals.velocity is None else table.columns[keys["velocity"]]
     if velocity is not None and np.ptp(velocity[np.isfinite(velocity)]) == 0:
         signals = signals.model_copy(update={"velocity": None})
     try:
         record = clean.make_record(shown, table, signals, experiment.cleaning, experiment.context)
     except InputError as error:
         raise InputError(f"{shown}: {experiment.joint.name}: {str(error).removeprefix(f'{shown}: ')}") from error
-    return estimate_motion(record, experiment.fit.position_cutoff)
+    return shown, estimate_motion(record, experiment.fit.position_cutoff)
 
 
 def _travel(x: Record | float) -> float:
@@ -120,11 +134,11 @@ def runs_of(
     """
     name = experiment.joint.name
     runs = []
-    for run, path, shown in files_of(experiment):
-        motion = motions.get(shown)
+    for run, sources in files_of(experiment):
+        motion = motions.get(_key(run, sources))
         if motion is not None and name in motion.resting and run.experiment != "presliding":
             continue
-        record = read_run(experiment, run, path, shown)
+        record = read_run(experiment, run, sources)
         if body is not None and motion is not None:
             k = names.index(name)
             record = replace(record, link_torque=body.torques(*motion.at(record.time, names))[:, k])

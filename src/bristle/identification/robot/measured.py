@@ -97,8 +97,10 @@ def _with_constant(
     if K is None:
         clear = found.scale > 2 * found.error
         asked = tuple(dict.fromkeys((*regressors(experiment), "links"))) if clear else experiment.fit.regressors
-        own = _in_amperes(experiment, asked)
-        return own, runs if clear else tuple(_with(run, link_torque=None) for run in runs)
+        by = experiment.motor.k_t if experiment.motor else 1.0  # 1 N*m/A, but for a gear
+        links = {} if clear else {"link_torque": None}
+        bare = tuple(_with(run, torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
+        return _in_amperes(experiment, asked), bare
     constants = experiment.motor_constants
     known = PlusMinus(value=K, standard_error=error)
     own = experiment.model_copy(
@@ -109,7 +111,9 @@ def _with_constant(
     for run in runs:
         current = np.asarray(run.record.torque)
         shifts = {**{c: K * x for c, x in run.record.torque_shifts.items()}, str(constant): current * (error or 0.0)}
-        notes = tuple(d.but(k_t=K) if d.kind is Kind.TORQUE_FROM_CURRENT else d for d in run.record.notes)
+        notes = tuple(
+            d.but(k_t=K * d.numbers["k_t"]) if d.kind is Kind.TORQUE_FROM_CURRENT else d for d in run.record.notes
+        )
         scaled.append(_with(run, torque=K * current, torque_shifts=shifts, notes=notes))
     return own, tuple(scaled)
 
@@ -184,7 +188,8 @@ def _of_all(
     for name, runs in read.items():
         for record in _training(runs):
             shared.setdefault(record.file, {})[name] = record
-    together = {file: own for file, own in shared.items() if len(own) > 1 or len(motions[file].moving) > 1}
+    by_file = {motion.file: motion for motion in motions.values()}
+    together = {file: own for file, own in shared.items() if len(own) > 1 or len(by_file[file].moving) > 1}
     if not together:
         return {}
     file = max(together, key=lambda f: (len(together[f]), next(iter(together[f].values())).time.size))
@@ -192,7 +197,7 @@ def _of_all(
     names = tuple(name for name in robot.names if name in own)
     kinds = tuple(j.experiment.joint.kind for j in robot.joints if j.experiment.joint.name in own)
     first = own[names[0]]
-    everyone = motions[file].at(first.time, robot.names)
+    everyone = by_file[file].at(first.time, robot.names)
     torque = np.column_stack([np.interp(first.time, own[n].time, np.asarray(own[n].torque)) for n in names])
     decimation = robot.joints[0].experiment.fit.decimation
     if body is None:

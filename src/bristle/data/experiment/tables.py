@@ -1,0 +1,238 @@
+"""The columns of a run on one time: of one file, of signals with a time of their own, of consecutive files, or of a part of one."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data import units
+from bristle.data.columns import Key
+from bristle.data.experiment.run_files import RunFiles, TimeRange
+from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
+from bristle.data.text_table import RawTable, read_table
+from bristle.data.timestamps import ISO
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+
+_INSIDE = 2
+"""Samples of a signal with a time of its own that lie in a run."""
+Source = tuple[Path, str]
+"""A file, and how it is called."""
+
+
+def keys_of(signals: Signals) -> dict[str, Key]:
+    """Which column each signal is read from; none for a time that is given by its rate."""
+    keys = {} if signals.time is None or signals.time.column is None else {"time": signals.time.columns()[0]}
+    return keys | {name: Key(s.column, s.index, file=s.file) for name, s in signals if isinstance(s, Signal)}
+
+
+def read_columns(
+    signals: Signals, source: Source, cleaning_gap: float, context: Context, find: Callable[[str], Source]
+) -> RawTable:
+    """The columns of a file on the time of the run; those with a time of their own are brought to it.
+
+    Args:
+        signals: of the run.
+        source: the file that holds what no other file does.
+        cleaning_gap: median intervals beyond which nothing is interpolated.
+        context: of the experiment.
+        find: the file that a signal names.
+
+    Raises InputError where a file cannot be read, or a signal has no time in common with the others.
+    """
+    apart, keys = signals.apart(), keys_of(signals)
+    common = [key for name, key in keys.items() if name not in apart]
+    more = signals.time.columns()[1:] if signals.time else ()
+    table = read_table(source[0], [*common, *more], source[1])
+    time, origin = (None, 0) if signals.time is None else _seconds(table, signals.time)
+    table = replace(table, time=time, origin=origin)
+    for name, signal in apart.items():
+        if time is None or signals.time is None:
+            raise InputError(f"{source[1]}: {name} has a time of its own, and the run has none; give signals.time")
+        other = source if signal.file is None else find(signal.file)
+        table = _with_signal(table, name, signal, signals.time, other, cleaning_gap, context)
+    return table
+
+
+def _seconds(table: RawTable, clock: TimeColumn) -> tuple[Array, int]:
+    """Time of each row, s, and since when, ns; from a rate where there is no column."""
+    keys = clock.columns()
+    if not keys:
+        return np.arange(table.rows) / getattr(clock, "rate", 1.0), 0
+    times = table.columns[keys[0]]
+    if clock.unit == ISO:
+        return times, table.origins.get(keys[0], 0)
+    by = units.factor(clock.unit or "s", "s")
+    if clock.plus is None:
+        return times * by, 0
+    seen = times[np.isfinite(times)]
+    first = float(seen[0]) if seen.size else 0.0
+    origin = round(min(max(first * by, -9e9), 9e9)) * 10**9  # whole seconds, so that the digits of the rest stay
+    added = table.columns[keys[1]] * units.factor(clock.plus.unit, "s")
+    return (times - first) * by + (first * by - origin / 1e9) + added, origin
+
+
+def _with_signal(
+    table: RawTable, name: str, signal: Signal, common: TimeColumn, source: Source, gap: float, context: Context
+) -> RawTable:
+    """The table with a signal that has a time of its own, by linear interpolation; nan where it does not reach."""
+    own = signal.time
+    if own is None or table.time is None:
+        return table
+    own = own if own.unit else own.model_copy(update={"unit": common.unit or "s"})
+    key = Key(signal.column, signal.index)
+    read = read_table(source[0], [key, *own.columns()], source[1])
+    if (own.unit == ISO) != (common.unit == ISO):
+        raise InputError(
+            f"{source[1]}: {name}: one time is of unit iso and the other is not, so that nothing tells how they go together; give both alike"
+        )
+    time, origin = _seconds(read, own)
+    values = read.columns[key]
+    if isinstance(signal, Position) and (period := signal.period(context)) is not None:
+        seen = np.isfinite(values)
+        values = values.copy()
+        values[seen] = np.unwrap(values[seen], period=period / abs(signal.factor("position", context)))
+    try:
+        onto = brought_to(table.time, time + (origin - table.origin) / 1e9, values, gap)
+    except InputError as error:
+        raise InputError(f"{source[1]}: {name}: {error}") from error
+    note = Kind.OWN_TIME(signal=name.capitalize(), samples=np.isfinite(values).sum(), outside=np.isnan(onto).sum())
+    notes = (*table.notes, note, *(n for n in read.notes if signal.file is not None and n not in table.notes))
+    kept = Key(signal.column, signal.index, file=signal.file)
+    digest = table.sha256 if signal.file is None else _together([table.sha256, read.sha256])
+    stated = {kept: read.units[key]} if key in read.units else {}
+    return replace(
+        table, columns={**table.columns, kept: onto}, notes=notes, sha256=digest, units={**table.units, **stated}
+    )
+
+
+def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
+    """Values sampled at their own times, at other times: linear between samples, nan beyond them and in gaps.
+
+    Args:
+        time: wanted, s, (n,).
+        own: of the values, s, (m,); where it is not finite there is no sample.
+        values: (m,).
+        gap: median intervals beyond which an interval is a gap.
+
+    Raises InputError where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
+    """
+    good = np.isfinite(own) & np.isfinite(values)
+    own, values = own[good], values[good]
+    steps = np.diff(own)
+    if (steps < 0).any():
+        raise InputError(f"its own time runs backward in {int((steps < 0).sum())} rows; split the log there")
+    once = np.append(True, steps > 0)[: own.size]
+    own, values = own[once], values[once]
+    if own.size < 2:
+        raise InputError(f"{own.size} samples with a time of their own; expected a log with many")
+    onto = np.interp(time, own, values, left=np.nan, right=np.nan)
+    steps = np.diff(own)
+    after = np.clip(np.searchsorted(own, np.nan_to_num(time, nan=own[0])), 1, own.size - 1)
+    onto[(steps[after - 1] > gap * np.median(steps)) & (time != own[after]) & (time != own[after - 1])] = np.nan
+    seen = time[np.isfinite(time)]
+    inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
+    if inside < _INSIDE or not np.isfinite(onto).any():
+        rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
+        raise InputError(
+            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
+            "both count since the same instant"
+        )
+    return onto
+
+
+def joined(tables: Sequence[RawTable], names: Sequence[str], gap: float) -> RawTable:
+    """The tables of consecutive files as one. A file whose time begins anew follows after a gap.
+
+    Raises InputError where a file begins before the one before it ends.
+    """
+    times, restarts = list[Array](), 0
+    for k, table in enumerate(tables):
+        time = np.arange(table.rows, dtype=float) if table.time is None else table.time
+        time = time + (table.origin - tables[0].origin) / 1e9
+        if k and table.time is not None:
+            shift = _shift(times[-1], time, tables[k - 1], table, gap, f"{names[k - 1]}, {names[k]}")
+            restarts += shift is not None
+            time = time if shift is None else time + shift
+        times.append(time)
+    notes = dict.fromkeys(note for table in tables for note in table.notes)
+    return RawTable(
+        columns={key: np.concatenate([table.columns[key] for table in tables]) for key in tables[0].columns},
+        rows=sum(table.rows for table in tables),
+        sha256=_together([table.sha256 for table in tables]),
+        notes=(*notes, Kind.FILES_JOINED(files=tuple(names), restarts=restarts)),
+        units=tables[0].units,
+        time=None if tables[0].time is None else np.concatenate(times),
+        origin=tables[0].origin,
+    )
+
+
+def _shift(before: Array, time: Array, first: RawTable, table: RawTable, gap: float, names: str) -> float | None:
+    """By how much the time of a file is late that begins anew, s; None where it goes on."""
+    ended, begun = before[np.isfinite(before)], time[np.isfinite(time)]
+    if not ended.size or not begun.size or begun[0] > ended[-1]:
+        return None
+    own = np.asarray(table.time)[np.isfinite(np.asarray(table.time))]
+    other = np.asarray(first.time)[np.isfinite(np.asarray(first.time))]
+    step = float(np.median(np.diff(begun))) if begun.size > 1 else 1.0
+    if table.origin != first.origin or own[0] > other[0] + step or own[-1] < other[0]:
+        raise InputError(
+            f"{names}: the second begins before the first ends, and not anew; give the files in the order of time, each once"
+        )
+    return float(ended[-1] - begun[0] + 2 * gap * step)
+
+
+def _together(digests: Sequence[str]) -> str:
+    """The SHA-256 of several digests, one after another."""
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+def part_of(table: RawTable, run: RunFiles, name: str) -> tuple[RawTable, str]:
+    """The rows of a table that a run takes, all where it names none, and what that part is called.
+
+    Raises InputError where there is none of them.
+    """
+    number = np.arange(1, table.rows + 1) + (table.header or 0)
+    if run.rows is not None:
+        word, (first, last) = "rows" if table.header is None else "lines", run.rows
+        if last > number[-1]:
+            raise InputError(
+                f"{name}: rows: got {first}-{last}; expected {word} between {number[0]} and {number[-1]}, as bristle inspect prints them"
+            )
+        return _cut(table, (number >= first) & (number <= last), number, name, f"{word} {first}-{last}")
+    if run.time is not None and table.time is not None:
+        return _cut(table, *_within(table.time, run.time, number), name, _span(run.time))
+    return table, name
+
+
+def _within(time: Array, span: TimeRange, number: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    low, high = (-np.inf if span.start is None else span.start), (np.inf if span.to is None else span.to)
+    return (time >= low) & (time <= high), number
+
+
+def _span(span: TimeRange) -> str:
+    return " ".join(f"{word} {end:g} s" for word, end in (("from", span.start), ("to", span.to)) if end is not None)
+
+
+def _cut(
+    table: RawTable, inside: NDArray[np.bool_], number: NDArray[np.intp], name: str, part: str
+) -> tuple[RawTable, str]:
+    rows = int(inside.sum())
+    if not rows:
+        seen = np.zeros(0) if table.time is None else table.time[np.isfinite(table.time)]
+        there = f", whose time goes from {seen.min():.6g} s to {seen.max():.6g} s" if seen.size else ""
+        raise InputError(f"{name}: no row lies in the part {part} of the file{there}; give another range")
+    note: Diagnostic = Kind.PART_TAKEN(part=part, rows=rows, total=table.rows)
+    cut = replace(
+        table,
+        columns={key: values[inside] for key, values in table.columns.items()},
+        rows=rows,
+        notes=(*table.notes, note),
+        time=None if table.time is None else table.time[inside],
+        numbers=number[inside],
+    )
+    return cut, f"{name} ({part})"

@@ -1,0 +1,48 @@
+"""What a run says about its units: where a file states another than was declared, and what a gear did to which signal."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+
+from bristle.data import units
+from bristle.data.experiment.gear import SIDED
+from bristle.data.experiment.signals import DRIVE, Context, Signal, Signals
+from bristle.data.timestamps import ISO
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+
+_SAME = 1e-6
+"""Units differ by more."""
+
+
+def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Diagnostic, ...]:
+    """Signals whose unit is another than the one that the file states of their column, `stated` by signal.
+
+    A signal with a scale other than 1 or -1 was thought about, and nothing is said of it.
+    """
+    found = []
+    for name, unit in stated.items():
+        signal = getattr(signals, name)
+        plain = not isinstance(signal, Signal) or abs(units.scale_parts(signal.scale)[0]) == 1
+        declared = signal.unit
+        if unit and declared and plain and declared != ISO and not _alike(unit, declared):
+            remedy = f"`unit: {unit}` under signals.{name}"
+            found.append(Kind.UNIT_DIFFERS(files=(file,), signal=name, stated=unit, declared=declared, remedy=remedy))
+    return tuple(found)
+
+
+def _alike(unit: str, other: str) -> bool:
+    if other.strip().startswith("count"):
+        return True
+    with suppress(InputError):
+        return abs(units.factor(unit, other) - 1) < _SAME
+    return False
+
+
+def gear_note(signals: Signals, context: Context) -> tuple[Diagnostic, ...]:
+    """What a gear did to which signals of a run; nothing without one."""
+    if context.gear is None:
+        return ()
+    logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
+    moved = tuple(dict.fromkeys(name for name in logged if context.gear.at_motor(name)))
+    unit = "" if context.kind == "revolute" else " rad/m"
+    return (Kind.GEAR_TAKEN(ratio=context.gear.ratio, unit=unit, signals=moved or ("no signal",)),)

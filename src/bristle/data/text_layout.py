@@ -1,0 +1,328 @@
+"""How a text file is laid out, read off its first lines: delimiter, header, names, units, decimal sign, comments.
+
+Above its table a file may say anything, in lines of any width: where the numbers begin is told by the columns that hold numbers further down.
+"""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from bristle.data.units import signal_unit
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError, short
+
+_SAMPLE, _MOST = 2**18, 3 * 2**20
+"""Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
+_DELIMITERS = (",", ";", "\t", "|", " ")
+MAX_COLUMNS = 10_000
+"""Most columns of a text file."""
+LONGEST = 300
+"""Characters of a number; a longer cell is none."""
+_NUMBER = re.compile(
+    r"[+-]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan|n/?a|null)", re.IGNORECASE
+)
+_STAMP = re.compile(
+    r"(?:\d{4}-\d\d-\d\d(?:[T ]\d\d?:\d\d.*)?|\d\d?\.\d\d?\.\d{4}(?: \d\d?:\d\d.*)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?)"
+)
+"""A date, a time of day, or both."""
+_SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)
+"""What Excel writes above a table."""
+_BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
+_HEADED = 3
+"""Lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers."""
+_LOOKED_AT = 200
+"""Lines at the end of a sample by which a delimiter, and the columns of numbers, are told."""
+_RUN = 3
+"""Rows of numbers in a row: fewer, above a line of names, are no table."""
+
+
+class Layout(NamedTuple):
+    """How a text file is laid out."""
+
+    delimiter: str
+    """One of , ; tab | or a space, which stands for any run of blanks."""
+    names: tuple[str, ...]
+    """The header; empty where there is none."""
+    width: int
+    """Columns."""
+    skip: int
+    """Lines before the first row of numbers."""
+    decimal: str
+    comment: str | None
+    encoding: str
+    first: tuple[str, ...]
+    """The first row of numbers, as text; empty where there is none."""
+    units: tuple[str, ...] = ()
+    """Of each column the unit that the file states, in a row below the names or in brackets behind a name; empty where it states none."""
+    other_names: tuple[tuple[str, ...], ...] = ()
+    """Rows above the numbers that are as wide, in which a name is looked for that the header does not have."""
+    note: Diagnostic | None = None
+    """What is said of a header that is more than one line of names."""
+    blocks: bool = False
+    """Whether each channel has a block of two columns, its time and its value."""
+
+
+class _Header(NamedTuple):
+    """Which of the rows above the numbers is which."""
+
+    names: int | None
+    units: int | None
+
+
+Rows = Sequence[Sequence[str]]
+
+
+def text_layout(path: Path) -> Layout:
+    """Delimiter, header, decimal sign and comments of a text file, from its first lines.
+
+    The delimiter is the one that cuts most lines into the same number of columns, most of them numbers; or the one that a first line `sep=;` names.
+    Raises InputError where the file is no text, or a row of numbers would be lost above the table.
+    """
+    with path.open("rb") as file:
+        encoding, lines = _decode(file)
+    comment = next((c for c in ("#", "%", "//") if any(line.lstrip().startswith(c) for line in lines)), None)
+    rows = [
+        (i, line)
+        for i, line in enumerate(lines)
+        if line.strip() and not (comment and line.lstrip().startswith(comment))
+    ]
+    told = _SEPARATOR.fullmatch(rows[0][1].strip(' "')) if rows else None
+    rows = rows[1:] if told else rows
+    if not rows:
+        raise InputError("holds no row of numbers; expected a log with a row per sample")
+    body = [line for _, line in rows[-_LOOKED_AT:]]
+    delimiter = told[1] if told else max(_DELIMITERS, key=lambda d: _fitness(body, d))
+    cells = [split(line, delimiter) for _, line in rows]
+    start = _start(cells)
+    first = tuple(cells[start]) if start < len(cells) else ()
+    width = _width(cells[start:] or cells)
+    skip = rows[start][0] if start < len(cells) else len(lines)
+    above, numbers = cells[:start], [i + 1 for i, _ in rows[:start]]
+    header = _header(above, width)
+    note = _header_note(list(zip(numbers, above, strict=True)), header.names, width) if first else None
+    if header.names is None and comment:
+        above = [split(line, delimiter) for line in _uncommented(lines[:skip], comment)]
+        above = [row for row in above if len(row) == len([c for c in first if c]) > 1]
+        header = _header(above, width)
+    names = () if header.names is None else tuple(above[header.names])
+    return Layout(
+        delimiter,
+        names,
+        width,
+        skip,
+        _decimal(cells[start:], delimiter),
+        # pandas would take one slash for it, and cut a cell that holds one
+        comment if comment != "//" else None,
+        encoding,
+        first,
+        _units(above, header, names),
+        tuple(tuple(row) for row in above[-_LOOKED_AT:] if len(row) <= width + 1 and tuple(row) != names),
+        note,
+        header.names is not None and _keyed(names).startswith("name"),
+    )
+
+
+def _uncommented(lines: Iterable[str], comment: str) -> list[str]:
+    return [line.lstrip().lstrip("#%/").strip() for line in lines if line.lstrip().startswith(comment)]
+
+
+def _start(cells: Rows) -> int:
+    """The first row of the table; as many as there are rows where there is none.
+
+    Rows that look alike above a line of names, as `Range,1,2` does, are no part of it, but those that have a line of names above them are.
+    """
+    columns = _columns_of_numbers(cells)
+    flags = [_is_row(row, columns) for row in cells]
+    if True not in flags:
+        return len(cells)
+    first = flags.index(True)
+    width = len(cells[first])
+    runs = (k for k in range(first, len(cells)) if all(flags[k : k + _RUN]) and k + _RUN <= len(cells))
+    later = next(runs, first)
+    between = [row for row in cells[first:later] if _is_names(row, width)]
+    named = first > 0 and _is_names(cells[first - 1], width)
+    return later if between and not named else first
+
+
+def _columns_of_numbers(cells: Rows) -> list[int]:
+    """Columns that hold a value in most rows that hold mostly values, far from the file's beginning."""
+    last = cells[-_LOOKED_AT:]
+    rows = [row for row in last if _values(row) > 0.5] or [row for row in last if _values(row) > 0]
+    usual = _usual([len(row) for row in rows]) if rows else 0
+    rows = [row for row in rows if len(row) == usual]
+    counts = [sum(is_value(row[k]) for row in rows) for k in range(usual)]
+    return [k for k, count in enumerate(counts) if count > len(rows) / 2] or [k for k, n in enumerate(counts) if n]
+
+
+def _is_row(row: Sequence[str], columns: Sequence[int]) -> bool:
+    """Whether a row holds values where the table does, the first of them among them."""
+    cells = [row[k] for k in columns if k < len(row) and row[k]]
+    return bool(cells) and is_value(cells[0]) and _values(cells) > 0.5
+
+
+def _is_names(row: Sequence[str], width: int) -> bool:
+    return abs(len(row) - width) <= 1 and any(row) and not any(is_value(cell) for cell in row if cell)
+
+
+def _header(rows: Rows, width: int) -> _Header:
+    """The row of names and that of units among the rows above the numbers.
+
+    Names stand right above the numbers, or above their units; where each channel has a block of its own, in the row in which each begins with `Name`.
+    """
+    fitting = [k for k, row in enumerate(rows) if abs(len(row) - width) <= 1 and (len(row) > 1 or width == 1)]
+    fitting = fitting or [k for k, row in enumerate(rows) if abs(len(row) - width) <= 1]
+    block = [k for k in fitting if _keyed(rows[k]).startswith("name")]
+    if block:
+        return _Header(block[0], next((k for k in fitting if _keyed(rows[k]).startswith("unit")), None))
+    places = set(fitting)
+    for k in reversed(fitting):
+        if k - 1 in places and any(rows[k - 1]) and _is_units(rows[k]):
+            return _Header(k - 1, k)
+        if _is_names(rows[k], width):
+            return _Header(k, None)
+    return _Header(fitting[0] if fitting else None, None)
+
+
+def _keyed(row: Sequence[str]) -> str:
+    """The word, in small letters, with which each of several channels' blocks begins in a row; empty where there is none."""
+    keys = {cell.casefold() for cell in row[::2] if cell}
+    return keys.pop() if len(keys) == 1 and len(row) >= 4 and any(row[1::2]) else ""
+
+
+def _is_units(row: Sequence[str]) -> bool:
+    filled = [cell for cell in row if cell and cell not in {"1", "-"}]
+    return bool(filled) and all(_stated(cell) or (_inside(cell) is not None) for cell in filled)
+
+
+def _inside(cell: str) -> str | None:
+    """What stands in brackets, of a cell that is nothing else."""
+    match = _BRACKETS.fullmatch(cell)
+    return match[2].strip() if match and not match[1].strip() else None
+
+
+def _stated(cell: str) -> str:
+    """The unit of a signal that a cell is, in brackets or not, as pint has it; empty where it is none."""
+    inside = _inside(cell)
+    return signal_unit(cell if inside is None else inside)
+
+
+def bracketed(name: str) -> tuple[str, str]:
+    """`Torque [Nm]` as (Torque, Nm): a name and the unit in brackets behind it; the name as it is where there are none."""
+    match = _BRACKETS.fullmatch(name) if len(name) <= LONGEST else None
+    return (match[1].strip(), match[2].strip()) if match and match[1].strip() else (name, "")
+
+
+def _units(rows: Rows, header: _Header, names: Sequence[str]) -> tuple[str, ...]:
+    """The unit that the file states of each column, as pint has it."""
+    row = [] if header.units is None else list(rows[header.units])
+    below = [_stated(cell) if cell else "" for cell in row] + [""] * (len(names) - len(row))
+    return tuple(unit or signal_unit(bracketed(name)[1]) for unit, name in zip(below, names, strict=False))
+
+
+def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Diagnostic | None:
+    """What is said of lines before the first row of numbers that are more than one line of names.
+
+    Refuses a row of data among them: below the names one that begins with a number, and holds another than the `1` of a unit, is one that was logged.
+    """
+    for line, row in cells[len(cells) if named is None else named + 1 :]:
+        begins = next((is_value(cell) for cell in row if cell), False)
+        if len(row) == width and begins and any(is_value(cell) and cell != "1" for cell in row if cell):
+            raise InputError(
+                f"line {line} stands between names and numbers, and is neither: {short(', '.join(row))}; correct or remove it"
+            )
+    if len(cells) < 2 and not any(is_value(cell) for _, row in cells for cell in row if cell):
+        return None
+    lines = tuple(Kind.HEADER_LINE(line=line, text=short(", ".join(row))) for line, row in cells[:3])
+    more = Kind.MORE_LINES(count=len(cells) - 3) if len(cells) > 3 else ""
+    return Kind.HEADER_LINES(count=len(cells), lines=lines, more=more)
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, without quotes and blanks around them. Raises InputError where a cell is too long."""
+    if '"' not in line and delimiter != " ":
+        return [cell.strip() for cell in line.split(delimiter)]
+    if delimiter == " ":
+        return [cell.strip("\"'") for cell in line.split()]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    except csv.Error as error:
+        raise InputError(f"is not a table of numbers ({error})") from error
+
+
+def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
+    sample = file.read(_SAMPLE)
+    while sample.count(b"\n") < _HEADED and len(sample) < _MOST and (line := file.readline(_MOST - len(sample))):
+        sample += line
+    whole = not file.read(1)
+    encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    if encoding != "utf-16" and b"\0" in sample:
+        raise InputError("is not a text file; expected CSV text, or a .mat, .npz or .parquet file")
+    try:
+        text = sample.decode(encoding)
+    except UnicodeDecodeError as error:
+        cut = not whole and error.start > len(sample) - 4
+        encoding = encoding if cut or encoding == "utf-16" else "latin-1"
+        text = sample.decode(encoding, errors="replace")
+    lines = re.split(r"\r\n|\r|\n", text)
+    return encoding, lines if whole else lines[:-1]
+
+
+def _decimal(cells: Rows, delimiter: str) -> str:
+    """The decimal sign: a comma where numbers hold one, which between commas stands in quotes; there a thousand may be meant by it."""
+    commas = [cell for row in cells for cell in row if "," in cell and not _STAMP.fullmatch(cell)]
+    thousands = delimiter == "," and all(re.fullmatch(r"[+-]?\d{1,3}(,\d{3})+", cell) for cell in commas)
+    numbers = delimiter != "," or any(is_value(cell) for cell in commas)
+    return "," if commas and numbers and not thousands else "."
+
+
+def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:
+    """How well a delimiter explains lines: values in lines of the commonest width, as a share; then that width."""
+    rows = [split(line, delimiter) for line in lines]
+    shares = [_values(row) for row in rows]
+    usual = _usual([len(row) for row, share in zip(rows, shares, strict=True) if share > 0.5] or [*map(len, rows)])
+    numbers = sum(share for row, share in zip(rows, shares, strict=True) if len(row) == usual)
+    return round(numbers / len(rows), 6), usual if usual > 1 else 0
+
+
+def _usual(widths: Sequence[int]) -> int:
+    return max(Counter(widths).items(), key=lambda item: (item[1], item[0]))[0]
+
+
+def _width(rows: Rows) -> int:
+    """Columns, counting empty ones that a delimiter at the end of a line makes.
+
+    Refuses a row with more than the others.
+    """
+    usual = _usual([len(row) for row in rows])
+    wide = next((k for k, row in enumerate(rows) if any(row[usual:])), None)
+    if wide is not None:
+        raise InputError(
+            f"its rows differ in width: row {wide + 1} has {len(rows[wide])} columns; expected {usual} as in the others"
+        )
+    width = max(map(len, rows))
+    if width > MAX_COLUMNS:
+        raise InputError(
+            f"has {width} columns, over the limit of {MAX_COLUMNS}; expected one row per sample, and a column per signal"
+        )
+    return width
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell is a number, with decimal point or comma, a date or a time of day."""
+    if not 0 < len(cell) <= LONGEST:
+        return False
+    return bool(_NUMBER.fullmatch(cell.replace(",", ".", 1))) or is_stamp(cell)
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is a date, a time of day, or both, at least to look at."""
+    return bool(_STAMP.fullmatch(cell))
+
+
+def _values(row: Sequence[str]) -> float:
+    """Share of a row's cells that are values; empty cells do not count."""
+    filled = [cell for cell in row if cell]
+    return sum(map(is_value, filled)) / len(filled) if filled else 0.0

@@ -1,0 +1,323 @@
+"""Files as instruments, drives and programs write them, made here line by line: what is read, and what a draft makes of them."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bristle.data.columns import Key
+from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experiment
+from bristle.data.experiment.load import load_experiment, read_runs
+from bristle.data.text_layout import text_layout
+from bristle.data.text_table import read_table
+from bristle.errors import InputError
+
+N = 60
+T = np.round(np.arange(N) * 1e-3, 6)
+Q = np.round(np.degrees(0.4 * np.sin(40 * T)), 5)
+"""deg."""
+I = np.round(700 * np.cos(40 * T) + 20, 3)  # noqa: E741  # the symbol
+"""mA."""
+
+
+def lines(*formats: str, columns: tuple[Any, ...] = (T, Q, I), between: str = ",", end: str = "\n") -> str:
+    """Rows of columns, each in its format."""
+    rows = zip(*columns, strict=True)
+    return "".join(between.join(f.format(x) for f, x in zip(formats, row, strict=True)) + end for row in rows)
+
+
+def tektronix() -> str:
+    """An oscilloscope of now: metadata with numbers, of one cell and of three, then the names."""
+    metadata = "Model,MSO54\nFirmware Version,1.28.4\n\nWaveform Type,ANALOG,,\nHorizontal Units,s\nRecord Length,10000\nProbe Attenuation,10,1\n"
+    return f"{metadata}Vertical Units,V,A\nLabel,,\nTIME,CH1,CH2\n{lines('{:.6e}', '{:.6e}', '{:.6e}')}".replace(
+        "\n", "\r\n"
+    )
+
+
+def tektronix_beside() -> str:
+    """An older one: the metadata stand in the left columns, beside the first rows of data."""
+    left = [
+        "Record Length,2.500000e+03,",
+        "Sample Interval,1.0e-03,",
+        "Trigger Point,1.25e+03,",
+        ",,",
+        "Source,CH1,",
+        "Vertical Units,V,",
+    ]
+    rows = lines("{:.9f}", "{:.5f}", columns=(T, Q), end=",\n").splitlines()
+    return "".join(f"{left[k] if k < len(left) else ',,'},{row}\n" for k, row in enumerate(rows))
+
+
+def keysight() -> str:
+    """Channels are called by numbers, and the units are words."""
+    return f"x-axis,1,2\nsecond,Volt,Ampere\n{lines('{:+.6E}', '{:+.5E}', '{:+.6E}')}"
+
+
+def picoscope() -> str:
+    """Names, units in brackets, and an empty line."""
+    return f"Time,Channel A,Channel B\n(ms),(V),(mA)\n\n{lines('{:.4f}', '{:.6f}', '{:.4f}', columns=(1e3 * T, Q, I))}"
+
+
+def lecroy() -> str:
+    """A header of three widths, one line of which looks like a comment."""
+    header = "LECROYWR640Zi,12345,Waveform\nSegments,1,SegmentSize,10002\nSegment,TrigTime,TimeSinceSegment1\n#1,01-May-2024 12:00:00,0\n"
+    return f"{header}Time,Ampl\n{lines('{:.6f}', '{:.6f}', columns=(T, Q))}"
+
+
+def twincat() -> str:
+    """A block of a time and a value for each channel, of which the second has half as many rows."""
+    keys = {"Name": ("Axis1.ActPos", "Axis1.ActCurrent"), "SymbolComment": ("", ""), "Data-Type": ("REAL64", "REAL64"), "SampleTime[ms]": ("1", "2"),
+            "SymbolBased": ("True", "True"), "Unit": ("deg", "mA"), "ScaleFactor": ("1", "1")}  # fmt: skip  # a table
+    block = "".join(f"{key};{a};{key};{b}\n" for key, (a, b) in keys.items())
+    half = [f"{2 * k};{I[2 * k]:.3f}" if 2 * k < N else ";" for k in range(N)]
+    return (
+        f"Name;Scope Project\nFile;C:\\logs\\a.svdx\nStarttime of export;133590240000000000;01.05.2024;12:00:00\n\n{block}"
+        + "".join(f"{k};{Q[k]:.5f};{half[k]}\n" for k in range(N))
+    )
+
+
+def siemens() -> str:
+    """A trace in quotes, with a byte order mark, dates, decimal commas, and units in brackets below the names."""
+    header = '\ufeff"Trace";"Axis_1"\n"Cycle";"1 ms"\n"Timestamp";"actPosition";"actCurrent"\n"";"[°]";"[mA]"\n'
+    stamps = [f"01.05.2024 12:00:00,{k:03d}" for k in range(N)]
+    return header + "".join(
+        f'"{stamp}";"{q:.5f}";"{i:.3f}"\n'.replace(".", ",").replace("01,05,2024", "01.05.2024")
+        for stamp, q, i in zip(stamps, Q, I, strict=True)
+    )
+
+
+def labview() -> str:
+    """Two headers with tabs, a column of comments that is empty, and a time of day among the metadata."""
+    first = (
+        "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\n"
+        "X_Columns\tOne\nDate\t2024/05/01\nTime\t12:00:00.123456\n***End_of_Header***\t\n\t\n"
+    )
+    second = "Channels\t2\t\t\nSamples\t60\t60\t\nY_Unit_Label\tdeg\tmA\t\nX0\t0.0E+0\t0.0E+0\t\nDelta_X\t0.001\t0.001\t\n***End_of_Header***\t\t\t\n"
+    return f"{first}{second}X_Value\tPosition\tCurrent\tComment\n{lines('{:.6f}', '{:.6f}', '{:.6f}', between=chr(9), end=chr(9) + chr(10))}"
+
+
+def ros() -> str:
+    """No header; seconds and nanoseconds, a frame and names of joints, then positions and efforts."""
+    return "".join(f"1714557600,{k * 1_000_000},base,joint_1,joint_2,{Q[k]},{-Q[k]},{I[k]},0.5\n" for k in range(N))
+
+
+def excel() -> str:
+    """As a German Excel saves it: the separator told, names in German, units below, decimal commas."""
+    return f"sep=;\nZeit;Winkel;Strom\ns;Grad;mA\n{lines('{:.4f}', '{:.5f}', '{:.3f}', between=';').replace('.', ',')}".replace(
+        "\n", "\r\n"
+    )
+
+
+EXPORTS: dict[str, tuple[Callable[[], str], list[int | str]]] = {
+    "Tektronix": (tektronix, ["TIME", "CH1", "CH2"]),
+    "Tektronix, beside": (tektronix_beside, [3, 4]),
+    "Keysight": (keysight, ["x-axis", "1", "2"]),
+    "PicoScope": (picoscope, ["Time", "Channel A", "Channel B"]),
+    "LeCroy": (lecroy, ["Time", "Ampl"]),
+    "TwinCAT": (twincat, [0, "Axis1.ActPos", "Axis1.ActCurrent"]),
+    "Siemens": (siemens, ["Timestamp", "actPosition", "actCurrent"]),
+    "LabVIEW": (labview, ["X_Value", "Position", "Current"]),
+    "ROS 2": (ros, [1, 5, 7]),
+    "Excel": (excel, ["Zeit", "Winkel", "Strom"]),
+}
+MILLI = {"PicoScope", "TwinCAT"}
+"""Whose time is in ms."""
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_exports_are_read_as_they_are(tmp_path: Path, name: str) -> None:
+    """Every number of every column comes back, from the first row to the last, by the names that the file has or by numbers."""
+    write, columns = EXPORTS[name]
+    path = tmp_path / "log.csv"
+    path.write_text(write(), encoding="utf-8", newline="")
+    keys = [Key(c, stamps=name == "Siemens" and c == "Timestamp") for c in columns]
+    time, *values = (read_table(path, [key]).columns[key] for key in keys)
+    by = {**dict.fromkeys(MILLI, 1e-3), "ROS 2": 1e-9}.get(name, 1.0)
+    np.testing.assert_allclose(time * by, T, atol=1e-9)
+    np.testing.assert_allclose(values[0], Q, atol=1e-4)
+    for current in values[1:]:
+        if name == "TwinCAT":
+            np.testing.assert_allclose(current[: N // 2], I[::2], atol=1e-3)
+            assert np.isnan(current[N // 2 :]).all()
+        else:
+            np.testing.assert_allclose(current, I, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        ("Keysight", ("second", "volt", "ampere")), ("PicoScope", ("ms", "V", "mA")), ("TwinCAT", ("", "deg", "", "mA")),
+        ("Siemens", ("", "°", "mA")), ("Excel", ("s", "Grad", "mA")), ("LeCroy", ("", "")), ("ROS 2", ()),
+    ],
+)  # fmt: skip  # a table
+def test_units_that_a_header_states(tmp_path: Path, name: str, units: tuple[str, ...]) -> None:
+    """A row of units, in brackets or not, and a block's line of them, are the units of the columns; nothing else is."""
+    path = tmp_path / "log.csv"
+    path.write_text(EXPORTS[name][0](), encoding="utf-8", newline="")
+    assert text_layout(path).units == units
+
+
+@pytest.mark.parametrize(
+    ("name", "told", "says"),
+    [
+        ("Excel", {}, ["position: column \"Winkel\"", "unit of position: Grad, as the file's header states", "unit of current: mA"]),
+        ("Siemens", {}, ["unit of time: iso, for column \"Timestamp\" holds dates", "unit of position: °"]),
+        ("LabVIEW", {"columns": {"time": "X_Value"}, "units": {"position": "deg", "current": "mA"}}, ["position: column \"Position\""]),
+        ("PicoScope", {"columns": {"position": "Channel A", "current": "Channel B"}, "units": {"position": "deg"}},
+         ["unit of time: ms", "unit of current: mA"]),
+        ("Tektronix", {"columns": {"position": "CH1", "current": "CH2"}, "units": {"position": "deg", "current": "mA"}},
+         ["time: column \"TIME\""]),
+        ("ROS 2", {"columns": {"position": "5", "current": "7", "time": "1"}, "units": {"position": "deg", "current": "mA", "time": "ns"}}, []),
+    ],
+)  # fmt: skip  # a table
+def test_drafts_of_exports_read(tmp_path: Path, name: str, told: dict[str, Any], says: list[str]) -> None:
+    """The draft of an export gives position and torque in SI, with the units that its header states, and says so; what it does not know is told."""
+    (tmp_path / "log.csv").write_text(EXPORTS[name][0](), encoding="utf-8", newline="")
+    draft = draft_experiment([tmp_path / "log.csv"], Told(torque_constant="0.5 N*m/A", **told), tmp_path)
+    record = read_runs(load_experiment(saved(draft, tmp_path)))[0].record
+    assert record.position is not None
+    assert record.torque is not None
+    np.testing.assert_allclose(record.position, np.radians(Q), atol=1e-6)
+    np.testing.assert_allclose(record.torque, 0.5e-3 * I, atol=1e-5)
+    np.testing.assert_allclose(np.diff(record.time), 1e-3, rtol=1e-6)
+    assert all(any(sentence.startswith(words) for sentence in draft.guessed) for words in says)
+
+
+def saved(draft: Draft, folder: Path) -> Path:
+    """The draft as an experiment file of a tracking run."""
+    path = folder / "draft.yaml"
+    path.write_text(draft.text([DraftedRun("tracking")]), encoding="utf-8")
+    return path
+
+
+def test_channels_with_times_of_their_own(tmp_path: Path) -> None:
+    """TwinCAT's channels, sampled every 1 ms and 2 ms, go together on the time of the position, without one row lost but beyond the last sample."""
+    (tmp_path / "log.csv").write_text(twincat(), encoding="utf-8")
+    (tmp_path / "e.yaml").write_text(
+        "joint: {name: axis}\nmotor: {torque_constant: 0.5 N*m/A}\nsignals:\n"
+        "  position: {column: Axis1.ActPos, unit: deg, time: {column: 0, unit: ms}}\n"
+        "  current: {column: Axis1.ActCurrent, unit: mA, time: 2}\nruns: [{files: log.csv, experiment: tracking}]\n"
+    )
+    record = read_runs(load_experiment(tmp_path / "e.yaml"))[0].record
+    assert (record.rows, record.dropped) == (N, 1)
+    assert record.torque is not None
+    np.testing.assert_allclose(record.torque[::2], 0.5e-3 * I[::2], atol=1e-6)
+    np.testing.assert_allclose(record.torque, 0.5e-3 * I[:-1], rtol=2e-3)
+
+
+def test_the_time_of_another_channel_is_refused(tmp_path: Path) -> None:
+    """Of channels with a block each, one sampled otherwise than the time that is read with it is refused, with the line to add."""
+    (tmp_path / "log.csv").write_text(twincat(), encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"column 'Axis1\.ActCurrent' has a time of its own, column 2, .*; add time: 2 to the signal"
+    ):
+        read_table(tmp_path / "log.csv", [Key(0), Key("Axis1.ActPos"), Key("Axis1.ActCurrent")])
+
+
+def test_a_row_of_words_hides_no_row_above_it(tmp_path: Path) -> None:
+    """Words in the midst of data are refused by their row: what stands above them, below the names, is data."""
+    (tmp_path / "log.csv").write_text("t,q,tau\n0,1,2\nstart,of,run\n" + "1,2,3\n" * 9, encoding="utf-8")
+    with pytest.raises(InputError, match="row 2 of column 't' holds 'start'"):
+        read_table(tmp_path / "log.csv", [Key("t")])
+
+
+@pytest.mark.parametrize(
+    ("content", "column", "expected"),
+    [
+        ("t,q,q\n0,1,2\n1,3,4\n", "q#2", [2, 4]),
+        ("t,q,q\n0,1,2\n1,3,4\n", 2, [2, 4]),
+        ("t,q#2,q,q\n0,1,2,5\n1,3,4,6\n", "q#2", [1, 3]),
+        ("t,position[0],position[1]\n0,1,2\n1,3,4\n", "position[1]", [2, 4]),
+        ("t,q,tau\ntime,joint angle,torque\n0,1,2\n1,3,4\n", "q", [1, 3]),
+        ("t,q,tau\ntime,joint angle,torque\n0,1,2\n1,3,4\n", "joint angle", [1, 3]),
+        ("Range,1,2\nGains,3,4\n1,2,3\nt,q,tau\n0,1,2\n1,3,4\n2,5,6\n", "q", [1, 3, 5]),
+        ("Operator: Bob\nFs: 1000\nt,u\n0,1\n1,3\n", "u", [1, 3]),
+        ('t;q\n"0";"1,5"\n"1";"2,5"\n', "q", [1.5, 2.5]),
+        ('t,q\n"0,1","1,5"\n"0,2","2,5"\n', "q", [1.5, 2.5]),
+        ("t,q\n2024-05-01 12:00:00,1\n2024-05-01 12:00:01,3\n", "q", [1, 3]),
+        ("sep=|\nt|q\n0|1\n1|3\n", "q", [1, 3]),
+        ("sep=\t\nt\tq\n0\t1\n1\t3\n", "q", [1, 3]),
+        ('"sep=;"\nt;q\n0;1\n1;3\n', "q", [1, 3]),
+    ],
+)
+def test_columns_are_found(tmp_path: Path, content: str, column: int | str, expected: list[float]) -> None:
+    """By a name in the row of names, or else in another row above the numbers; the second of a name by `#2`, or by its number."""
+    path = tmp_path / "log.csv"
+    path.write_text(content, encoding="utf-8")
+    assert read_table(path, [Key(column)]).columns[Key(column)].tolist() == expected
+
+
+@pytest.mark.parametrize("name", ["position[1]", "position_1", "position.1"])
+def test_an_index_finds_an_array_in_names(tmp_path: Path, name: str) -> None:
+    """`index` picks the column that a name spells out, however it does; where two do, or none, it is refused."""
+    path = tmp_path / "log.csv"
+    path.write_text(f"t,{name},position\n0,1,2\n1,3,4\n", encoding="utf-8")
+    assert read_table(path, [Key("position", 1)]).columns[Key("position", 1)].tolist() == [1, 3]
+    with pytest.raises(InputError, match="no column named 'position' index 0; there are: t"):
+        read_table(path, [Key("position", 0)])
+    path.write_text(
+        f"t,{name},position(1),position[1]_,position_1 ,position[1]\n0,1,2,3,4,5\n1,1,2,3,4,5\n", encoding="utf-8"
+    )
+    with pytest.raises(InputError, match="several columns named 'position' index 1"):
+        read_table(path, [Key("position", 1)])
+
+
+@pytest.mark.parametrize(
+    ("content", "key", "says"),
+    [
+        ("t,q,q\n0,1,2\n1,3,4\n", Key("q"), "several columns named 'q', columns 1, 2, counted from 0; write a number, as in column: 2, or 'q#2'"),
+        ("t,q,q\n0,1,2\n1,3,4\n", Key("q#3"), "no column named 'q#3'"),
+        ("t,q,q\n0,1,2\n1,3,4\n", Key("q#0"), "no column named 'q#0'"),
+        ("t,q,q\n0,1,2\n1,3,4\n", Key(1, 0), "no column 1 index 0; an index needs the name of an array"),
+        ("t;q\n0;1\n1;1.234,5\n2;1,5\n3;2,5\n", Key("q"), "holds '1.234,5'; expected a number without separators of thousands"),
+        ('t,q\n0,1\n1,"1,234"\n2,5\n', Key("q"), "holds '1,234'; expected a number without separators of thousands"),
+        ("t;q\n0;1\n1;1'234.5\n2;2\n", Key("q"), "without separators of thousands"),
+        ("t,q\n2024-05-01T12:00:00Z,1\n2024-05-01T12:00:01Z,2\n", Key("t"), "a column of dates or times of day has unit: iso"),
+        ("t,q\n0,1\n1,2\n", Key("t", stamps=True), "row 1 of column 't' holds '0', and unit iso was declared"),
+        ("t,q\n99999-01-01T00:00:00Z,1\n1,2\n", Key("t", stamps=True), "in 1678 to 2261"),
+        ("t,q\n2024-05-01T12:00:00Z,1\n2024-13-01T12:00:00Z,2\n", Key("t", stamps=True), "row 2 of column 't' holds '2024-13-01"),
+        ("t,q\n0001-01-01T00:00:00Z,1\n0001-01-01T00:00:01Z,2\n", Key("t", stamps=True), "in 1678 to 2261"),
+        ("t,q\n05/01/2024 12:00,1\n05/01/2024 12:01,2\n", Key("t", stamps=True), "expected a time such as"),
+        ("\n".join(",".join(cell * 100_000) for cell in (["c"], ["s"], ["1"])), Key("c0"), "over the limit"),
+        ("Key,5\n" * 100_000 + "t,q\n0,1\n", Key("t"), "no column named 't'|holds 'Key'"),
+        ("Key: value\n" * 100_000 + "t,q\n0,1\n", Key("t"), "no column named 't'|no row of numbers"),
+        ("x" * 1_000_000 + "\nt,q\n0,1\n1,2\n2,3\n", Key("x"), "no column named 'x'"),
+        ("t,q\0\n0,1\n", Key("t"), "not a text file"),
+    ],
+)  # fmt: skip  # a table
+def test_what_cannot_be_read_is_refused(tmp_path: Path, content: str, key: Key, says: str) -> None:
+    """Ambiguous names, grouped digits, dates that are none, and headers beyond reason: one short sentence each."""
+    path = tmp_path / "log.csv"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=says) as caught:
+        read_table(path, [key])
+    assert len(str(caught.value)) < 500
+
+
+_LINES = st.sampled_from(
+    ["t,q,tau", "t;q;tau", "sep=;", "s,deg,Nm", "[s];[deg];[A]", "0,1,2", "0,5;1,5;2", "Name,a,Name,b", "Unit,deg,Unit,A", "Key: value", "Range,1,2",
+     "# a", "2024-05-01T12:00:00Z,1,2", "12:00:00.5,1,2", "01.05.2024 12:00:00;1;2", ",,", "", "nan,inf,1e400", '"a', "x" * 300, "\ufeff", "1\t2\t3"]
+)  # fmt: skip  # a list
+
+
+def _attempts(path: Path) -> Iterator[Callable[[], object]]:
+    for key in (Key(0), Key("q"), Key("t", stamps=True), Key(0, stamps=True), Key("q#2"), Key("q", 1)):
+        yield partial(read_table, path, [key])
+    yield partial(draft_experiment, [path], Told(torque_constant="1 N*m/A", resistance="1 ohm"))
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.one_of(st.lists(_LINES, max_size=12).map("\n".join), st.text(max_size=200)), st.sampled_from(["\n", "\r\n"]))
+def test_any_small_text_is_read_or_refused(tmp_path: Path, content: str, end: str) -> None:
+    """Headers, blocks, units, dates and rows in any order, and any text at all: columns and drafts, or an InputError, nothing else."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(content.replace("\n", end).encode("utf-8", "surrogatepass"))
+    for attempt in _attempts(path):
+        with contextlib.suppress(InputError):
+            attempt()

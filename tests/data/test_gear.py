@@ -1,0 +1,211 @@
+"""Signals of either side of a gear: all come to the joint, where the law is."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bristle.data.experiment.load import Experiment, load_experiment, read_runs
+from bristle.data.record import Record
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+
+K_T, R, RATIO = 0.05, 2.0, 100.0
+T = np.arange(1000) * 1e-3
+Q, W = np.sin(2 * T) + T, 2 * np.cos(2 * T) + 1
+TAU = 0.5 * np.sign(W) + 0.3 * W
+
+
+def columns(ratio: float) -> dict[str, np.ndarray]:
+    """What a motor with this gear logs, in SI, beside what the joint does."""
+    current = TAU / (ratio * K_T)
+    return {
+        "t": T, "q": Q, "w": W, "tau": TAU, "qm": ratio * Q, "wm": ratio * W, "taum": TAU / ratio, "i": current, "u": R * current + K_T * ratio * W,
+        "counts": np.round(ratio * Q / (2 * np.pi) * 4096), "turned": np.mod(ratio * Q, 2 * np.pi),
+    }  # fmt: skip  # a table
+
+
+def experiment(
+    folder: Path, gear: Any, *, ratio: float = RATIO, kind: str = "revolute", more: Any = None, **signals: Any
+) -> Experiment:
+    """An experiment of one tracking run with these signals, each `column unit`, and this gear."""
+    logged = columns(ratio)
+    rows = np.column_stack(list(logged.values()))
+    np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(logged), comments="", fmt="%.15g")
+    named = {
+        name: s if isinstance(s, dict) else dict(zip(("column", "unit"), s.split(), strict=True))
+        for name, s in signals.items()
+    }
+    data = {
+        "joint": {"name": "axis", "kind": kind},
+        "motor": {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm", "gear": gear},
+        "signals": {"time": {"column": "t", "unit": "s"}, **named},
+        "runs": [{"files": "log.csv", "experiment": "tracking"}],
+    }  # fmt: skip  # a table
+    (folder / "e.yaml").write_text(yaml.safe_dump(data | (more or {})), encoding="utf-8")
+    return load_experiment(folder / "e.yaml")
+
+
+def record(folder: Path, gear: Any, **more: Any) -> Record:
+    """Its run."""
+    return read_runs(experiment(folder, gear, **more))[0].record
+
+
+MOTOR = {"position": "motor", "velocity": "motor", "torque": "motor"}
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.floats(0.01, 1500), st.sampled_from([1, -1]), st.sampled_from(["i A current", "u V voltage", "taum N*m torque"])
+)
+def test_the_motor_side_is_the_joint_side(tmp_path: Path, size: float, sign: int, drive: str) -> None:
+    """Whatever the ratio, reversed ones too, position, velocity and torque from current, voltage or a sensor at the motor are those of the joint."""
+    ratio = sign * size
+    column, unit, name = drive.split()
+    found = record(
+        tmp_path,
+        {"ratio": ratio, **MOTOR},
+        ratio=ratio,
+        position="qm rad",
+        velocity="wm rad/s",
+        **{name: f"{column} {unit}"},
+    )
+    for got, wanted in ((found.position, Q), (found.velocity, W), (found.torque, TAU)):
+        assert got is not None
+        np.testing.assert_allclose(got, wanted, atol=1e-9 * max(1, size))
+    assert [n for n in found.notes if n.kind is Kind.GEAR_TAKEN]
+
+
+def test_sides_may_differ(tmp_path: Path) -> None:
+    """An encoder at the joint beside a current of the motor, and a torque at the joint beside an encoder of the motor."""
+    link = record(tmp_path, {"ratio": RATIO, "position": "joint"}, position="q rad", current="i A")
+    sensor = record(
+        tmp_path, {"ratio": RATIO, "position": "motor", "torque": "joint"}, position="qm rad", torque="tau N*m"
+    )
+    for found in (link, sensor):
+        assert found.position is not None
+        assert found.torque is not None
+        np.testing.assert_allclose(found.position, Q, atol=1e-9)
+        np.testing.assert_allclose(found.torque, TAU, atol=1e-9)
+
+
+def test_constants_of_the_motor_at_the_joint(tmp_path: Path) -> None:
+    """k_t goes with the ratio and J with its square, R and L stay; the constant that has an error is the motor's own, and so is its effect."""
+    motor = {"torque_constant": "0.05 +/- 0.001 N*m/A", "resistance": "2 ohm", "inductance": "3 mH", "inertia": "1e-6 kg*m**2",
+             "gear": {"ratio": -RATIO, **MOTOR}}  # fmt: skip  # a table
+    e = experiment(
+        tmp_path, None, ratio=-RATIO, more={"motor": motor}, position="qm rad", velocity="wm rad/s", voltage="u V"
+    )
+    assert e.motor == pytest.approx((RATIO * K_T, R, 3e-3, 1e-6 * RATIO**2))
+    assert [str(c) for c in e.torque_constants] == ["torque_constant 0.05 +/- 0.001 N*m/A", "resistance 2 ohm"]
+    (shift,) = read_runs(e)[0].record.torque_shifts.values()
+    torques = []
+    for k_t in (0.0501, 0.0499):
+        at = {"motor": motor | {"torque_constant": f"{k_t} N*m/A"}}
+        torque = record(
+            tmp_path, None, ratio=-RATIO, more=at, position="qm rad", velocity="wm rad/s", voltage="u V"
+        ).torque
+        assert torque is not None
+        torques.append(torque)
+    np.testing.assert_allclose(shift, (torques[0] - torques[1]) / 0.0002 * 0.001, rtol=1e-6)
+
+
+def test_the_encoder_is_on_the_side_of_the_position(tmp_path: Path) -> None:
+    """Counts of an encoder at the motor are so much finer at the joint; a turn that wraps is the motor's."""
+    more = {"encoder_resolution": "4096 counts/rev"}
+    gear = {"ratio": RATIO, "position": "motor"}
+    e = experiment(tmp_path, gear, more=more, position="counts counts", current="i A")
+    assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096 / RATIO)
+    found = read_runs(e)[0].record
+    assert found.position is not None
+    np.testing.assert_allclose(found.position, Q, atol=2 * np.pi / 4096 / RATIO)
+    assert found.warnings == ()
+    wrapped = record(tmp_path, gear, position={"column": "turned", "unit": "rad", "wraps": True}, current="i A")
+    assert wrapped.position is not None
+    np.testing.assert_allclose(wrapped.position, Q, atol=1e-9)
+    with pytest.raises(InputError, match="position jumps by a full turn between samples"):
+        record(tmp_path, gear, position="turned rad", current="i A")
+
+
+@pytest.mark.parametrize(
+    "ratio", [f"{RATIO} rad/m", "100 rad/m", f"{2 * np.pi / RATIO!r} m/rev", f"{2000 * np.pi / RATIO!r} mm/rev"]
+)
+def test_a_lead(tmp_path: Path, ratio: str) -> None:
+    """A joint that slides has the angle of its motor per length, or its lead: m, N and kg at the joint, rad, N*m and kg*m**2 at the motor."""
+    motor = {
+        "torque_constant": f"{K_T} N*m/A",
+        "inertia": "1e-6 kg*m**2",
+        "gear": {"ratio": ratio, "position": "motor"},
+    }
+    e = experiment(
+        tmp_path,
+        None,
+        kind="prismatic",
+        more={"motor": motor, "encoder_resolution": "4096 counts/rev"},
+        position="qm rad",
+        current="i A",
+    )
+    assert e.motor is not None
+    assert (e.motor.k_t, e.motor.J) == pytest.approx((K_T * RATIO, 1e-6 * RATIO**2))
+    assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096 / RATIO)
+    found = read_runs(e)[0].record
+    assert found.position is not None
+    assert found.torque is not None
+    np.testing.assert_allclose(found.position, Q, rtol=1e-9)
+    np.testing.assert_allclose(found.torque, TAU, rtol=1e-9)
+
+
+def test_a_wrong_side_is_named(tmp_path: Path) -> None:
+    """A velocity of the joint declared as the motor's differs from the position by the ratio, and the warning names the side."""
+    (found,) = record(
+        tmp_path, {"ratio": RATIO, **MOTOR}, position="qm rad", velocity="w rad/s", current="i A"
+    ).warnings
+    assert found.kind is Kind.VELOCITY_FACTOR
+    assert "the other side for velocity under motor.gear" in str(found)
+
+
+_BAD: dict[str, tuple[Any, str]] = {
+    "a bare number": (100, r"motor\.gear: got 100; expected the ratio, and for each logged signal the side"),
+    "text": ("100:1", r"motor\.gear: got '100:1'; expected the ratio"),
+    "zero": ({"ratio": 0, **MOTOR}, r"motor\.gear\.ratio: got 0; expected turns of the motor for one turn"),
+    "infinite": ({"ratio": float("inf"), **MOTOR}, r"motor\.gear\.ratio: got inf; expected turns"),
+    "no number": ({"ratio": float("nan"), **MOTOR}, r"motor\.gear\.ratio: got nan; expected turns"),
+    "vast": ({"ratio": 1e9, **MOTOR}, r"motor\.gear\.ratio: got 1000000000\.0; expected turns"),
+    "a unit": ({"ratio": "100 rad/m", **MOTOR}, r"motor\.gear\.ratio: got '100 rad/m'; expected turns"),
+    "true": ({"ratio": True, **MOTOR}, r"motor\.gear\.ratio: got True; expected turns"),
+    "no side": ({"ratio": 100}, r"runs\.0: motor\.gear does not say on which side position was logged; add position: motor, or"),
+    "no ratio": (MOTOR, r"motor\.gear\.ratio: missing"),
+    "a side that is none": ({"ratio": 100, "position": "link"}, r"motor\.gear\.position: got 'link'; expected 'motor' or 'joint'"),
+    "a current of the joint": ({"ratio": 100, "current": "joint"}, r"motor\.gear\.current: got 'joint'; expected 'motor'"),
+    "an efficiency": ({"ratio": 100, **MOTOR, "efficiency": 0.8}, r"motor\.gear: efficiency is friction that depends on load and direction"),
+}  # fmt: skip  # a table
+
+
+@pytest.mark.parametrize("case", _BAD)
+def test_bad_gears_are_refused(tmp_path: Path, case: str) -> None:
+    """No ratio, one that is none, and signals of an unknown side are one sentence each."""
+    gear, says = _BAD[case]
+    with pytest.raises(InputError, match=says):
+        experiment(tmp_path, gear, position="qm rad", velocity="wm rad/s", current="i A")
+
+
+@pytest.mark.parametrize("ratio", [100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None])
+def test_a_lead_has_a_unit(tmp_path: Path, ratio: Any) -> None:
+    """A bare ratio of a joint that slides is refused, as what has another dimension."""
+    with pytest.raises(InputError, match=r"motor\.gear\.ratio: "):
+        experiment(tmp_path, {"ratio": ratio, "position": "motor"}, kind="prismatic", position="qm rad", current="i A")
+
+
+def test_efficiency_and_missing_constants_are_refused(tmp_path: Path) -> None:
+    """An efficiency is friction, which is what is identified; a current needs k_t, and a motor without a gear is nothing without it."""
+    for motor, says in (
+        ({"torque_constant": "1 N*m/A", "efficiency": 0.9}, "motor: efficiency is friction .* leave it out"),
+        ({"resistance": "2 ohm"}, r"motor\.torque_constant: missing; add this key"),
+        ({"gear": {"ratio": 2, "position": "motor"}}, r"torque from current needs motor\.torque_constant"),
+    ):
+        with pytest.raises(InputError, match=says):
+            experiment(tmp_path, None, more={"motor": motor}, position="qm rad", current="i A")

@@ -1,0 +1,319 @@
+"""Parts of files, runs of several files, and signals with a time of their own."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment, load_experiment, read_runs
+from bristle.data.experiment.tables import brought_to
+from bristle.data.record import Record
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.identification.measured import measure
+
+from ..conftest import run as bristle
+
+N = 600
+T = np.arange(N) * 1e-3
+Q, TAU = np.sin(9 * T), np.cos(9 * T)
+SIGNALS = {
+    "time": {"column": "t", "unit": "s"}, "position": {"column": "q", "unit": "rad"}, "torque": {"column": "tau", "unit": "N*m"},
+}  # fmt: skip  # a table
+
+
+def log(folder: Path, name: str = "log.csv", rows: slice = slice(None), **columns: Any) -> None:
+    """Some rows of a log."""
+    logged = {"t": T, "q": Q, "tau": TAU} | columns
+    lines = (",".join(map(str, row)) for row in zip(*(list(x[rows]) for x in logged.values()), strict=True))
+    (folder / name).write_text("\n".join([",".join(logged), *lines]) + "\n", encoding="utf-8")
+
+
+def experiment(folder: Path, *runs: dict[str, Any], signals: Any = None, **more: Any) -> Experiment:
+    """An experiment of runs that are tracking ones unless they say otherwise."""
+    data = {
+        "joint": {"name": "axis"}, "signals": {k: s for k, s in (SIGNALS | (signals or {})).items() if s},
+        "runs": [{"files": "log.csv", "experiment": "tracking", **run} for run in runs or ({},)], **more,
+    }  # fmt: skip  # a table
+    (folder / "e.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")
+    return load_experiment(folder / "e.yaml")
+
+
+def records(folder: Path, *runs: dict[str, Any], **more: Any) -> list[Record]:
+    """What its runs measured."""
+    return [x.record for x in read_runs(experiment(folder, *runs, **more))]
+
+
+# parts of a file
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(2, N - 20), st.integers(20, N))
+def test_a_part_is_its_rows(tmp_path: Path, first: int, length: int) -> None:
+    """`rows` takes the lines that it names, both ends included, `time` the same samples by their stamps; both are said, and none is dropped."""
+    log(tmp_path)
+    last = min(first + length - 1, N + 1)
+    by_time = {"from": f"{T[first - 2]:.3f} s", "to": f"{1e3 * T[last - 2]:.0f} ms"}
+    for part in ({"rows": f"{first}-{last}"}, {"time": by_time}):
+        (found,) = records(tmp_path, part)
+        assert (found.rows, found.dropped) == (last - first + 1, 0)
+        np.testing.assert_array_equal(found.time, T[first - 2 : last - 1])
+        assert found.torque is not None
+        np.testing.assert_array_equal(found.torque, TAU[first - 2 : last - 1])
+        assert found.where(0, found.time.size) == f"lines {first}-{last}"
+        assert found.file.startswith("log.csv (")
+        assert [n for n in found.notes if n.kind is Kind.PART_TAKEN]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "npz"])
+def test_parts_of_one_file_are_runs(tmp_path: Path, suffix: str) -> None:
+    """Two parts of a file are two runs where they share no row; where they do, or one is the whole, they are refused, held out or not."""
+    log(tmp_path)
+    np.savez(tmp_path / "log.npz", t=T, q=Q, tau=TAU)
+
+    def measured(*parts: dict[str, Any]) -> list[int]:
+        """Rows of each run."""
+        runs = [{"files": f"log.{suffix}", **part} for part in parts]
+        return [x.record.rows for x in measure(experiment(tmp_path, *runs)).runs]
+
+    assert measured({"rows": "2-200"}, {"rows": "201-400", "hold_out": True}) == [199, 200]
+    assert measured({"time": {"to": "0.2 s"}}, {"time": {"from": "0.201 s"}}) == [201, N - 201]
+    for parts, says in (
+        ([{"rows": "2-200"}, {"rows": "200-400"}], "is given twice"),
+        ([{"rows": "2-200"}, {}], "is given twice"),
+        ([{"rows": "2-200"}, {"time": {"from": "0.1 s"}, "hold_out": True}], "is held out and fitted as well"),
+    ):
+        with pytest.raises(InputError, match=says):
+            measured(*parts)
+
+
+def test_points_by_rows(tmp_path: Path) -> None:
+    """Of given points `rows` takes a part too, and parts with a row in common are refused."""
+    log(tmp_path, v=np.linspace(-1, 1, N))
+    signals = {"time": None, "position": None, "velocity": {"column": "v", "unit": "rad/s"}}
+    parts = [{"rows": rows, "experiment": "points"} for rows in ("2-100", "101-300")]
+    assert [r.rows for r in records(tmp_path, *parts, signals=signals)] == [99, 200]
+    with pytest.raises(InputError, match="is given twice"):
+        measure(experiment(tmp_path, parts[0], {"rows": "100-200", "experiment": "points"}, signals=signals))
+
+
+@pytest.mark.parametrize(
+    ("part", "says"),
+    [
+        ({"rows": "100-4000"}, r"log\.csv: rows: got 100-4000; expected lines between 2 and 601"),
+        (
+            {"rows": "1-1"},
+            r"no row lies in the part lines 1-1 of the file, whose time goes from 0 s to 0\.599 s; give another range",
+        ),
+        ({"rows": "400-100"}, "the first row before the last"),
+        ({"rows": "2-3-4"}, "expected a row such as 12, or rows such as 12-40"),
+        ({"rows": -5}, "expected a row"),
+        ({"time": {"from": "5 s"}}, "no row lies in the part from 5 s of the file"),
+        ({"time": {"from": "0.0001 s", "to": "0.0002 s"}}, "no row lies in the part"),
+        ({"time": {}}, r"runs\.0\.time: expected one end at least"),
+        ({"time": {"from": "1 s", "to": "1 s"}}, "the earlier time first"),
+        ({"time": {"from": 1}}, r"runs\.0\.time\.from: got 1; expected a number with its unit"),
+        ({"time": "2 s - 30 s"}, r"runs\.0\.time: got '2 s - 30 s'; expected keys with values"),
+        ({"rows": "2-30", "time": {"to": "1 s"}}, "got rows and time; expected one of them"),
+        ({"time": {"to": "1 s"}, "experiment": "points"}, "points have no time; give rows"),
+        ({"files": []}, r"runs\.0\.files: got \[\]; expected a path or glob"),
+        ({"files": ["log.csv", 3]}, r"runs\.0\.files: got .*; expected a path or glob"),
+        ({"files": ["log.csv"] * 2000}, r"runs\.0\.files: got .* a list of at most 1000"),
+        ({"files": ["log.csv", "l*.csv"]}, "files name 'log.csv' twice"),
+        ({"joined": "yes"}, r"runs\.0\.joined: got 'yes'"),
+    ],
+)
+def test_bad_parts_are_refused(tmp_path: Path, part: dict[str, Any], says: str) -> None:
+    """Ranges beyond the file, empty or turned round, and lists that are none: one sentence, and the command ends with 2."""
+    log(tmp_path)
+    with pytest.raises(InputError, match=says):
+        records(tmp_path, part)
+    ran = bristle("inspect", tmp_path / "e.yaml")
+    assert (ran.code, len(ran.said)) == (2, 1)
+
+
+# several files
+
+
+def test_consecutive_files_are_one_run(tmp_path: Path) -> None:
+    """Files whose time goes on are one run without a gap; one whose time begins anew follows after a gap, across which nothing is filtered."""
+    log(tmp_path, "a.csv", slice(0, 300))
+    log(tmp_path, "b.csv", slice(300, N))
+    log(tmp_path, "anew.csv", slice(300, N), t=T - T[300])
+    (whole,) = records(tmp_path, {"files": ["a.csv", "b.csv"], "joined": True})
+    np.testing.assert_allclose(whole.time, T)
+    assert (whole.starts, whole.rows, whole.file) == ((0,), N, "a.csv + b.csv")
+    (apart,) = records(tmp_path, {"files": ["a.csv", "anew.csv"], "joined": True})
+    assert apart.starts == (0, 300)
+    np.testing.assert_allclose(np.diff(apart.time[300:]), 1e-3)
+    assert len(records(tmp_path, {"files": ["a.csv", "b.csv"]})) == 2
+    (cut,) = records(tmp_path, {"files": ["a.csv", "b.csv"], "joined": True, "time": {"from": "0.2 s", "to": "0.4 s"}})
+    np.testing.assert_allclose(cut.time, T[200:401])
+
+
+def test_dates_of_consecutive_files_go_on(tmp_path: Path) -> None:
+    """Dates tell how the files follow, over midnight too."""
+    stamps = [
+        f"2024-05-01T23:59:59.{700 + k:03d}" if k < 300 else f"2024-05-02T00:00:00.{k - 300:03d}" for k in range(N)
+    ]
+    for name, rows in (("a.csv", slice(0, 300)), ("b.csv", slice(300, N))):
+        log(tmp_path, name, rows, t=np.array(stamps))
+    (found,) = records(
+        tmp_path, {"files": ["a.csv", "b.csv"], "joined": True}, signals={"time": {"column": "t", "unit": "iso"}}
+    )
+    np.testing.assert_allclose(found.time, T, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("runs", "says"),
+    [
+        ([{"files": ["b.csv", "a.csv"], "joined": True}], r"b\.csv, a\.csv: the second begins before the first ends"),
+        ([{"files": ["a.csv", "c.csv"], "joined": True}], "the second begins before the first ends"),
+        ([{"files": ["a.csv", "a.csv"], "joined": True}], "files name 'a.csv' twice"),
+        (
+            [{"files": ["a.csv", "b.csv"], "joined": True}, {"files": "b.csv"}],
+            "'b.csv' is a part of a joined run and of another",
+        ),
+        ([{"files": ["a.csv", "none.csv"], "joined": True}], r"'none\.csv' is no file"),
+        ([{"files": ["a.csv", "other.csv"], "joined": True}], r"other\.csv: no column named 't'"),
+    ],
+)
+def test_files_that_do_not_follow_are_refused(tmp_path: Path, runs: list[dict[str, Any]], says: str) -> None:
+    """Files out of order, that overlap, given twice or of other columns are no run."""
+    log(tmp_path, "a.csv", slice(0, 300))
+    log(tmp_path, "b.csv", slice(300, N))
+    log(tmp_path, "c.csv", slice(200, N))
+    (tmp_path / "other.csv").write_text("x,y\n1,2\n3,4\n")
+    with pytest.raises(InputError, match=says):
+        records(tmp_path, *runs)
+
+
+# a time of its own
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(0.01, 1), min_size=3, max_size=30), st.floats(-2, 2), st.floats(-2, 2))
+def test_a_line_is_a_line_at_any_instants(steps: list[float], slope: float, start: float) -> None:
+    """A signal that is a line in time is the same line on any other time, nan beyond its ends; a sample that is missing changes nothing."""
+    own = np.cumsum(steps)
+    values = start + slope * own
+    time = np.linspace(own[0] - 1, own[-1] + 1, 50)
+    inside = (time >= own[0]) & (time <= own[-1])
+    if np.count_nonzero(inside) == 0:
+        return
+    spoilt: tuple[Array, Array] = (np.append(own, [np.nan, own[-1]]), np.append(values, [1.0, 7.0]))
+    for at, x in ((own, values), spoilt):
+        found = brought_to(time, at, x, 1e3)
+        np.testing.assert_allclose(found[inside], start + slope * time[inside], atol=1e-9)
+        assert np.isnan(found[~inside]).all()
+
+
+def test_nothing_is_interpolated_over_a_gap() -> None:
+    """Between two samples far apart there is no value, at the samples themselves there is."""
+    own = np.append(np.arange(10.0), 100 + np.arange(10.0))
+    found = brought_to(np.array([8.5, 9.0, 50.0, 100.0, 100.5]), own, own, 5.0)
+    np.testing.assert_array_equal(found, [8.5, 9.0, np.nan, 100.0, 100.5])
+
+
+def test_a_signal_of_another_file(tmp_path: Path) -> None:
+    """A torque of another file, in a unit of time of its own and with fewer samples, is brought to the position; the digest is of both files."""
+    log(tmp_path)
+    log(tmp_path, "torque.csv", slice(0, 400, 2), t=1e3 * T)
+    torque = SIGNALS["torque"] | {"file": "torque.csv", "time": {"column": "t", "unit": "ms"}}
+    (found,) = records(tmp_path, signals={"torque": torque})
+    assert (found.rows, found.dropped, found.time.size) == (N, N - 399, 399)
+    assert found.torque is not None
+    np.testing.assert_allclose(found.torque, TAU[:399], atol=1e-4)
+    assert [n.kind for n in found.notes].count(Kind.OWN_TIME) == 1
+    (own,) = records(tmp_path)
+    assert found.sha256 != own.sha256
+
+
+def test_a_position_that_wraps_is_whole_before_it_is_interpolated(tmp_path: Path) -> None:
+    """Between 359 and 1 deg lies 0 deg, and not 180."""
+    turning = 40 * T
+    log(tmp_path, q=np.degrees(turning) % 360, tau=TAU, t2=T + 0.0005)
+    position = {"column": "q", "unit": "deg", "wraps": True, "time": "t2"}
+    (found,) = records(tmp_path, signals={"position": position})
+    assert found.position is not None
+    np.testing.assert_allclose(np.diff(found.position), 0.04, atol=1e-6)
+
+
+def test_seconds_and_nanoseconds_are_one_time(tmp_path: Path) -> None:
+    """A second column is added to the first, and no digit of a late date is lost."""
+    log(tmp_path, t=1714557600 + np.arange(N) // 300, ns=np.arange(N) % 300 * 1_000_000 + np.arange(N) // 300 * 0)
+    (found,) = records(tmp_path, signals={"time": {"column": "t", "unit": "s", "plus": {"column": "ns", "unit": "ns"}}})
+    np.testing.assert_allclose(found.time[:300], T[:300], atol=1e-9)
+    np.testing.assert_allclose(found.time[300:], 1 + T[:300], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("signals", "says"),
+    [
+        ({"torque": SIGNALS["torque"] | {"file": "x.csv"}}, "signals.torque: file: a signal of another file needs a time of its own"),
+        ({"torque": SIGNALS["torque"] | {"file": "x.csv", "time": "t"}}, "'x.csv' is no file"),
+        ({"torque": SIGNALS["torque"] | {"file": "*.csv", "time": "t"}}, r"a signal of '\*.csv' goes with one file"),
+        ({"torque": SIGNALS["torque"] | {"time": "none"}}, r"log\.csv: no column named 'none'"),
+        ({"torque": SIGNALS["torque"] | {"time": {"column": "t", "unit": "iso"}}}, "and unit iso was declared"),
+        ({"torque": SIGNALS["torque"] | {"time": {"column": "t", "unit": "h"}}}, "has 1 samples in that of the run, .*; check the unit of each"),
+        ({"torque": SIGNALS["torque"] | {"time": {"column": "t", "unit": "V"}}}, "unit 'V' is no unit of s"),
+        ({"torque": SIGNALS["torque"] | {"time": "back"}}, "its own time runs backward in 1 rows"),
+        ({"torque": SIGNALS["torque"] | {"time": "late"}}, "has 0 samples in that of the run"),
+        ({"torque": SIGNALS["torque"] | {"time": "one"}}, "1 samples with a time of their own"),
+        ({"time": None, "torque": SIGNALS["torque"] | {"time": "t"}}, "no time; give a column"),
+        ({"time": None, "position": SIGNALS["position"] | {"time": "t"}}, "signals.position.time: no unit, and no other time"),
+        ({"time": {"column": "t", "unit": "iso", "plus": {"column": "late", "unit": "ns"}}}, "plus: expected it beside a column"),
+        ({"time": {"rate": "1 kHz", "plus": {"column": "late", "unit": "ns"}}}, "plus: expected it beside a column"),
+    ],
+)  # fmt: skip  # a table
+def test_times_that_do_not_go_together_are_refused(tmp_path: Path, signals: Any, says: str) -> None:
+    """A time that is missing, backward, of another unit or of another hour is one sentence."""
+    back, one = np.where(np.arange(N) == 300, 0.0, T), np.where(np.arange(N) == 300, 0.3, np.nan)
+    log(tmp_path, back=back, late=T + 100, one=one)
+    log(tmp_path, "log2.csv")
+    with pytest.raises(InputError, match=says):
+        records(tmp_path, signals=signals)
+
+
+def test_points_have_no_time_of_their_own(tmp_path: Path) -> None:
+    """Points are pairs in rows."""
+    log(tmp_path, v=T)
+    signals = {"velocity": {"column": "v", "unit": "rad/s"}, "torque": SIGNALS["torque"] | {"time": "t"}}
+    with pytest.raises(InputError, match=r"points are pairs in rows, without time; leave out signals\.torque\.time"):
+        records(tmp_path, {"experiment": "points"}, signals=signals)
+
+
+# units that the file states
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "said"),
+    [
+        ("deg", 1.0, False),
+        ("rad", 1.0, True),
+        ("rad", -1.0, True),
+        ("rad", 57.3, False),
+        ("mdeg", 1.0, True),
+        ("degree", 1.0, False),
+    ],
+)
+def test_another_unit_than_the_header_states_is_said(tmp_path: Path, unit: str, scale: float, said: bool) -> None:
+    """A declared unit that differs from that of the row of units, or of brackets, is a caution with the line to write, unless a scale was given."""
+    for header in ("t,q,tau\ns,deg,Nm", "t [s],q [deg],tau (Nm)"):
+        rows = "".join(f"{t},{q},{tau}\n" for t, q, tau in zip(T, Q, TAU, strict=True))
+        (tmp_path / "log.csv").write_text(f"{header}\n{rows}", encoding="utf-8")
+        names = header.splitlines()[0].split(",")
+        signals = {
+            "time": {"column": names[0], "unit": "s"},
+            "position": {"column": names[1], "unit": unit, "scale": scale},
+            "torque": {"column": names[2], "unit": "N*m"},
+        }
+        (found,) = records(tmp_path, signals=signals)
+        differing = [w for w in found.warnings if w.kind is Kind.UNIT_DIFFERS]
+        assert bool(differing) == said
+        assert not said or "states deg, and " in str(differing[0])
