@@ -15,7 +15,6 @@ from bristle.control.compensator import Reference
 from bristle.control.plant import white_noise
 from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.urdf import read_urdf
-from bristle.model.law import DAMPING_RATIO, presliding_damping
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 from bristle.simulation.edro import TABLE_1, datasets_folder
@@ -37,7 +36,7 @@ class ArmJoint(NamedTuple):
     source: str
     """Whose friction it has: a key of `TABLE_1`."""
     scale: float
-    """Times which alpha_0, alpha_1 and alpha_2 are."""
+    """Times which its torques are."""
     torque_constant: float
     """N*m/A, at the joint, gear included."""
     inertia: float
@@ -56,15 +55,13 @@ class ArmJoint(NamedTuple):
     @property
     def friction(self) -> Pair[float]:
         """Its friction in both directions."""
-        return Pair(*(_scaled(p, self.scale, self.inertia) for p in TABLE_1[self.source]))
+        return Pair(*(_scaled(p, self.scale) for p in TABLE_1[self.source]))
 
 
-def _scaled(p: Lugre[float], by: float, J: float) -> Lugre[float]:
-    """The set for larger torques and a stiffer gear, sigma_1 by (15)."""
-    sigma_0 = float(f"{STIFFER * by * p.sigma_0:.5g}")
-    sigma_1 = float(f"{float(presliding_damping(sigma_0, J, DAMPING_RATIO)):.4g}")
-    alphas = (float(f"{by * x:.5g}") for x in (p.alpha_0, p.alpha_1, p.alpha_2))
-    return Lugre(*alphas, p.v_s, sigma_0, sigma_1)
+def _scaled(p: Lugre[float], by: float) -> Lugre[float]:
+    """The set for larger torques and a stiffer gear, of five digits."""
+    factors = Lugre(by, by, by, 1.0, STIFFER * by, by)
+    return Lugre(*(float(f"{x * factor:.5g}") for x, factor in zip(p, factors, strict=True)))
 
 
 JOINTS: tuple[ArmJoint, ...] = (
@@ -81,14 +78,30 @@ PERIOD, HELD_OUT_PERIOD = 40.0, 16.0
 """Length of the logs, s."""
 REST = 0.5
 """Over which a motion fades in and out, s."""
-RATE, SUBSTEPS = 200.0, 5
+RATE, SUBSTEPS = 125.0, 8
 """Samples a second, and steps of the simulated friction in each."""
 RESOLUTION = 2 * np.pi / 2**19
 """rad per count at the joint."""
 NOISE = 0.03
 """Of the current: standard deviation of a sample over that of the larger alpha_0."""
-SHARES = (1.0, 1.0, 0.7, 0.35)
+SHARES = (1.0, 0.8, 0.7, 0.35)
 """Of each line, in speed."""
+
+
+CUTOFF, DECIMATION = 20.0, 6
+"""How the runs are fitted: low pass of the positions, Hz, far above the motion's 0.6 Hz; and one equation in so many samples."""
+
+ASSUMPTIONS: tuple[str, ...] = (
+    "SIMULATED: no such arm exists; masses, lengths and limits of arm.urdf are made up.",
+    f"Friction: LuGre with alpha_0, alpha_1, alpha_2 and sigma_1 of Table 1 times a factor for each joint, sigma_0 {STIFFER:g} times stiffer beside "
+    "them, v_s as it is; two joints share base rotation, and two wrist pitch.",
+    "Motion: imposed, four sines for each joint with random phases, faded in and out over half a second; no controller.",
+    "Torque: inverse dynamics of the URDF, the rotor's inertia as seen at the joint, and friction; gears and links are rigid.",
+    f"Current: torque over the torque constant, with white noise of {100 * NOISE:g} % of the larger alpha_0; no ripple, no delay.",
+    f"Encoder: {RESOLUTION:.3g} rad per count at the joint, 19 bits a turn, ideal; position and current logged at {RATE:g} Hz.",
+    "Temperature, load and position change nothing of the friction.",
+)
+"""What the embedded robot assumes, a sentence each."""
 
 
 class ArmLog(NamedTuple):

@@ -11,10 +11,12 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.covariance import student
+from bristle.identification.dynamic.priors import fit_with_priors
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import Regression, from_records
+from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import unit
 
 _SURELY = 3.0
@@ -56,6 +58,21 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
     own, left = _apart(problem)
     return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
+
+
+def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
+    """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
+
+    The static fit takes presliding for something else: of what a bristle does after each reversal the links take a share
+    that is many of its standard errors. `experiment` has the links among its regressors, and its torque in the logged unit.
+    """
+    static = fit_moving(experiment, records, (), None)[0]
+    fit = fit_with_priors(experiment, records, (), static, None, static_is_apart=False).alone
+    links = None if fit is None else next(e for name, e in fit.parameters.items() if name.name == "links")
+    if fit is None or links is None or not links.value or not links.standard_error or fit.rms >= found.left:
+        return found
+    explained = found.explained * abs(links.value / found.scale) if found.scale else found.explained
+    return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
 
 
 def _apart(problem: Regression) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from bristle.identification.robot.links import (
     coupling,
     link_scale,
     order_warnings,
+    scale_beside_bristles,
     scale_warnings,
     thinned,
     torque_constant,
@@ -72,6 +73,9 @@ def _measured(
         training = _training(runs)
         found = link_scale(experiment, training) if training else None
         if joint.free:
+            if found is not None:
+                asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
+                found = scale_beside_bristles(_in_amperes(experiment, asked), training, found)
             seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
             constant = torque_constant(seen, experiment.joint.kind)
             experiment, runs = _with_constant(experiment, runs, seen, constant.value, constant.standard_error)
