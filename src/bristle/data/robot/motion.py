@@ -54,8 +54,8 @@ def read_motions(robot: Robot) -> dict[str, RobotMotion]:
     """
     records: dict[str, dict[str, Record | float]] = {}
     for joint in robot.joints:
-        experiment = joint.experiment
-        for run, path, shown in files_of(_kinematic(experiment, robot)):
+        experiment = joint.everywhere
+        for run, path, shown in files_of(experiment):
             if run.experiment != "points":
                 records.setdefault(shown, {})[experiment.joint.name] = _motion(experiment, run, path, shown)
     travels = {shown: {name: _travel(x) for name, x in own.items()} for shown, own in records.items()}
@@ -71,13 +71,6 @@ def read_motions(robot: Robot) -> dict[str, RobotMotion]:
         )
         for shown, own in records.items()
     }
-
-
-def _kinematic(experiment: Experiment, robot: Robot) -> Experiment:
-    """The joint with all runs of the robot, those of other joints alone too."""
-    every = {run.files: run for joint in robot.joints for run in joint.experiment.runs}
-    own = {run.files: run for run in experiment.runs}
-    return experiment.model_copy(update={"runs": tuple((every | own).values())})
 
 
 def _motion(experiment: Experiment, run: RunFiles, path: Path, shown: str) -> Record | float:
