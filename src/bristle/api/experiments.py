@@ -1,7 +1,10 @@
 """Experiment files in, results out; and the questions that a user asks of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from bristle.api.joints import Known, Source, asked_joint, load_all, measure_joints, names_of
 from bristle.api.results import Results, choose
@@ -56,18 +59,16 @@ def identify(
     asked = len(chosen)
     every: list[Measured] = []
     found: list[tuple[Joint, dict[str, float]]] = []
-    if workers > 1 and asked > 1:
-        every = [m for one in loaded for m in measure_joints(one, progress) if m.experiment.joint.name in chosen]
-        found = _shared_out(every, min(workers, asked), crosscheck, uncertainty, progress)
-    else:
+    with _pool(min(workers, asked)) as share:
         for one in loaded:
-            for measured in measure_joints(one, progress):
-                if measured.experiment.joint.name not in chosen:
-                    continue
-                if progress:
-                    progress(f"identifying {measured.experiment.joint.name}", len(every), asked)
-                every.append(measured)
-                found.append(_timed(measured, crosscheck, uncertainty, progress))
+            every += [m for m in measure_joints(one, progress, share) if m.experiment.joint.name in chosen]
+        work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty)
+        work = work if workers > 1 and asked > 1 else partial(work, progress=progress)
+        waiting = iter(share(work, every))
+        for done, measured in enumerate(every):
+            if progress:
+                progress(f"identifying {measured.experiment.joint.name}", done, asked)
+            found.append(next(waiting))
     timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
     return Results(joints=tuple(joint for joint, _ in found), timings=timings, measured=tuple(every))
 
@@ -79,24 +80,21 @@ def _timed(
     return identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress), spent
 
 
-def _shared_out(
-    every: Sequence[Measured], workers: int, crosscheck: bool, uncertainty: bool, progress: Progress | None
-) -> list[tuple[Joint, dict[str, float]]]:
-    """The joints, identified by several processes."""
-    from concurrent.futures import ProcessPoolExecutor, as_completed
+@contextmanager
+def _pool(workers: int) -> Iterator[Callable[..., Iterable[Any]]]:
+    """What maps a function over joints: one after another, or in several processes."""
+    if workers < 2:
+        yield map
+        return
+    from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(_timed, measured, crosscheck, uncertainty) for measured in every]
         try:
-            for done, ended in enumerate(as_completed(waiting), 1):
-                ended.result()
-                if progress:
-                    progress("identifying the joints", done, len(every))
+            yield pool.map
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-        return [one.result() for one in waiting]
 
 
 def adapt(

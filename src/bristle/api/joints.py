@@ -12,7 +12,7 @@ from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured, measure
 from bristle.identification.results import Joint
-from bristle.identification.robot.measured import measure_robot
+from bristle.identification.robot.measured import Share, measure_robot
 from bristle.progress import Progress
 from bristle.questions.array_fit.fit import Fit
 from bristle.simulation import edro
@@ -51,9 +51,11 @@ def names_of(loaded: Experiment | Robot) -> tuple[str, ...]:
     return tuple(joint.experiment.joint.name for joint in loaded.joints if joint.identify)
 
 
-def measure_joints(loaded: Experiment | Robot, progress: Progress | None = None) -> tuple[Measured, ...]:
+def measure_joints(
+    loaded: Experiment | Robot, progress: Progress | None = None, share: Share = map
+) -> tuple[Measured, ...]:
     """What each joint of a file measured. Raises InputError where its logs cannot be used."""
-    return (measure(loaded),) if isinstance(loaded, Experiment) else measure_robot(loaded, progress)
+    return (measure(loaded),) if isinstance(loaded, Experiment) else measure_robot(loaded, progress, share)
 
 
 class AskedJoint(NamedTuple):

@@ -56,8 +56,8 @@ def read_motions(robot: Robot) -> dict[str, RobotMotion]:
     records: dict[str, dict[str, Record | float]] = {}
     called: dict[str, str] = {}
     for joint in robot.joints:
-        experiment = joint.experiment
-        for run, sources in files_of(_kinematic(experiment, robot)):
+        experiment = joint.everywhere
+        for run, sources in files_of(experiment):
             if run.experiment != "points":
                 key = _key(run, sources)
                 called[key], moved = _motion(experiment, run, sources)
@@ -77,20 +77,9 @@ def read_motions(robot: Robot) -> dict[str, RobotMotion]:
     }
 
 
-def _kinematic(experiment: Experiment, robot: Robot) -> Experiment:
-    """The joint with all runs of the robot, those of other joints alone too."""
-    every = {_entry(run): run for joint in robot.joints for run in joint.experiment.runs}
-    own = {_entry(run): run for run in experiment.runs}
-    return experiment.model_copy(update={"runs": tuple((every | own).values())})
-
-
 def _key(run: RunFiles, sources: list[Source]) -> str:
     """What tells the files of a run, and the part of them, from others."""
     return repr((sources, run.rows, run.time))
-
-
-def _entry(run: RunFiles) -> str:
-    return repr((run.files, run.joined, run.rows, run.time))
 
 
 def _motion(experiment: Experiment, run: RunFiles, sources: list[Source]) -> tuple[str, Record | float]:

@@ -11,6 +11,9 @@ from bristle.data.columns import reading
 from bristle.data.robot.urdf import Payload, Urdf
 from bristle.errors import InputError
 
+MAX_JOINTS = 100
+"""Most joints that move: what Pinocchio keeps for a robot grows with their cube."""
+
 
 @dataclass(frozen=True, slots=True)
 class RigidBody:
@@ -21,7 +24,7 @@ class RigidBody:
     places: tuple[int, ...]
     """Where each joint stands among the model's."""
 
-    def torques(self, q: Array, v: Array, a: Array, gravity: Sequence[float] | None = None) -> Array:
+    def torques(self, q: Array, v: Array, a: Array, *, gravity: Sequence[float] | None = None) -> Array:
         """Torque of each joint along a motion, N*m or N, (n, joints): M(q) a + C(q, v) v + g(q).
 
         Args:
@@ -51,7 +54,7 @@ class RigidBody:
 def rigid_body(urdf: Urdf, names: Sequence[str], gravity: Sequence[float], payload: Payload | None) -> RigidBody:
     """The robot of a URDF with its joints in the order of `names`.
 
-    Raises InputError where Pinocchio is missing or refuses the URDF, or has no such joint.
+    Raises InputError where Pinocchio is missing or refuses the URDF, there is no such joint, or there are too many.
     """
     try:
         import pinocchio
@@ -59,13 +62,14 @@ def rigid_body(urdf: Urdf, names: Sequence[str], gravity: Sequence[float], paylo
         raise InputError(
             "robot.urdf needs Pinocchio, which is not installed; install it with pip install 'bristle[robot]', or leave robot out"
         ) from error
-    for name in names:
-        urdf.joint(name)
+    if len(names) > MAX_JOINTS:
+        raise InputError(f"got {len(names)} joints of {urdf.file}; expected at most {MAX_JOINTS}")
+    own = [urdf.place(name) for name in names]
     with reading("URDF that Pinocchio reads"):
         whole = pinocchio.buildModelFromXML(urdf.holding(payload) if payload else urdf.text)
-        held = [k for k, name in enumerate(whole.names) if k and name not in names]
+        held = [k for k, name in enumerate(whole.names) if k and name not in own]
         model = pinocchio.buildReducedModel(whole, held, pinocchio.neutral(whole)) if held else whole
-    places = tuple(int(model.joints[model.getJointId(name)].idx_v) for name in names)
+    places = tuple(int(model.joints[model.getJointId(name)].idx_v) for name in own)
     return RigidBody(_under(model, gravity), places)
 
 

@@ -15,7 +15,7 @@ from pydantic import Field, StrictBool, StrictInt, StrictStr
 from bristle.data.experiment.load import Experiment, experiment_from
 from bristle.data.experiment.signals import Context, quantity
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
-from bristle.data.robot.urdf import Payload, Urdf, read_urdf
+from bristle.data.robot.urdf import Payload, Urdf, UrdfJoint, read_urdf
 from bristle.errors import InputError, short, short_list
 
 FREE = "free"
@@ -40,12 +40,16 @@ class PayloadDescription(StrictModel):
     link: Annotated[StrictStr, Field(min_length=1, max_length=200)]
 
 
+Pull = Annotated[float, Field(ge=-1e3, le=1e3)]
+"""Of gravity in one direction, m/s**2."""
+
+
 class RobotDescription(StrictModel):
     """The arm, whose links' torque is known from its URDF."""
 
     urdf: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
     """Path, relative to the file."""
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    gravity: tuple[Pull, Pull, Pull] = (0.0, 0.0, -9.81)
     """m/s**2, in the frame of the base: of an arm that hangs, (0, 0, 9.81)."""
     payload: PayloadDescription | None = None
 
@@ -68,6 +72,8 @@ class JointOfRobot:
 
     experiment: Experiment
     """Where the torque constant is free, with one of 1 N*m/A: its torques are numbers of amperes."""
+    everywhere: Experiment
+    """The same with all runs of the robot, those of other joints alone too: it moves in them as well."""
     free: bool
     """Whether the torque constant is to be found."""
     identify: bool
@@ -119,6 +125,7 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
             raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
         about = validate(RobotDescription, given, f"{path}: robot", Context())
     urdf = None if about is None else read_urdf(path.parent / about.urdf)
+    _refuse_other_joints(shared.get("runs"), [entry.get("name") for entry in entries], path)
     joints = tuple(_joint(shared, dict(entry), k, path, urdf) for k, entry in enumerate(entries))
     _refuse_alike(joints, path)
     held = about.payload if about else None
@@ -129,6 +136,14 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
         gravity=about.gravity if about else (0.0, 0.0, -9.81),
         payload=Payload(mass=held.mass, center=held.center, link=held.link) if held else None,
     )
+
+
+def _refuse_other_joints(runs: Any, names: Sequence[object], path: Path) -> None:
+    """Raise InputError where a run is said to be of a joint that is none."""
+    for k, run in enumerate(runs if isinstance(runs, list) else ()):
+        if isinstance(run, dict) and run.get("joint") is not None and run["joint"] not in names:
+            known = short_list(names)
+            raise InputError(f"{path}: runs.{k}: joint: got {short(run['joint'])}; expected one of {known}")
 
 
 def _refuse_alike(joints: Sequence[JointOfRobot], path: Path) -> None:
@@ -147,7 +162,7 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
     about = validate(JointEntry, entry, where, None)
     index = k if about.index is None else about.index
     if urdf is not None:
-        known = urdf.joint(about.name)
+        known = _of_urdf(urdf, about.name, where)
         if own.setdefault("kind", known.kind) != known.kind:
             raise InputError(f"{where}: kind: got {short(own['kind'])}; {urdf.file} has {about.name} {known.kind}")
     data = dict(shared)
@@ -163,13 +178,30 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
         data["motor"] = {**(data.get("motor") or {}), "torque_constant": constant}
     data["joint"] = {"name": about.name, "kind": data.pop("kind", "revolute")}
     data["signals"] = _signals(data.get("signals"), about.name, index, f"{where}: signals")
-    data["runs"] = _runs(data.get("runs"), about.name, index, f"{where}: runs")
+    every = _runs(data.get("runs"), about.name, index, f"{where}: runs")
     if urdf is not None:
         data["plan"] = _limits(data.get("plan"), urdf, about.name)
-    experiment = experiment_from(data, path, where)
+    everywhere = experiment_from({**data, "runs": every}, path, where)
+    own_runs = tuple(
+        run
+        for run, given in zip(everywhere.runs, data["runs"], strict=True)
+        if given.get("joint") in (None, about.name)
+    )
+    if not own_runs and about.identify:
+        raise InputError(
+            f"{where}: each of the runs is of another joint; add one of {short(about.name)}, or give it identify: false"
+        )
+    experiment = everywhere.model_copy(update={"runs": own_runs or everywhere.runs})
     if free and experiment.signals.current is None:
         raise InputError(f"{where}: torque_constant: free needs a current under signals; name it, or give the constant")
-    return JointOfRobot(experiment=experiment, free=free, identify=about.identify)
+    return JointOfRobot(experiment=experiment, everywhere=everywhere, free=free, identify=about.identify)
+
+
+def _of_urdf(urdf: Urdf, name: str, where: str) -> UrdfJoint:
+    try:
+        return urdf.joint(name)
+    except InputError as error:
+        raise InputError(f"{where}: name: {error}") from error
 
 
 def _signals(signals: Any, name: str, index: int, where: str) -> Any:
@@ -207,19 +239,19 @@ def _columns(columns: Any, where: str) -> list[Any]:
 
 
 def _runs(runs: Any, name: str, index: int, where: str) -> Any:
-    """The runs of one joint: those that name no other as `joint`."""
+    """All runs with the columns of one joint."""
     if not isinstance(runs, list):
         return runs
-    own = []
+    every = []
     for k, run in enumerate(runs):
         if not isinstance(run, dict):
-            own.append(run)
-        elif run.get("joint", name) == name:
-            entry = {key: x for key, x in run.items() if key != "joint"}
-            if "signals" in run:
-                entry["signals"] = _signals(run["signals"], name, index, f"{where}.{k}.signals")
-            own.append(entry)
-    return own
+            every.append(run)
+            continue
+        entry = {key: x for key, x in run.items() if key != "joint"}
+        if "signals" in run:
+            entry["signals"] = _signals(run["signals"], name, index, f"{where}.{k}.signals")
+        every.append(entry)
+    return every
 
 
 def _limits(plan: Any, urdf: Urdf, name: str) -> Any:

@@ -58,7 +58,13 @@ class Urdf:
     joints: tuple[UrdfJoint, ...]
     links: tuple[str, ...]
     text: str
-    """A URDF without shapes: each number was read, and is finite."""
+    """A URDF without shapes: each number was read, and is finite; names are our own, which no parser takes for its own."""
+    places: Mapping[str, str]
+    """What each joint is called there."""
+
+    def place(self, name: str) -> str:
+        """What a joint that moves is called in `text`. Raises InputError as `joint` does."""
+        return self.places[self.joint(name).name]
 
     def joint(self, name: str) -> UrdfJoint:
         """The joint of a name. Raises InputError where none that moves has it."""
@@ -82,7 +88,7 @@ class Urdf:
         Xml.SubElement(inertial, "mass", value=repr(payload.mass))
         Xml.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0.0"))
         joint = Xml.SubElement(root, "joint", name=f"{PAYLOAD}_joint", type="fixed")
-        Xml.SubElement(joint, "parent", link=payload.link)
+        Xml.SubElement(joint, "parent", link=_link(self.links.index(payload.link)))
         Xml.SubElement(joint, "child", link=PAYLOAD)
         return Xml.tostring(root, encoding="unicode")
 
@@ -116,11 +122,18 @@ def _urdf(content: bytes, name: str) -> Urdf:
     if len(joints) > MAX_JOINTS:
         raise InputError(f"holds {len(joints)} joints; expected at most {MAX_JOINTS}")
     moving = tuple(_moving_joints(joints))
-    clean = Xml.Element("robot", name="robot")
-    clean.extend(_clean_link(key, x) for key, x in links.items())
-    clean.extend(_clean_joint(key, x) for key, x in joints.items())
     _refuse_no_tree(links, joints)
-    return Urdf(file=name, joints=moving, links=tuple(links), text=Xml.tostring(clean, encoding="unicode"))
+    numbered = {key: _link(k) for k, key in enumerate(links)}
+    places = {key: f"joint_{k}" for k, key in enumerate(joints)}
+    clean = Xml.Element("robot", name="robot")
+    clean.extend([_clean_link(key, x, numbered) for key, x in links.items()])
+    clean.extend([_clean_joint(key, x, places, numbered) for key, x in joints.items()])
+    text = Xml.tostring(clean, encoding="unicode")
+    return Urdf(file=name, joints=moving, links=tuple(links), text=text, places=places)
+
+
+def _link(k: int) -> str:
+    return f"link_{k}"
 
 
 def _root(content: bytes) -> Xml.Element:
@@ -175,9 +188,9 @@ def _moving_joints(joints: Mapping[str, Xml.Element]) -> Iterator[UrdfJoint]:
             )
 
 
-def _clean_link(name: str, x: Xml.Element) -> Xml.Element:
+def _clean_link(name: str, x: Xml.Element, numbered: Mapping[str, str]) -> Xml.Element:
     """The link with its mass, and nothing else."""
-    clean = Xml.Element("link", name=name)
+    clean = Xml.Element("link", name=numbered[name])
     inertial = x.find("inertial")
     if inertial is None:
         return clean
@@ -193,14 +206,14 @@ def _clean_link(name: str, x: Xml.Element) -> Xml.Element:
     return clean
 
 
-def _clean_joint(name: str, x: Xml.Element) -> Xml.Element:
+def _clean_joint(name: str, x: Xml.Element, places: Mapping[str, str], numbered: Mapping[str, str]) -> Xml.Element:
     """The joint with where it stands and its axis; one without end turns between limits that nothing reaches."""
     kind = x.get("type", "")
-    clean = Xml.Element("joint", name=name, type=_MOVES.get(kind, kind))
+    clean = Xml.Element("joint", name=places[name], type=_MOVES.get(kind, kind))
     clean.append(_clean_origin(x, name))
     for role in ("parent", "child"):
         end = x.find(role)
-        Xml.SubElement(clean, role, link="" if end is None else end.get("link", ""))
+        Xml.SubElement(clean, role, link="" if end is None else numbered[end.get("link", "")])
     if kind in _MOVES:
         axis = x.find("axis")
         direction = (1.0, 0.0, 0.0) if axis is None else _triple(axis.get("xyz", "1 0 0"), name)

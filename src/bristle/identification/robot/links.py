@@ -1,6 +1,6 @@
 """What the links of a robot tell of a joint beside its friction: the torque constant, and whether log and URDF go together."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -9,14 +9,17 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.data.robot.rigid_body import RigidBody
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.covariance import student
+from bristle.identification.dynamic.priors import fit_alone
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import Regression, from_records
+from bristle.identification.static.runs import fit_moving
+from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
 
 _SURELY = 3.0
 """Standard errors by which a number is surely not another."""
@@ -57,6 +60,22 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
     own, left = _apart(problem)
     return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
+
+
+def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
+    """The scale of the links' torque by the fit of all LuGre parameters, where it is told and that explains the runs better.
+
+    The static fit takes presliding for something else, the links' torque among it: its error is wide. `experiment` has the
+    links among its regressors, and its torque in the logged unit.
+    """
+    if not found.told:
+        return found
+    fit = fit_alone(experiment, records, fit_moving(experiment, records, (), None)[0])
+    links = fit.parameters[ParameterName("links", Direction.SHARED)]
+    if not links.value or not links.standard_error or fit.rms >= found.left:
+        return found
+    explained = found.explained * abs(links.value / found.scale)
+    return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
 
 
 def _apart(problem: Regression) -> tuple[float, float]:
@@ -139,7 +158,7 @@ def order_warnings(
     course: Course,
     moved: Array,
     names: Sequence[str],
-    torques: Callable[[Array, Array, Array, Sequence[float]], Array],
+    body: RigidBody,
     gravity: Sequence[float],
 ) -> tuple[Diagnostic, ...]:
     """Whether the log would go better with the URDF if its columns stood in another order, or gravity had another direction.
@@ -147,18 +166,18 @@ def order_warnings(
     Tried are two columns swapped, the reversed order, and each axis of the base as gravity. Which swaps a log cannot
     show depends on it: those of joints whose links weigh little.
     """
-    as_given = _score(course, moved, torques(course.q, course.v, course.a, gravity))
+    as_given = _score(course, moved, body.torques(course.q, course.v, course.a, gravity=gravity))
     best, warning = as_given - _BETTER, None
     for order in _orders(course.kinds):
         other = _reordered(course, order)
         both = np.hstack([moved[:, order], moved[:, [k + len(order) for k in order]]])
-        score = _score(other, both, torques(other.q, other.v, other.a, gravity))
+        score = _score(other, both, body.torques(other.q, other.v, other.a, gravity=gravity))
         if score < best:
             swapped = tuple(f"{names[i]} takes the columns of {names[k]}" for i, k in enumerate(order) if i != k)
             best, warning = score, Kind.JOINT_ORDER(swaps=swapped, gain=as_given - score)
     size = float(np.linalg.norm(gravity))
     for direction in [(s * size * e).tolist() for e in np.eye(3) for s in (1.0, -1.0)] if size else []:
-        score = _score(course, moved, torques(course.q, course.v, course.a, direction))
+        score = _score(course, moved, body.torques(course.q, course.v, course.a, gravity=direction))
         if score < best:
             best, warning = (
                 score,

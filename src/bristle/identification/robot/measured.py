@@ -1,7 +1,8 @@
 """What the logs of a robot measured, joint by joint: each with the links' torque known, and its torque constant if that was free."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
 from bristle.identification.moving_runs import regressors
 from bristle.identification.robot.links import (
@@ -22,6 +24,7 @@ from bristle.identification.robot.links import (
     coupling,
     link_scale,
     order_warnings,
+    scale_beside_bristles,
     scale_warnings,
     thinned,
     torque_constant,
@@ -36,13 +39,22 @@ _SAMPLES = 500
 """Samples over which the inertia of the links is averaged."""
 
 
-def measure_robot(robot: Robot, progress: Progress | None = None) -> tuple[Measured, ...]:
+Share = Callable[[Callable[..., Measured], Iterable["_Part"]], Iterable[Measured]]
+"""Makes each joint's part of the work, as `map` does, or among several processes."""
+
+
+def measure_robot(robot: Robot, progress: Progress | None = None, share: Share = map) -> tuple[Measured, ...]:
     """What each joint of a robot measured that is to be identified.
 
     With a URDF the torque of the links is known: it stands in each record, its scale gives a torque constant that is free,
     and the order of joints and gravity's direction are checked against the log. Without one the other joints' motion is in
     each torque, and it is said how much. Raises InputError where a file cannot be used as declared.
     """
+    simulated = next((j.experiment for j in robot.joints if j.experiment.fit.predict == "position"), None)
+    if simulated is not None and robot.urdf is not None:
+        raise InputError(
+            f"{robot.path}: fit.predict: position is for a joint alone, for the links' torque depends on all joints; leave predict out"
+        )
     body = None if robot.urdf is None else rigid_body(robot.urdf, robot.names, robot.gravity, robot.payload)
     motions = read_motions(robot)
     asked = [joint for joint in robot.joints if joint.identify]
@@ -52,37 +64,52 @@ def measure_robot(robot: Robot, progress: Progress | None = None) -> tuple[Measu
             progress(f"reading {joint.experiment.joint.name}", k, len(asked))
         read[joint.experiment.joint.name] = runs_of(joint.experiment, motions, robot.names, body)
     together = _of_all(robot, motions, read, body)
-    return tuple(_measured(robot, joint, read, motions, body, together) for joint in asked)
+    parts = []
+    for joint in asked:
+        name = joint.experiment.joint.name
+        inertia = None if body is None else _link_inertia(body, robot.names, name, motions)
+        parts.append(_Part(joint, read[name], robot.urdf, inertia, together.get(name, ())))
+    measured: list[Measured] = []
+    for part, done in zip(parts, share(_measured, parts), strict=True):
+        if progress:
+            progress(f"links of {part.joint.experiment.joint.name}", len(measured), len(parts))
+        measured.append(done)
+    return tuple(measured)
 
 
-def _measured(
-    robot: Robot,
-    joint: JointOfRobot,
-    read: Mapping[str, tuple[Run, ...]],
-    motions: Mapping[str, RobotMotion],
-    body: RigidBody | None,
-    together: Mapping[str, tuple[Diagnostic, ...]],
-) -> Measured:
+class _Part(NamedTuple):
+    """One joint, and what all together told of it."""
+
+    joint: JointOfRobot
+    runs: tuple[Run, ...]
+    urdf: Urdf | None
+    link_inertia: float | None
+    findings: tuple[Diagnostic, ...]
+
+
+def _measured(part: _Part) -> Measured:
     """One joint: in N*m, or where its torque constant is not seen in A."""
+    joint, runs, urdf, inertia, together = part
     experiment, name = joint.experiment, joint.experiment.joint.name
-    runs = read[name]
-    findings = list(together.get(name, ()))
+    findings = list(together)
     constant = None
-    if body is not None:
+    if urdf is not None:
         training = _training(runs)
         found = link_scale(experiment, training) if training else None
         if joint.free:
+            if found is not None:
+                asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
+                found = scale_beside_bristles(_in_amperes(experiment, asked), training, found)
             seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
             constant = torque_constant(seen, experiment.joint.kind)
             experiment, runs = _with_constant(experiment, runs, seen, constant.value, constant.standard_error)
             findings += [] if constant.value else constant.warnings
         elif found is not None:
             findings += scale_warnings(found)
-        findings += _limits(robot.urdf, name, runs)
+        findings += _limits(urdf, name, runs)
     runs = tuple(map(without_links, runs))
     refuse_repeated(experiment, runs)
     whole = measured_of(experiment, runs)
-    inertia = None if body is None else _link_inertia(body, robot.names, name, motions)
     return replace(whole, findings=tuple(findings), torque_constant=constant, link_inertia=inertia)
 
 
@@ -212,5 +239,5 @@ def _of_all(
         return {}
     q, v, a = everyone
     course, moved = thinned(Course(time=first.time, q=q, v=v, a=a, torque=torque, kinds=kinds), decimation, file)
-    found = order_warnings(course, moved, names, body.torques, robot.gravity)
+    found = order_warnings(course, moved, names, body, robot.gravity)
     return dict.fromkeys(names, found)

@@ -1,0 +1,150 @@
+"""Torques of links: what mechanics says of them must hold, whatever the URDF."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bristle.arrays import Array
+from bristle.data.robot.rigid_body import MAX_JOINTS, RigidBody, rigid_body
+from bristle.data.robot.urdf import Payload, read_urdf
+from bristle.errors import InputError
+
+from .arms import ARM, NAMES, NO_PINOCCHIO, J, L, M, inertial, pendulum
+
+pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
+G = 9.81
+DOWN = (0.0, 0.0, -G)
+HOME = np.array([0.3, 0.5, 1.1, -0.4, 0.4, 0.7])
+
+
+def body_of(folder: Path, text: str, names: tuple[str, ...], payload: Payload | None = None) -> RigidBody:
+    """The robot of a URDF's text."""
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    return rigid_body(read_urdf(path), names, DOWN, payload)
+
+
+@pytest.fixture(scope="module")
+def arm_body() -> RigidBody:
+    """The embedded arm."""
+    return rigid_body(read_urdf(ARM), NAMES, DOWN, None)
+
+
+def motion(n: int = 4001, seed: int = 0) -> tuple[Array, Array, Array, Array]:
+    """Time, s, (n,), and position, velocity and acceleration of six joints over three seconds, (n, 6)."""
+    t = np.linspace(0.0, 3.0, n)[:, None]
+    w, p = np.random.default_rng(seed).uniform(1.0, 4.0, (2, 6))
+    return t[:, 0], HOME + 0.4 * np.sin(w * t + p), 0.4 * w * np.cos(w * t + p), -0.4 * w**2 * np.sin(w * t + p)
+
+
+@given(q=st.floats(-6, 6), v=st.floats(-5, 5), a=st.floats(-20, 20))
+def test_a_pendulum_has_the_torque_of_a_pendulum(
+    tmp_path_factory: pytest.TempPathFactory, q: float, v: float, a: float
+) -> None:
+    """M g l sin q + (J + m l**2) a, at any velocity."""
+    body = body_of(tmp_path_factory.mktemp("swing"), pendulum(), ("swing",))
+    found = body.torques(*(np.array([[x]]) for x in (q, v, a)))
+    assert found[0, 0] == pytest.approx(M * G * L * np.sin(q) + (J + M * L**2) * a, abs=1e-9)
+    assert body.inertias(np.array([[q]]))[0, 0] == pytest.approx(J + M * L**2)
+
+
+def test_torques_are_linear_in_the_acceleration(arm_body: RigidBody) -> None:
+    """T(q, v, x a + y b) = x T(q, v, a) + y T(q, v, b) where x + y = 1."""
+    _, q, v, a = motion(50)
+    b = a[::-1]
+    mixed = arm_body.torques(q, v, 0.3 * a + 0.7 * b)
+    assert mixed == pytest.approx(0.3 * arm_body.torques(q, v, a) + 0.7 * arm_body.torques(q, v, b), abs=1e-9)
+
+
+def test_work_becomes_energy(arm_body: RigidBody) -> None:
+    """What the joints do, the integral of T v, is the change of kinetic and potential energy, which Pinocchio computes apart."""
+    import pinocchio
+
+    t, q, v, a = motion()
+    torque = arm_body.torques(q, v, a)
+    power = np.sum(torque * v, axis=1)
+    work = np.sum((power[1:] + power[:-1]) / 2 * np.diff(t))
+    data = arm_body.model.createData()
+    order = np.argsort(arm_body.places)
+    ends = [
+        pinocchio.computeKineticEnergy(arm_body.model, data, q[k, order], v[k, order])
+        + pinocchio.computePotentialEnergy(arm_body.model, data, q[k, order])
+        for k in (0, -1)
+    ]
+    assert work == pytest.approx(ends[1] - ends[0], rel=1e-5)
+
+
+def test_a_payload_is_as_the_same_mass_in_its_link(tmp_path: Path) -> None:
+    """A point of mass at the tool asks for the torque of a URDF that has it as a link."""
+    text = ARM.read_text(encoding="utf-8")
+    load = Payload(mass=2.5, center=(0.03, -0.02, 0.1), link="tool")
+    fixed = (
+        f'<link name="load">{inertial(2.5)}</link><joint name="held" type="fixed"><parent link="tool"/><child link="load"/>'
+        '<origin xyz="0.03 -0.02 0.1"/></joint></robot>'
+    )
+    _, q, v, a = motion(20)
+    merged = body_of(tmp_path, text.replace("</robot>", fixed), NAMES).torques(q, v, a)
+    assert body_of(tmp_path, text, NAMES, load).torques(q, v, a) == pytest.approx(merged, abs=1e-9)
+
+
+def test_joints_that_are_not_listed_rest_at_zero(arm_body: RigidBody) -> None:
+    """The torque of some joints is that of all where the others stand still at zero."""
+    few = ("elbow", "shoulder")
+    own = rigid_body(read_urdf(ARM), few, DOWN, None)
+    at = [NAMES.index(name) for name in few]
+    _, *parts = motion(20)
+    whole = [np.zeros_like(x) for x in parts]
+    for full, x in zip(whole, parts, strict=True):
+        full[:, at] = x[:, at]
+    some = own.torques(*(x[:, at] for x in parts))
+    assert some == pytest.approx(arm_body.torques(*whole)[:, at], abs=1e-9)
+
+
+def test_columns_follow_the_names(arm_body: RigidBody) -> None:
+    """With the names reversed and the motion too, the torques are reversed."""
+    turned = rigid_body(read_urdf(ARM), NAMES[::-1], DOWN, None)
+    _, *parts = motion(20)
+    assert turned.torques(*(x[:, ::-1] for x in parts)) == pytest.approx(arm_body.torques(*parts)[:, ::-1], abs=1e-9)
+    assert turned.inertias(parts[0][:, ::-1]) == pytest.approx(arm_body.inertias(parts[0])[:, ::-1], abs=1e-9)
+
+
+def test_gravity_has_the_direction_that_is_asked(arm_body: RigidBody) -> None:
+    """Upside down, what stands still asks for the opposite torque; without gravity for none."""
+    q, rest = HOME[None, :], np.zeros((1, 6))
+    held = arm_body.torques(q, rest, rest)
+    assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, G)) == pytest.approx(-held)
+    assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, 0.0)) == pytest.approx(0.0 * held, abs=1e-12)
+
+
+def test_no_name_is_taken_for_the_parsers_own(tmp_path: Path, arm_body: RigidBody) -> None:
+    """What joints and links are called changes no torque: Pinocchio's own names, a payload's, or the same for both."""
+    _, *parts = motion(10)
+    for old, new in (
+        ("elbow", "universe"), ("forearm", "universe"), ("base", "world"), ("forearm", "elbow"),
+        ("forearm", "bristle_payload"), ("wrist_roll", "roll & pitch"), ("turret", "Tür 1"),
+    ):  # fmt: skip  # a list of values
+        quoted = new.replace("&", "&amp;")
+        text = ARM.read_text(encoding="utf-8").replace(f'"{old}"', f'"{quoted}"')
+        body = body_of(tmp_path, text, tuple(new if x == old else x for x in NAMES))
+        assert body.torques(*parts) == pytest.approx(arm_body.torques(*parts), abs=1e-12), new
+
+
+def test_a_slide_is_lifted_with_its_weight(tmp_path: Path) -> None:
+    """A prismatic joint upwards asks for m (g + a)."""
+    text = pendulum(kind="prismatic").replace("0 1 0", "0 0 1")
+    found = body_of(tmp_path, text, ("swing",)).torques(*np.array([[[0.2]], [[1.0]], [[3.0]]]))
+    assert found[0, 0] == pytest.approx(M * (G + 3.0))
+
+
+def test_what_the_robot_lacks_is_refused() -> None:
+    """A joint that is none, a payload on no link, and more joints than Pinocchio can hold, in one sentence each."""
+    for names, payload, told in (
+        (("knee",), None, r"joint 'knee' is none of arm\.urdf; expected one of turret"),
+        (NAMES, Payload(mass=1.0, center=(0.0, 0.0, 0.0), link="claw"), r"robot\.payload\.link: got 'claw'"),
+        (("turret",) * (MAX_JOINTS + 1), None, rf"got {MAX_JOINTS + 1} joints"),
+    ):
+        with pytest.raises(InputError, match=told):
+            rigid_body(read_urdf(ARM), names, DOWN, payload)
