@@ -9,7 +9,7 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.page.wording import FITS, counted
-from bristle.questions.joint_report.sentences import choice, cost_change, critical_lines, distinct
+from bristle.questions.joint_report.sentences import choice, cost_change, critical_titles, distinct
 
 _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 
@@ -17,7 +17,7 @@ _UNITS = {"revolute": ("rad/s", "N*m"), "prismatic": ("m/s", "N")}
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
     """What is critical about each joint, then how each fit of it ended, and how many warnings it has."""
     for joint in joints:
-        yield from (f"{joint.name}, {title}: {sentence}" for sentence, title in critical_lines(joint).items())
+        yield from (f"{joint.name}, {title}: {warning.coded}" for warning, title in critical_titles(joint).items())
         for direction, fit in joint.static.items():
             yield _outcome(f"{joint.name} {direction}", str(fit.outcome), distinct(fit.all_warnings()))
         if slow := joint.presliding:
@@ -67,7 +67,7 @@ def segment_lines(measured: Measured) -> Iterator[str]:
     for recorded, found in zip(measured.runs, measured.segments, strict=True):
         record = recorded.record
         yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
-        yield from (f"    {note}" for note in (*record.notes, *record.warnings))
+        yield from (f"    {note.flagged}" for note in (*record.notes, *record.warnings))
         for s in found:
             yield from () if _passes_through(s) else _segment(s, v, T)
         if passing := sum(map(_passes_through, found)):
@@ -83,4 +83,4 @@ def _passes_through(s: Segment) -> bool:
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
     error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
     yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
-    yield from (f"           {reason}" for reason in (*s.reasons, *s.warnings))
+    yield from (f"           {reason.coded}" for reason in (*s.reasons, *s.warnings))
