@@ -20,7 +20,9 @@ myst_heading_anchors = 4  # as GitHub makes them
 myst_links_external_new_tab = False
 
 nitpicky = True
-nitpick_ignore_regex = [("py:class", r"(?!bristle\.\w+$).*")]  # types that are not public: Python's, NumPy's, our own parts
+nitpick_ignore_regex = [
+    ("py:class", r"(?!bristle\.\w+$).*")
+]  # types that are not public: Python's, NumPy's, our own parts
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
@@ -30,5 +32,7 @@ default_role = "literal"
 
 html_theme = "furo"
 html_title = f"bristle {version}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False

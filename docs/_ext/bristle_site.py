@@ -3,10 +3,13 @@
 A page of docs/ asks for each by a comment (`<!-- commands -->`), which GitHub does not show.
 """
 
+import ast
 import inspect
 import json
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -40,14 +43,15 @@ def commands() -> Iterator[str]:
     for name, command in root.commands.items():
         yield f"## bristle {name}\n"
         context = command.make_context(name, [], resilient_parsing=True)
-        usage = " ".join(command.collect_usage_pieces(context))
-        yield f"```text\nbristle {name} {usage}\n```\n"
+        arguments = [p.metavar for p in command.params if p.param_type_name == "argument"]
+        yield f"```text\n{' '.join(['bristle', name, '[OPTIONS]', *arguments])}\n```\n"
         for paragraph in inspect.cleandoc(command.help).split("\n\n"):
             word, _, example = paragraph.partition(": ")
             yield f"Example:\n\n```sh\n{example}\n```\n" if word == "Example" else f"{_plain(paragraph)}\n"
         yield "| argument or option | meaning |\n| --- | --- |"
         for parameter in command.params:
-            record = parameter.get_help_record(context) or (parameter.human_readable_name, parameter.help)
+            argument = parameter.param_type_name == "argument"
+            record = (parameter.metavar, parameter.help) if argument else parameter.get_help_record(context)
             yield f"| `{_one_cell(record[0])}` | {_one_cell(_plain(record[1] or ''))} |"
         yield ""
 
@@ -59,7 +63,9 @@ def python() -> Iterator[str]:
     functions = [name for name in names if name not in classes]
     yield "## Functions\n"
     yield "| name | what it does |\n| --- | --- |"
-    yield from (f"| {{py:func}}`bristle.{name}` | {_one_cell(_summary(getattr(bristle, name)))} |" for name in functions)
+    yield from (
+        f"| {{py:func}}`bristle.{name}` | {_one_cell(_summary(getattr(bristle, name)))} |" for name in functions
+    )
     yield ""
     yield from (_directive("autofunction", f"bristle.{name}") for name in functions)
     yield "## Classes\n"
@@ -80,12 +86,31 @@ def results() -> Iterator[str]:
         if "enum" in part:
             yield f"One of {', '.join(f'`{json.dumps(value)}`' for value in part['enum'])}.\n"
         if "properties" in part:
-            required = part.get("required", ())
-            yield "| field | type | meaning |\n| --- | --- | --- |"
+            said = {field: _plain(_said_of().get((name, field), "")) for field in part["properties"]}
+            yield (
+                "| field | type | meaning |\n| --- | --- | --- |"
+                if any(said.values())
+                else "| field | type |\n| --- | --- |"
+            )
             for field, value in part["properties"].items():
-                meaning = f"{'' if field in required else 'May be absent. '}{_plain(value.get('description', ''))}"
-                yield f"| `{field}` | {_type(value)} | {_one_cell(meaning)} |"
+                meaning = f" {_one_cell(said[field])} |" if any(said.values()) else ""
+                yield f"| `{field}` | {_type(value)} |{meaning}"
             yield ""
+
+
+@cache
+def _said_of() -> dict[tuple[str, str], str]:
+    """What stands below a field in its class, by the names of both; the schema has the types alone, and a class's name is one class."""
+    found = {}
+    for path in (DOCS.parent / "src" / "bristle").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.ClassDef):
+                continue
+            for field, below in pairwise(node.body):
+                match field, below:
+                    case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                        found[node.name, name] = text
+    return found
 
 
 def _type(value: dict[str, Any]) -> str:
@@ -93,23 +118,24 @@ def _type(value: dict[str, Any]) -> str:
     match value:
         case {"$ref": ref}:
             name = ref.rpartition("/")[2]
-            return f"[{name}](#{_slug(name)})"
+            words = f"[{name}](#{_slug(name)})"
         case {"anyOf": options} | {"oneOf": options}:
-            return " or ".join(dict.fromkeys(map(_type, options)))
+            words = " or ".join(dict.fromkeys(map(_type, options)))
         case {"const": constant}:
-            return f"`{json.dumps(constant)}`"
+            words = f"`{json.dumps(constant)}`"
         case {"enum": options}:
-            return " or ".join(f"`{json.dumps(option)}`" for option in options)
+            words = " or ".join(f"`{json.dumps(option)}`" for option in options)
         case {"type": "array", "items": items} if items:
-            return f"list of {_type(items)}"
+            words = f"list of {_type(items)}"
         case {"type": "array", "prefixItems": items}:
-            return f"[{', '.join(map(_type, items))}]"
+            words = f"[{', '.join(map(_type, items))}]"
         case {"type": "object", "additionalProperties": dict(inner)} if inner:
-            return f"object of {_type(inner)}"
+            words = f"object of {_type(inner)}"
         case {"type": str(kind)}:
-            return kind
+            words = kind
         case _:
-            return "any"
+            words = "any"
+    return words
 
 
 def _slug(title: str) -> str:
@@ -177,7 +203,7 @@ def visit_math(self: Any, node: nodes.Element) -> None:
     """A formula as MathML, which browsers draw without a script."""
     block = isinstance(node, nodes.math_block)
     text = tex2mathml(node.astext(), as_block=block)
-    self.body.append(f'<div class="math">{text}</div>' if block else text)
+    self.body.append(f'<div class="formula">{text}</div>' if block else text)
     raise nodes.SkipNode
 
 
@@ -186,5 +212,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("source-read", fill)
     app.connect("autodoc-process-docstring", literal, priority=400)  # before napoleon
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math, None))
-    app.config.html_math_renderer = "mathml"  # type: ignore[attr-defined]  # made by Sphinx
+    app.config.html_math_renderer = "mathml"
     return {"parallel_read_safe": True, "parallel_write_safe": True}
