@@ -169,6 +169,16 @@ def test_command_exists(command: list[str]) -> None:
     assert {a for a in command[1:] if not a.startswith("-")} <= given
 
 
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.name)
+def test_commands_of_a_page_exist(page: Path) -> None:
+    """Each `bristle ...` in a shell block of a page is a command, with these options."""
+    root: Any = typer.main.get_command(cli.app)
+    shell = "\n".join(blocks("sh", page.read_text(encoding="utf-8"))).replace("\\\n", " ")
+    for line in re.findall(r"^bristle (.*)$", shell, re.MULTILINE):
+        name, *arguments = shlex.split(line, comments=True)
+        assert not root.commands[name].make_context(name, arguments).args
+
+
 def test_every_command_is_shown() -> None:
     """README leaves no command out, and the way that commands are found in it misses none."""
     root: Any = typer.main.get_command(cli.app)

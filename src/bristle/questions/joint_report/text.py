@@ -42,9 +42,12 @@ _CORRELATED = 0.5
 def fit_report(joints: Sequence[Joint]) -> str:
     """Per joint and direction: outcome, statistics, parameters with errors and 95 % intervals, correlations, warnings, cross-check.
 
-    Then presliding, moving runs, and whether the stages agree.
+    Then presliding, moving runs, whether the stages agree, and where the codes of warnings are explained.
     """
-    return "\n".join(line for joint in joints for line in _joint(joint)) + "\n"
+    lines = [line for joint in joints for line in _joint(joint)]
+    if any(joint.all_warnings() for joint in joints):
+        lines.append("What a code in brackets means: bristle explain CODE")
+    return "\n".join(lines) + "\n"
 
 
 def _joint(joint: Joint) -> Iterator[str]:
