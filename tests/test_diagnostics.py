@@ -103,7 +103,9 @@ def entries() -> Iterator[str]:
                     x = entry(kind)
                     yield f"#### {x.code}"
                     yield wrapped(x.meaning(lambda name: f"*{name}*", escaped))
-                    yield wrapped(f"**{x.severity}**: {x.reason} **In general:** {x.advice}")
+                    yield wrapped(
+                        f"**{x.severity}**: {x.reason} **{'What to do' if x.own else 'In general'}:** {x.advice}"
+                    )
 
 
 def escaped(text: str) -> str:

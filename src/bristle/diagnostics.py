@@ -2377,3 +2377,48 @@ ADVICE: Mapping[str, str] = {
     "It is a finding, and not about a number's error.": "Nothing: it is a result.",
 }
 """Reason -> what to do about a kind that has its severity for it; the sentence of the kind may say it in particular."""
+
+OWN_ADVICE: Mapping[str, str] = {
+    "Check signs, units and the kind of each run first. Then limit what is fitted: `fit.v_s_range`, `fit.fixed`, fewer `fit.regressors`.": (
+        "NOT_CONVERGED OUT_OF_STEPS DID_NOT_MOVE UNSEEN_UNCONVERGED"
+    ),
+    "Set `fit.v_s_range` so that it holds the lower minimum, and fit again. If the two still differ, it is a defect: report it with the data.": (
+        "FULL_FIT_LOWER IPOPT_LOWER IPOPT_UNDERCUTS"
+    ),
+    "Measure slower speeds if v_s is at the lower edge, faster ones if it is at the upper; set `fit.v_s_range` only where you know the range.": (
+        "STATIC_AT_EDGE AT_EDGE"
+    ),
+    "Start from rest, load by less than breakaway, and rise slowly; or call the run `tracking` if it is a motion.": "YIELDS NOT_POSITIVE",
+    "Check unit, scale and rate of position and velocity. Leave the velocity out if it is filtered.": "POSITION_DIFFERS POSITIONS_DISAGREE",
+    "Hold longer, over whole turns of motor and gear, after warming up.": "TORQUE_DRIFTS",
+    "Over time: warm up before logging, check the torque's zero. Over velocity: try `regressors: [quadratic]`. Over position: try `gravity`.": (
+        "RESIDUAL_TREND"
+    ),
+    "Compare the period with that of motor poles, gear teeth and one turn, and hold each speed over whole periods.": "RESIDUAL_RIPPLE",
+    "Look at the residuals over time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
+    "Nothing where they are few. Many point to the logger; `cleaning` in the experiment file says what is done with such rows.": (
+        "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS"
+    ),
+    "Nothing if the log was paused there; else find out why rows are missing.": "GAPS",
+    "Use the fit if its intervals are narrow and a hold-out agrees; else add slow speeds and reversals until the starts agree.": "FEW_STARTS",
+    "Repeat the run, three times or more.": "SINGLE_RUN",
+    "Write `fit.model: auto`, or leave the line out, to have it fitted.": "PEAK_LEFT_OUT",
+    "`bristle inspect` says why each was rejected, and what would make it pass.": "NONE_KEPT",
+    "Measure that direction as well.": "NOT_MEASURED DIRECTION_UNKNOWN DIRECTION_TAKEN ONE_DIRECTION_KNOWN",
+    "Do not quote it as measured. A motion with slow reversals (`tracking`) estimates sigma_1.": "PRIOR",
+    "Check the inertia that it rests on, then estimate sigma_1 from a motion with slow reversals.": "ODD_DAMPING",
+    "Use the stiffness at the amplitude that your application has; LuGre holds for one amplitude only.": "SOFTENS",
+    "Load both directions to the same ratio of their breakaway, and record a further cycle: the first, from rest, never closes.": "OPEN_CYCLES",
+    "Measure up to that speed, or ask for a slower reference.": "EXTRAPOLATED",
+    "Keep it in mind: the real joint does worse than the simulation, so test at low gain first.": "PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT",
+    "Nothing if the file has them so.": "DECIMAL_COMMA HEADER_LINES",
+    "Log faster if the faster part of the signal matters.": "CUTOFF_LOWERED",
+    "Write `simulated: true` if the data are, else remove `truth`.": "TRUTH_UNDECLARED",
+    "Go by its sentence: another version of bristle wrote it.": "UNKNOWN",
+    "Compare measured sessions with measured ones.": "ONE_SIMULATED",
+    "Nothing: what one session does not know cannot be compared.": "IN_ONE_SESSION",
+    "Nothing: the paper leaves it open, and this is what is assumed in its place.": (
+        "PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING PAPER_TABLE_2 GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE"
+    ),
+}
+"""What to do about a kind whose sentence does not say it, where the advice of its reason is not enough -> those kinds, by name."""

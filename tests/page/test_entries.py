@@ -2,7 +2,7 @@
 
 import pytest
 
-from bristle.diagnostics import ADVICE, REASONS, Kind, Severity
+from bristle.diagnostics import ADVICE, OWN_ADVICE, REASONS, Kind, Severity
 from bristle.errors import InputError
 from bristle.page.entries import by_code, entries_linked, entry, explanation, flagged, warned
 
@@ -22,7 +22,13 @@ def test_codes_tell_kinds_apart() -> None:
 def test_every_reason_has_advice() -> None:
     """What to do is said for each reason, in sentences; where a warning is critical or a caution it is something to do."""
     assert set(ADVICE) == set(REASONS)
-    assert all(text[0].isupper() and text.endswith(".") and text.count("`") % 2 == 0 for text in ADVICE.values())
+    for text in (*ADVICE.values(), *OWN_ADVICE):
+        assert text.strip("`")[0].isalpha()
+        assert text.endswith(".")
+        assert text.count("`") % 2 == 0
+    own = [name for names in OWN_ADVICE.values() for name in names.split()]
+    assert len(set(own)) == len(own)
+    assert set(own) <= set(Kind.__members__)
     idle = {reason for reason, text in ADVICE.items() if text.startswith("Nothing")}
     assert all(Kind[name].severity is Severity.NOTE for reason in idle for name in REASONS[reason].split())
 

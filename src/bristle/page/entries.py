@@ -8,7 +8,7 @@ from string import Formatter
 
 from markupsafe import Markup, escape
 
-from bristle.diagnostics import ADVICE, REASONS, Diagnostic, Kind, Severity
+from bristle.diagnostics import ADVICE, OWN_ADVICE, REASONS, Diagnostic, Kind, Severity
 from bristle.errors import InputError, short
 from bristle.page.wording import in_print
 
@@ -27,7 +27,9 @@ class Entry:
     reason: str
     """Why it has its severity."""
     advice: str
-    """What to do."""
+    """What to do about this kind, or in general about those of its reason."""
+    own: bool
+    """Whether the advice is about this kind."""
 
     def meaning(self, mark: Mark, plain: Mark = str) -> str:
         """Its sentence, with the name of each number as `mark` has it, and the text between them as `plain` has it."""
@@ -35,6 +37,7 @@ class Entry:
 
 
 _REASON_OF = {Kind[name]: reason for reason, names in REASONS.items() for name in names.split()}
+_ADVICE_OF = {Kind[name]: advice for advice, names in OWN_ADVICE.items() for name in names.split()}
 _ENDINGS = {"e": "(s)", "d": " in direction + or -", "b": " (+ or -)", "w": "would help"}
 """What stands for a number that only turns a word."""
 
@@ -43,8 +46,9 @@ def entry(kind: Kind) -> Entry:
     """What there is to know of a kind."""
     reason = _REASON_OF[kind]
     return Entry(
-        code=kind.code, severity=kind.severity, parts=tuple(_parts(kind.template)), reason=reason, advice=ADVICE[reason]
-    )
+        code=kind.code, severity=kind.severity, parts=tuple(_parts(kind.template)), reason=reason,
+        advice=_ADVICE_OF.get(kind, ADVICE[reason]), own=kind in _ADVICE_OF,
+    )  # fmt: skip  # a list of values
 
 
 def _parts(template: str) -> Iterator[tuple[str, str]]:
@@ -72,7 +76,7 @@ def explanation(kind: Kind) -> Iterator[str]:
     yield f"{x.code} ({x.severity})"
     yield f"  what it says: {x.meaning('<{}>'.format)}"
     yield f"  why {x.severity}: {x.reason}"
-    yield f"  what to do in general: {x.advice.replace('`', '')}"
+    yield f"  what to do{' in general' * (not x.own)}: {x.advice}"
 
 
 _ANCHOR = "warning-"
@@ -98,7 +102,7 @@ def entries_linked(page: str) -> list[dict[str, object]]:
     found = [entry(kind) for severity in Severity for kind in Kind if kind.severity is severity and kind.code in codes]
     return [
         {
-            "id": f"{_ANCHOR}{x.code}", "code": x.code, "severity": str(x.severity), "reason": x.reason,
+            "id": f"{_ANCHOR}{x.code}", "code": x.code, "severity": str(x.severity), "reason": x.reason, "own": x.own,
             "meaning": Markup(x.meaning(lambda name: f"<i>{escape(name)}</i>", lambda text: str(escape(in_print(text))))),  # noqa: S704  # escaped
             "advice": Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(x.advice)))),  # noqa: S704  # escaped, and our own
         }
