@@ -2,10 +2,12 @@
 
 import ast
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 from string import Formatter
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from bristle.diagnostics import REASONS, Diagnostic, Kind, Severity
+from bristle.page.entries import entry
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
 WARNINGS = SOURCE.parents[1] / "docs" / "warnings.md"
@@ -89,28 +92,50 @@ def test_every_kind_has_its_severity_for_one_reason() -> None:
     assert all(reason[0].isupper() and reason.endswith(".") for reason in REASONS)
 
 
-def severities() -> str:
-    """Every kind by severity, with the reason, as a table."""
-    rows = [
-        f"| {Kind[name].severity} | `{name}` | {reason} |"
-        for severity in Severity
-        for reason, names in REASONS.items()
-        for name in names.split()
-        if Kind[name].severity is severity
-    ]
-    return "\n".join(["| severity | kind | why |", "| --- | --- | --- |", *rows]) + "\n"
+def entries() -> Iterator[str]:
+    """Every kind by severity and reason, in Markdown: a heading, which is the anchor, and a paragraph."""
+    titles = {Severity.CRITICAL: "Critical", Severity.CAUTION: "Caution", Severity.NOTE: "Notes"}
+    for severity in Severity:
+        yield f"### {titles[severity]}"
+        for names in REASONS.values():
+            for kind in (Kind[name] for name in names.split()):
+                if kind.severity is severity:
+                    x = entry(kind)
+                    yield f"#### {x.code}"
+                    yield wrapped(x.meaning(lambda name: f"*{name}*", escaped))
+                    yield wrapped(
+                        f"**{x.severity}**: {x.reason} **{'What to do' if x.own else 'In general'}:** {x.advice}"
+                    )
 
 
-def test_the_table_of_severities_is_the_one_in_the_code() -> None:
-    """docs/warnings.md ends with the table of every kind; BRISTLE_REGENERATE=1 rewrites it."""
+def escaped(text: str) -> str:
+    """Text that Markdown shows as it is; code in backticks stays code."""
+    parts = text.split("`")
+    parts[::2] = [re.sub(r"([\\*_<>\[\]|])", r"\\\1", part) for part in parts[::2]]
+    return "`".join(parts)
+
+
+def wrapped(paragraph: str) -> str:
+    """Lines of at most 120 characters, none of which begins as a list, a heading or a quotation would."""
+    return re.sub(
+        r"^([-+#>]|\d+\.)(?= |$)",
+        r"\\\1",
+        fill(paragraph, 118, break_long_words=False, break_on_hyphens=False),
+        flags=re.M,
+    )
+
+
+def test_the_entries_of_the_document_are_those_of_the_code() -> None:
+    """docs/warnings.md ends with an entry for every kind, under its code; BRISTLE_REGENERATE=1 rewrites them."""
     text = WARNINGS.read_text(encoding="utf-8")
     before, mark, _ = text.partition(
         "<!-- every kind, made by BRISTLE_REGENERATE=1 pytest tests/test_diagnostics.py -->\n"
     )
     assert mark
+    written = "\n" + "\n\n".join(entries()) + "\n"
     if os.environ.get("BRISTLE_REGENERATE"):
-        WARNINGS.write_text(before + mark + severities(), encoding="utf-8")
-    assert WARNINGS.read_text(encoding="utf-8") == before + mark + severities()
+        WARNINGS.write_text(before + mark + written, encoding="utf-8")
+    assert WARNINGS.read_text(encoding="utf-8") == before + mark + written
 
 
 def test_no_two_kinds_share_a_sentence() -> None:

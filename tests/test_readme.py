@@ -105,6 +105,31 @@ def test_the_arrays_in_the_docs_are_fitted() -> None:
     assert "alpha_0" in out.getvalue()
 
 
+def runnable(page: Path) -> list[str]:
+    """The Python of a page, without what it declares as not to be run."""
+    return blocks(
+        "python",
+        re.sub(r"<!-- not run: .+ -->\n```python\n.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S),
+    )
+
+
+RUN_ABOVE = {"README.md", "arrays.md", "compensation.md"}
+"""Pages whose code has a test of its own here."""
+RUN_HERE = [page for page in PAGES if page.name not in RUN_ABOVE and runnable(page)]
+
+
+@pytest.mark.parametrize("page", RUN_HERE, ids=lambda page: page.name)
+def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Block after block, as one script, in a folder with the embedded experiments (`elbow.yaml`, say) and their logs, it runs as it stands."""
+    for file in (DOCS.parent / "datasets" / "edro").iterdir():
+        if file.suffix in {".yaml", ".csv"}:
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(compile("\n".join(runnable(page)), page.name, "exec"), {})  # noqa: S102  # our own docs, run as a user would
+    assert "nan" not in out.getvalue()
+
+
 def test_experiment_file_loads_and_reads(desk: Path) -> None:
     """README's experiment file is one, and every log that its glob matches is a run."""
     experiment = load_experiment(desk / "wrist.yaml")
@@ -142,6 +167,16 @@ def test_command_exists(command: list[str]) -> None:
     }
     assert not context.args
     assert {a for a in command[1:] if not a.startswith("-")} <= given
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.name)
+def test_commands_of_a_page_exist(page: Path) -> None:
+    """Each `bristle ...` in a shell block of a page is a command, with these options."""
+    root: Any = typer.main.get_command(cli.app)
+    shell = "\n".join(blocks("sh", page.read_text(encoding="utf-8"))).replace("\\\n", " ")
+    for line in re.findall(r"^bristle (.*)$", shell, re.MULTILINE):
+        name, *arguments = shlex.split(line, comments=True)
+        assert not root.commands[name].make_context(name, arguments).args
 
 
 def test_every_command_is_shown() -> None:

@@ -379,6 +379,21 @@ def new(
         complain(sentence)
 
 
+@app.command()
+def explain(
+    code: Annotated[
+        str, typer.Argument(metavar="CODE", help="What stands in brackets behind a warning.", show_default=False)
+    ],
+) -> None:
+    """Say what a warning means, why it has its severity, and what to do.
+
+    Example: bristle explain lacks-a-term
+    """
+    from bristle.page.entries import by_code, explanation
+
+    print_lines(explanation(by_code(code)))
+
+
 def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:
     from bristle.api import complete
 

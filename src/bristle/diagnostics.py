@@ -43,6 +43,16 @@ class Diagnostic:
         """Of its kind."""
         return self.kind.severity
 
+    @property
+    def coded(self) -> str:
+        """The sentence, then in brackets the code that `bristle explain` takes."""
+        return f"{self} [{self.kind.code}]"
+
+    @property
+    def flagged(self) -> str:
+        """The same where it is critical or calls for caution; of a note the sentence alone."""
+        return str(self) if self.severity is Severity.NOTE else self.coded
+
     def but(self, **numbers: Value) -> "Diagnostic":
         """The same with other numbers."""
         return replace(self, numbers={**self.numbers, **numbers})
@@ -192,6 +202,11 @@ class Kind(Enum):
         """A diagnostic of this kind; NumPy's numbers become Python's."""
         plain = {name: x.item() if isinstance(x, np.generic) else x for name, x in numbers.items()}
         return Diagnostic(self, plain)
+
+    @property
+    def code(self) -> str:
+        """Its name as a user types it, and as documents have it for an anchor: `lacks-a-term`."""
+        return self.name.lower().replace("_", "-")
 
     @property
     def title(self) -> str:
@@ -2365,3 +2380,144 @@ REASONS: Mapping[str, str] = {
     ),
 }
 """Reason -> the kinds that have their severity for it, by name: each kind stands at one, and the kinds of one have one severity (a test)."""
+
+ADVICE: Mapping[str, str] = {
+    # critical
+    "The model does not describe the data, so its parameters mean nothing.": (
+        "Check units, signs and columns of velocity and torque first; then add the lines under `fit` that the warning names. "
+        "Do not use the parameters until the warning is gone."
+    ),
+    "A factor between two signals goes into every number made of them.": (
+        "Find out which of the two signals is wrong, from the data sheet or by a motion of known length, and correct its `unit`, its `scale` or "
+        "`encoder_resolution`."
+    ),
+    "The torque holds what the links of the arm ask for, which is not friction.": (
+        "Name the URDF under `robot`; check the order of the columns against the names of the joints, the signs of positions and currents, and "
+        "`robot.gravity`."
+    ),
+    "The lowest cost was not found, so the numbers are not those of the fit.": (
+        "Use the lower fit where one is given. Else add data about what the parameters depend on: slow speeds for v_s, reversals for sigma_0."
+    ),
+    "The range searched, and not the data, sets the number.": (
+        "Measure speeds on both sides of the Stribeck region, from well below v_s to several times v_s; widening the range alone "
+        "moves the number with it."
+    ),
+    "There is too little data for any number.": (
+        "Measure more speeds, at least five in each direction, or let more segments pass: `bristle inspect` says what each lacks."
+    ),
+    "With and without a few points the number differs by more than its error.": (
+        "Look at the points named. Measure them again, or leave out with `fit.exclude` those that you know to be wrong."
+    ),
+    "Two experiments contradict each other, so at least one number is wrong.": (
+        "Check that both were logged with the same units, scales and torque constant, and with the joint equally warm; "
+        "repeat the one that you trust less."
+    ),
+    "The motion is not the one that the method is for.": (
+        "Repeat the experiment as its kind asks (docs/measuring.md), or give the run the kind that it is."
+    ),
+    # caution
+    "Sticking, a drift or a contradiction moves the point by more than its error.": (
+        "Hold that speed again: longer, with a stiffer controller, and after warming up."
+    ),
+    "A pattern is left, which biases what takes part of it up.": (
+        "Add the term where one is named, under `fit`; else remove the cause at the bench: a delay of the torque, a drift, a load that changes."
+    ),
+    "Samples are wrong or missing, and what they do to the number is not in its error.": (
+        "Log again without the fault named. Where that cannot be, declare it (`delay`, `scale`, `rate`), or leave the run out."
+    ),
+    "Encoder counts bias the number by about its error.": (
+        "Give `encoder_resolution`; then move faster or farther, so that a sample or a loading covers more counts, or use a finer encoder."
+    ),
+    "Runs or parts differ by more than the errors say.": (
+        "Repeat the runs on a warm joint. While they differ, their scatter is the error to count with."
+    ),
+    "Methods give different intervals, and the widest is the safe one.": (
+        "Quote the widest of the three intervals (docs/uncertainty.md); more data make them agree."
+    ),
+    "The interval is open, or one-sided.": (
+        "Use the bound that is there. To close the interval measure where the parameter acts, as `bristle plan --for NAME` has it."
+    ),
+    "A point far from the others may not belong, and the number is still within its error.": (
+        "Look at the points named; measure them again if it costs little. `fit.stray: drop` leaves them out, `fit.exclude` those that you name."
+    ),
+    "The data do not show the term or the parameter, so no number is given for it.": (
+        "If you need it, `bristle plan` says what to measure; if not, use the fit without it."
+    ),
+    "The number rests on few points, runs or starts.": "Repeat the measurement, with more speeds or more runs of the same kind.",
+    "Only a combination is determined, so that no parameter of it stands alone.": (
+        "Use the combination, or the friction curve, within the speeds measured; do not quote the single parameters. Speeds outside them separate it."
+    ),
+    "Another minimum is about as good.": (
+        "Use the curve, on which both agree, and not the single parameters; slow speeds in both directions decide between them."
+    ),
+    "The fit stands, and the model or what it is used for is physically doubtful.": (
+        "Use the numbers for what was measured, and not beyond it; test a compensator made of them at low gain first."
+    ),
+    "Something is assumed that was not measured.": (
+        "If the value named is wrong for your joint, give yours in the experiment file; else quote the result with the assumption."
+    ),
+    "What was read may not be what was meant.": "Compare what was read with the file, and say in the experiment file what it is.",
+    "The sessions are not alike, so a change may not be one of the joint.": (
+        "Identify both sessions with the same settings and from files of their own, then compare again."
+    ),
+    "What was simulated shows a use of the model that does harm or fails.": (
+        "Do not use it like this on the joint: follow the limit or the gain that the warning names, or leave it off."
+    ),
+    # note
+    "It says why a segment, a point or a run is left out, and no number rests on it.": (
+        "Nothing, unless too little is left: then change the run or the setting that it names."
+    ),
+    "A part of another sentence, whose severity counts.": "See the warning that it is part of.",
+    "Its effect is in the interval already, or in no number.": "Nothing.",
+    "It says what was not computed, and why.": "Nothing, unless you need it: the sentence says what is missing.",
+    "It says how the fit ended, or that two routes agree.": "Nothing.",
+    "It says how a signal was read, or a number made.": "Check that it is what you meant.",
+    "It says what to measure or to write next.": "What it says, before you measure again.",
+    "It is a finding, and not about a number's error.": "Nothing: it is a result.",
+}
+"""Reason -> what to do about a kind that has its severity for it; the sentence of the kind may say it in particular."""
+
+OWN_ADVICE: Mapping[str, str] = {
+    "Check signs, units and the kind of each run first. Then limit what is fitted: `fit.v_s_range`, `fit.fixed`, fewer `fit.regressors`.": (
+        "NOT_CONVERGED OUT_OF_STEPS DID_NOT_MOVE UNSEEN_UNCONVERGED"
+    ),
+    "Set `fit.v_s_range` so that it holds the lower minimum, and fit again. If the two still differ, it is a defect: report it with the data.": (
+        "FULL_FIT_LOWER IPOPT_LOWER IPOPT_UNDERCUTS"
+    ),
+    "Measure slower speeds if v_s is at the lower edge, faster ones if it is at the upper; set `fit.v_s_range` only where you know the range.": (
+        "STATIC_AT_EDGE AT_EDGE"
+    ),
+    "Start from rest, load by less than breakaway, and rise slowly; or call the run `tracking` if it is a motion.": "YIELDS NOT_POSITIVE",
+    "Check unit, scale and rate of position and velocity. Leave the velocity out if it is filtered.": "POSITION_DIFFERS POSITIONS_DISAGREE",
+    "Hold longer, over whole turns of motor and gear, after warming up.": "TORQUE_DRIFTS",
+    "Over time: warm up before logging, check the torque's zero. Over velocity: try `regressors: [quadratic]`. Over position: try `gravity`.": (
+        "RESIDUAL_TREND"
+    ),
+    "Compare the period with that of motor poles, gear teeth and one turn, and hold each speed over whole periods.": "RESIDUAL_RIPPLE",
+    "Look at the residuals over time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
+    "Nothing where they are few. Many point to the logger; `cleaning` in the experiment file says what is done with such rows.": (
+        "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS"
+    ),
+    "Nothing if the log was paused there; else find out why rows are missing.": "GAPS",
+    "Use the fit if its intervals are narrow and a hold-out agrees; else add slow speeds and reversals until the starts agree.": "FEW_STARTS",
+    "Repeat the run, three times or more.": "SINGLE_RUN",
+    "Write `fit.model: auto`, or leave the line out, to have it fitted.": "PEAK_LEFT_OUT",
+    "`bristle inspect` says why each was rejected, and what would make it pass.": "NONE_KEPT",
+    "Measure that direction as well.": "NOT_MEASURED DIRECTION_UNKNOWN DIRECTION_TAKEN ONE_DIRECTION_KNOWN",
+    "Do not quote it as measured. A motion with slow reversals (`tracking`) estimates sigma_1.": "PRIOR",
+    "Check the inertia that it rests on, then estimate sigma_1 from a motion with slow reversals.": "ODD_DAMPING",
+    "Use the stiffness at the amplitude that your application has; LuGre holds for one amplitude only.": "SOFTENS",
+    "Load both directions to the same ratio of their breakaway, and record a further cycle: the first, from rest, never closes.": "OPEN_CYCLES",
+    "Measure up to that speed, or ask for a slower reference.": "EXTRAPOLATED",
+    "Keep it in mind: the real joint does worse than the simulation, so test at low gain first.": "PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT",
+    "Nothing if the file has them so.": "DECIMAL_COMMA HEADER_LINES",
+    "Log faster if the faster part of the signal matters.": "CUTOFF_LOWERED",
+    "Write `simulated: true` if the data are, else remove `truth`.": "TRUTH_UNDECLARED",
+    "Go by its sentence: another version of bristle wrote it.": "UNKNOWN",
+    "Compare measured sessions with measured ones.": "ONE_SIMULATED",
+    "Nothing: what one session does not know cannot be compared.": "IN_ONE_SESSION",
+    "Nothing: the paper leaves it open, and this is what is assumed in its place.": (
+        "PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING PAPER_TABLE_2 GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE"
+    ),
+}
+"""What to do about a kind whose sentence does not say it, where the advice of its reason is not enough -> those kinds, by name."""

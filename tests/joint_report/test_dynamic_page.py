@@ -74,7 +74,7 @@ def test_a_joint_without_moving_runs_has_no_section(slow: Joint, tmp_path: Path)
 def test_warnings_are_listed_and_counted(moved: Joint) -> None:
     """Warnings of the fit, of a parameter, and stages that differ stand in the list with what they are about; the verdict counts those of the fit."""
     shown = part(moved.with_subjects())
-    listed = {sentence: where for where, sentence in shown["warnings"]}
+    listed = {str(warning): where for where, warning in shown["warnings"]}
     assert listed[str(CORRELATED)] == "moving runs"
     assert listed[str(UNSEEN)] == "moving runs alpha_1-"
     assert listed[str(DIFFER)] == "static stage and moving runs alpha_0-"

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import escape
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
+from bristle.page.entries import entry
 from bristle.page.page import save_figure, symbol_html
 from bristle.page.style import inline, render_as, styled
 from bristle.page.wording import counted
@@ -238,9 +240,20 @@ def test_a_critical_sentence_stands_once_on_the_terminal(joint: Joint) -> None:
     static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
     lines = list(outcomes([replace(joint, static=static).with_subjects()]))
     assert [line for line in lines if str(warning) in line] == lines[:1]
-    assert lines[0] == f"{joint.name}, critical (static +, static -): {warning}"
+    assert lines[0] == f"{joint.name}, critical (static +, static -): {warning.coded}"
     assert lines[1].startswith(f"{joint.name} +: Critical, see above.")
     assert sum(line.endswith(" 1 warning.") for line in lines) == len(static)
+
+
+def test_every_warning_on_the_page_links_to_its_entry(slow: Joint, tmp_path: Path) -> None:
+    """Behind each warning stands its code, a link to what it means, why it has its severity and what to do; what does not occur has no entry."""
+    text = page.write_report([slow], tmp_path / "out", title="t", seed=0).read_text(encoding="utf-8")
+    codes = set(re.findall(r'<a class="code" href="#warning-([a-z0-9-]+)">\1</a>', text))
+    assert {x.kind.code for x in slow.all_warnings()} <= codes
+    entries = text[text.index("What these warnings mean") :]
+    assert set(re.findall(r'<dt id="warning-([a-z0-9-]+)">', entries)) == codes
+    for reason in {entry(x.kind).reason for x in slow.all_warnings()}:
+        assert str(escape(reason)) in entries
 
 
 def test_terminal_and_page_count_the_same_warnings(slow: Joint) -> None:

@@ -195,7 +195,7 @@ def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
     """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about; the verdict counts them."""
     slow = slow.with_subjects()
     part = sections.page([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}})["joints"][0]  # type: ignore[dict-item] # no drawing here
-    listed = {sentence: where for where, sentence in part["warnings"]}
+    listed = {str(warning): where for where, warning in part["warnings"]}
     assert listed[str(FEW)] == "presliding (+)"
     assert listed[str(outlier("slow_2.csv"))] == "presliding"
     assert listed[str(PRIOR)] == "presliding (+) sigma_1, presliding (−) sigma_1"

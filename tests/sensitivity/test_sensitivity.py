@@ -316,7 +316,7 @@ def test_the_text_says_what_was_found(known: study.SensitivityStudy) -> None:
     assert sum(line.split()[0] in Lugre._fields for line in lines[2:8]) == 6
     found = findings(known)
     assert found[0].kind in {Kind.CLAIM_HOLDS, Kind.CLAIM_FAILS}
-    assert lines[8:] == list(map(str, (*found, *known.assumptions)))
+    assert lines[8:] == [x.flagged for x in (*found, *known.assumptions)]
     assert len(of_kind(known.assumptions, Kind.BRISTLE_ASSUMED)) >= 2
 
 

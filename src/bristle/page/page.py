@@ -15,6 +15,7 @@ from bristle import __version__
 from bristle.errors import InputError
 from bristle.page import wording
 from bristle.page.columns import to_csv
+from bristle.page.entries import entries_linked, flagged, warned
 from bristle.page.output_folder import replace_files, write_bytes
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
@@ -111,7 +112,10 @@ def html(package: str, template: str, context: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"cell": _cell, "heading": _heading, "direction": wording.direction, "symbol": symbol_html}
+    environment.filters |= {
+        "cell": _cell, "heading": _heading, "direction": wording.direction, "symbol": symbol_html,
+        "warned": warned, "flagged": flagged, "entries": entries_linked,
+    }  # fmt: skip  # a table of names
     return environment.get_template(template).render(context)
 
 

@@ -32,4 +32,4 @@ def outcomes(fit: "Fit") -> Iterator[str]:
 
 def serious(fit: "Fit") -> Iterator[str]:
     """What is critical about it, and what calls for caution."""
-    return (f"{w.severity}: {w}" for w in fit.warnings if w.severity is not Severity.NOTE)
+    return (f"{w.severity}: {w.coded}" for w in fit.warnings if w.severity is not Severity.NOTE)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from bristle.model.parameters import Direction, Kind, Stribeck, effort, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
-from bristle.page.wording import in_print, measured, number, pretty, symbol
+from bristle.page.wording import measured, number, pretty, symbol
 from bristle.questions.experiment_design import figures, tables
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
@@ -67,8 +67,8 @@ def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
         "settle": SETTLE,
         "deflections": DEFLECTIONS,
         "rate": number(plan.limits.rate),
-        "warnings": [*map(in_print, plan.warnings)],
-        "assumptions": [pretty(str(assumption)) for assumption in plan.assumptions],
+        "warnings": plan.warnings,
+        "assumptions": plan.assumptions,
     }
 
 
@@ -127,8 +127,8 @@ def text(plan: Plan) -> str:
             *lines,
             f"  tracking, {plan.motions[0].duration:.3g} s: {sines}",
             *_interval_lines(plan),
-            *(f"  {warning}" for warning in plan.warnings),
-            *(f"  assumed: {assumption}" for assumption in plan.assumptions),
+            *(f"  {warning.coded}" for warning in plan.warnings),
+            *(f"  assumed: {assumption.flagged}" for assumption in plan.assumptions),
         ]
     )
 

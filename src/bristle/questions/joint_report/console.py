@@ -11,7 +11,7 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.wording import FITS, counted
 from bristle.questions.joint_report.overview import overview
-from bristle.questions.joint_report.sentences import choice, cost_change, critical_lines, distinct
+from bristle.questions.joint_report.sentences import choice, cost_change, critical_titles, distinct
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
@@ -20,7 +20,7 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
         table = overview(joints).set_index("joint").T
         yield from (line.rstrip() for line in table.to_string().splitlines())
     for joint in joints:
-        yield from (f"{joint.name}, {title}: {sentence}" for sentence, title in critical_lines(joint).items())
+        yield from (f"{joint.name}, {title}: {warning.coded}" for warning, title in critical_titles(joint).items())
         for direction, fit in joint.static.items():
             yield _outcome(f"{joint.name} {direction}", str(fit.outcome), distinct(fit.all_warnings()))
         if slow := joint.presliding:
@@ -70,7 +70,7 @@ def segment_lines(measured: Measured) -> Iterator[str]:
     for recorded, found in zip(measured.runs, measured.segments, strict=True):
         record = recorded.record
         yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
-        yield from (f"    {note}" for note in (*record.notes, *record.warnings))
+        yield from (f"    {note.flagged}" for note in (*record.notes, *record.warnings))
         for s in found:
             yield from () if _passes_through(s) else _segment(s, v, T)
         if passing := sum(map(_passes_through, found)):
@@ -86,4 +86,4 @@ def _passes_through(s: Segment) -> bool:
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
     error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
     yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
-    yield from (f"           {reason}" for reason in (*s.reasons, *s.warnings))
+    yield from (f"           {reason.coded}" for reason in (*s.reasons, *s.warnings))

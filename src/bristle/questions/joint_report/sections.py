@@ -77,7 +77,7 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "complete": _complete(joint),
         "shared": _shared(joint),
         "warnings": _warnings(joint),
-        "next": [(_about(x), in_print(x)) for x in next_measurements(joint)],
+        "next": [(_about(x), x) for x in next_measurements(joint)],
         "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > MOST_POINTS,
         "most_points": MOST_POINTS,
         "banded": any(band(fit.velocity[:1], fit) is not None for d, fit in joint.static.items() if d != "shared"),
@@ -105,10 +105,10 @@ def _summary(joint: Joint) -> dict[str, Any]:
     }  # fmt: skip  # a list of values
 
 
-def _critical(joint: Joint) -> list[tuple[str, str]]:
+def _critical(joint: Joint) -> list[tuple[str, Diagnostic]]:
     """What is critical, with what it is about."""
     named = {x: [" ".join(map(direction, subject)) for subject in about] for x, about in critical(joint).items()}
-    return [(", ".join(where), in_print(warning)) for warning, where in named.items()]
+    return [(", ".join(where), warning) for warning, where in named.items()]
 
 
 def _covered(joint: Joint) -> Diagnostic | None:
@@ -194,12 +194,12 @@ def _models(joint: Joint) -> list[dict[str, Any]]:
     return found
 
 
-def _warnings(joint: Joint) -> list[tuple[str, str]]:
+def _warnings(joint: Joint) -> list[tuple[str, Diagnostic]]:
     """Each warning once, with what it is about."""
-    found: dict[str, list[str]] = {}
+    found: dict[str, tuple[Diagnostic, list[str]]] = {}
     for warning in joint.all_warnings():
-        found.setdefault(str(warning), []).append(_about(warning))
-    return [(", ".join(dict.fromkeys(where)), sentence) for sentence, where in found.items()]
+        found.setdefault(str(warning), (warning, []))[1].append(_about(warning))
+    return [(", ".join(dict.fromkeys(where)), warning) for warning, where in found.values()]
 
 
 def _about(x: Diagnostic) -> str:

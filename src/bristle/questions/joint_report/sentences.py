@@ -78,10 +78,10 @@ def critical(joint: Joint) -> dict[Diagnostic, list[tuple[str, ...]]]:
     return {warning: list(filter(None, dict.fromkeys(subjects))) for warning, subjects in about.items()}
 
 
-def critical_lines(joint: Joint) -> dict[str, str]:
-    """The same as text: sentence -> `critical`, and what it is about in brackets."""
+def critical_titles(joint: Joint) -> dict[Diagnostic, str]:
+    """The same with the text that stands before each: `critical`, and what it is about in brackets."""
     named = {warning: ", ".join(" ".join(x) for x in about) for warning, about in critical(joint).items()}
-    return {str(warning): f"critical{f' ({where})' if where else ''}" for warning, where in named.items()}
+    return {warning: f"critical{f' ({where})' if where else ''}" for warning, where in named.items()}
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:

@@ -28,7 +28,7 @@ from bristle.questions.joint_report.sentences import (
     biased,
     choice,
     cost_change,
-    critical_lines,
+    critical_titles,
     level,
     methods,
     reached,
@@ -42,9 +42,12 @@ _CORRELATED = 0.5
 def fit_report(joints: Sequence[Joint]) -> str:
     """Per joint and direction: outcome, statistics, parameters with errors and 95 % intervals, correlations, warnings, cross-check.
 
-    Then presliding, moving runs, and whether the stages agree.
+    Then presliding, moving runs, whether the stages agree, and where the codes of warnings are explained.
     """
-    return "\n".join(line for joint in joints for line in _joint(joint)) + "\n"
+    lines = [line for joint in joints for line in _joint(joint)]
+    if any(joint.all_warnings() for joint in joints):
+        lines.append("What a code in brackets means: bristle explain CODE")
+    return "\n".join(lines) + "\n"
 
 
 def _joint(joint: Joint) -> Iterator[str]:
@@ -70,9 +73,9 @@ def _joint(joint: Joint) -> Iterator[str]:
 
 def _critical(joint: Joint, said: set[str]) -> Iterator[str]:
     """What is critical stands first, each sentence once with all that it is about."""
-    for sentence, title in critical_lines(joint).items():
-        said.add(printable(sentence))
-        yield f"    {printable(title)}: {printable(sentence)}"
+    for warning, title in critical_titles(joint).items():
+        said.add(printable(str(warning)))
+        yield f"    {printable(title)}: {printable(warning.coded)}"
 
 
 def _heading(name: str, outcome: object, warnings: Sequence[Diagnostic]) -> str:
@@ -266,7 +269,7 @@ def _once(warning: Diagnostic, said: set[str]) -> str:
     if sentence in said and len(beginning) < len(sentence):
         return beginning
     said.add(sentence)
-    return sentence
+    return printable(warning.coded)
 
 
 def _torque_unit(fit: StaticFit) -> str:

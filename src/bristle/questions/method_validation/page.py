@@ -77,12 +77,12 @@ def write_validation(validation: Validation, folder: Path) -> Path:
 def text(validation: Validation) -> str:
     """What the command line prints; with the verdict on each case where these are few."""
     title, torque = validation.case_set.title, unit("torque", validation.case_set.kind)
-    lines = [f"{title} {direction}: {reason}" for direction, reason in validation.case_set.skipped.items()]
+    lines = [f"{title} {direction}: {reason.coded}" for direction, reason in validation.case_set.skipped.items()]
     for result in validation.cases if len(validation.cases) <= FEW else ():
         case = result.case
         lines.append(f"{case.label}, SIMULATED, {case.design}, noise {case.noise:.2g} {torque}:")
-        lines += [f"  {diagnostic}" for diagnostic in verdict(result)]
-    return "\n".join([*lines, *map(str, overall(validation))])
+        lines += [f"  {diagnostic.flagged}" for diagnostic in verdict(result)]
+    return "\n".join([*lines, *(x.flagged for x in overall(validation))])
 
 
 def _heading(column: str) -> str:

@@ -53,7 +53,7 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
     """What the template names."""
     measurements = [
         {
-            "what": e.what, "noise": " ".join(map(in_print, e.noise)), "unseen": [*map(in_print, e.information.unseen)],
+            "what": e.what, "noise": " ".join(map(in_print, e.noise)), "unseen": e.information.unseen,
             "table": shown(information_table(study, e).drop(columns="measurement").rename(columns=_COLUMNS)),
         }
         for e in study.expected
@@ -66,15 +66,15 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
         "T": pretty(unit("torque", study.kind)),
         "q": pretty(unit("position", study.kind)),
         "motion": study.motion,
-        "findings": [*map(in_print, findings(study))],
-        "assumptions": [*map(in_print, study.assumptions)],
+        "findings": findings(study),
+        "assumptions": study.assumptions,
         "assumed": [symbol(name) for name in study.model.assumed],
         "parameters": shown(parameter_table(study).rename(columns={"assumed": "assumed?"})),
         "shares": shown(share_table(study).rename(columns={"partial": "at fixed z", "settled": "total, last period"})),
         "measurements": measurements,
         "formulas": _formulas(study),
         "sobol": None if study.sobol is None else shown(sobol_table(study.sobol, study.kind)),
-        "sobol_sentences": [] if study.sobol is None else [*map(in_print, sobol_sentences(study.sobol, study.kind))],
+        "sobol_sentences": [] if study.sobol is None else sobol_sentences(study.sobol, study.kind),
     }
 
 

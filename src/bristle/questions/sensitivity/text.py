@@ -28,7 +28,7 @@ def study_text(study: SensitivityStudy) -> str:
         shares = columns[Lugre._fields.index(name)]
         lines.append(f"  {name:<8} " + "{:>9.2g} {:>9.2g} {:>12.2g}".format(*shares))
     drawn = () if study.sobol is None else sobol_sentences(study.sobol, study.kind)
-    return "\n".join([*lines, *map(str, (*findings(study), *drawn, *study.assumptions))])
+    return "\n".join([*lines, *(x.flagged for x in (*findings(study), *drawn, *study.assumptions))])
 
 
 def findings(study: SensitivityStudy) -> tuple[Diagnostic, ...]:

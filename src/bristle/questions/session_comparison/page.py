@@ -143,7 +143,7 @@ def _lines(compared: Comparison) -> Iterator[str]:
             for x in compared.sets
             if x.joint == joint
         )
-    yield from (f"warning: {x}" for x in compared.warnings)
+    yield from (f"warning: {x.coded}" for x in compared.warnings)
     yield str(compared.sentence)
     yield from (f"perhaps: {x}" for x in compared.hints)
 
