@@ -71,16 +71,11 @@ def report(
     sources = experiments or []
     folder = output_folder(output, sources[0] if sources else None)
     with shown() as progress:
-        from bristle import adapt as compensate
-        from bristle import identify
-        from bristle.questions.joint_report.console import outcomes
+        from bristle import report as run
 
-        results = identify(*sources, progress=progress, uncertainty=uncertainty)
-        compensated = None if sources else compensate(identified=results, progress=progress)
-    print_lines(outcomes(results.joints))
-    with shown() as progress:
-        page = results.write(folder, progress, compensated)
-    print_lines([f"Report: {page}"], done=True)
+        results = run(*sources, folder=folder, uncertainty=uncertainty, progress=progress)
+    print_lines(results.outcomes())
+    print_lines([f"Report: {folder / 'index.html'}"], done=True)
     _finish(results, strict)
 
 
@@ -108,7 +103,7 @@ def identify(
             f"{x.fit} {x.parameter} {x.direction}: {x.warnings}" for x in frame[frame["warnings"] != ""].itertuples()
         )
     if output is not None:
-        write(output, results.to_json())
+        write(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
     _finish(results, strict)
 
@@ -121,7 +116,7 @@ def inspect(
     """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
     check_output(output)
     with shown():
-        from bristle.api import inspect as run
+        from bristle import inspect as run
         from bristle.page.page import figure_kind, save_figure
         from bristle.questions.joint_report.console import segment_lines
 
@@ -177,7 +172,7 @@ def validate(
 def _cross_checked(experiment: Path) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     with shown() as progress:
-        from bristle import identify as run
+        from bristle.api.experiments import identified as run
         from bristle.questions.joint_report.console import checks
         from bristle.questions.method_validation.cases import check_fitted
 

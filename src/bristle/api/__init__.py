@@ -9,11 +9,12 @@ from bristle.api.experiments import (
     identify,
     inspect,
     plan,
+    report,
     sensitivity,
     validate,
     write_comparison,
 )
-from bristle.api.results import Results
+from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.array_fit.fit import Fit
@@ -36,6 +37,8 @@ __all__ = [
     "identify",
     "inspect",
     "plan",
+    "read_results",
+    "report",
     "sensitivity",
     "simulate",
     "validate",

@@ -3,15 +3,19 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from bristle.api.joints import Known, Source, asked_joint, load_all, measure_joints, names_of
+from bristle.api.joints import Known, asked_joint, read_if_results
+from bristle.api.logs import Logs
 from bristle.api.results import Results
+from bristle.api.sources import Source, measure_joints, names_of, open_all
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured
 from bristle.identification.proposal import completed, draft_of_logs
 from bristle.identification.results import Joint
+from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
+from bristle.questions.array_fit.fit import Fit
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
@@ -48,7 +52,8 @@ def identify(
 
     Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
-    loaded = load_all(experiments)
+    files = open_all(experiments)
+    loaded, texts = [one for one, _ in files], [text for _, text in files]
     asked = sum(len(names_of(one)) for one in loaded)
     every: list[Measured] = []
     found: list[tuple[Joint, dict[str, float]]] = []
@@ -63,7 +68,7 @@ def identify(
                 every.append(measured)
                 found.append(_timed(measured, crosscheck, uncertainty, progress))
     timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
-    return Results(joints=tuple(joint for joint, _ in found), timings=timings, measured=tuple(every))
+    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=Logs.at_hand(every, texts))
 
 
 def _timed(
@@ -91,6 +96,42 @@ def _shared_out(
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         return [one.result() for one in waiting]
+
+
+def identified(
+    *experiments: Source, crosscheck: bool = False, uncertainty: bool = False, progress: Progress | None = None
+) -> Results:
+    """`identify`; of one results file what that holds, and nothing is identified.
+
+    Raises InputError as `identify` and `read_results` do.
+    """
+    if len(experiments) == 1:
+        known = read_if_results(experiments[0])
+        if isinstance(known, Results):
+            return known
+        experiments = (known,)
+    return identify(*experiments, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
+
+
+def report(
+    *experiments: Source, folder: Path | str, uncertainty: bool = False, progress: Progress | None = None
+) -> Results:
+    """Identify joints and write the report of them into a folder: index.html, results.json, figures and tables.
+
+    Args:
+        experiments: files of a joint or a robot each, or one results file, whose report is written anew; none: the embedded
+            Ed-Ro (simulated), with its compensation (`adapt`) on the page too.
+        folder: made where it does not exist; only what bristle made there before is replaced.
+        uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too.
+        progress: told of every step.
+
+    Raises InputError in one sentence where a file cannot be used, or the folder cannot be written.
+    """
+    check_folder(Path(folder))
+    results = identified(*experiments, uncertainty=uncertainty, progress=progress)
+    compensated = None if experiments else adapt(identified=results, progress=progress)
+    results.write(folder, progress, compensated)
+    return results
 
 
 def adapt(
@@ -195,8 +236,10 @@ def validate(
     """
     check_request(repetitions, starts, noise)
     known = experiment if identified is None else identified
-    if isinstance(known, Results):
-        found: Joint | None = known.joint(joint)
+    if known is not None and not isinstance(known, Fit):
+        known = read_if_results(known)
+    if isinstance(known, Results):  # which needs no logs
+        found: Joint | None = known.whole_joint(joint)
     else:
         found = None if known is None else asked_joint(known, joint).identified(progress)[1]
     case_set = joint_cases(found, noise) if found else sweep(noise)
@@ -227,7 +270,7 @@ def plan(
     return plan_next(*asked.identified(progress), velocities, aim, progress)
 
 
-def inspect(experiment: Source, joint: str | None = None) -> Measured:
+def inspect(experiment: Known, joint: str | None = None) -> Measured:
     """Read the runs of a joint and cut them into segments, and look for points off the law; no result is fitted.
 
     Raises InputError in one sentence where a file cannot be used, or is of several joints and `joint` names none of them.

@@ -71,7 +71,7 @@ class _Writer:
                 if item is None and is_dataclass(held):
                     self.first.setdefault(_exact(held), way)
             elif _exact(held) != _exact(_default(item)):
-                self.samples[way] = self._form(held, way, _hints(type(value))[name])
+                self.samples[way] = self._form(held, way, _hints(value.__class__)[name])
 
     def _form(self, value: Any, way: str, hint: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -107,7 +107,7 @@ class _Reader:
                 parts[name] = self.walk(held, way)
                 self.first.setdefault(way, parts[name])
             elif way in self.samples:
-                parts[name] = self._value(self.samples.pop(way), way, _hints(type(value))[name])
+                parts[name] = self._value(self.samples.pop(way), way, _hints(value.__class__)[name])
         if isinstance(value, Mapping):
             return dict(zip(value, parts.values(), strict=True))
         if isinstance(value, tuple) and parts:
@@ -189,7 +189,7 @@ def _element(hint: Any) -> Any:
 
 
 @cache
-def _hints(of: type) -> dict[str, Any]:
+def _hints(of: Hashable) -> dict[str, Any]:
     return get_type_hints(of, include_extras=True)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short
-from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.document import check_most, checked, document_of, reading
+from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import shortened
