@@ -191,14 +191,14 @@ def test_a_changed_log_is_told(tmp_path: Path) -> None:
     (tmp_path / "a").rename(tmp_path / "b")
     path, log = tmp_path / "b" / "reports" / "wrist" / "results.json", tmp_path / "b" / "wrist.csv"
     (tmp_path / "b" / "wrist.yaml").unlink()
-    assert bristle.plan(path, velocities=4).text() == bristle.plan(found, velocities=4).text()
+    assert bristle.inspect(path).segments == found.measured[0].segments
     log.write_text(log.read_text("utf-8") + "0.5,0.04\n", encoding="utf-8")
     read = bristle.read_results(path)
     with pytest.raises(InputError, match=r"wrist: wrist\.csv was changed, or added, since the joint was identified"):
-        bristle.plan(read)
+        bristle.inspect(read)
     log.unlink()
     with pytest.raises(InputError, match=r"wrist\.csv' is no file"):
-        bristle.plan(path)
+        bristle.inspect(path)
 
 
 def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
@@ -308,7 +308,7 @@ def test_a_foreign_experiment_is_one_sentence(text: str, says: str, fresh: Resul
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
-@given(st.data())
+@given(data=st.data())
 def test_a_damaged_file_is_read_or_refused(data: Any, fresh: Results, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Values of samples replaced, moved or left out, and texts cut: the file is read, and reports what it holds, or is one sentence."""
     document = json.loads(fresh.to_json())
