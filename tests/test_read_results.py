@@ -3,6 +3,7 @@
 import json
 import os
 import time
+from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import fields, is_dataclass
@@ -247,6 +248,7 @@ def spoilt(good: dict[str, Any], way: tuple[str, ...], value: Any) -> str:
     return json.dumps(document)
 
 
+CURVE = ("samples", "wrist", "static/+/uncertainty/v_s/curve")
 RESIDUALS = ("samples", "wrist", "static/+/residuals")
 
 
@@ -259,6 +261,8 @@ RESIDUALS = ("samples", "wrist", "static/+/residuals")
         (RESIDUALS, {"shape": [-1, -1], "float64": "AAAAAAAAAAA="}, "has 8 bytes"),
         (RESIDUALS, {"shape": [1], "float64": "AAAAAAAAAAA="}, r"has shape \(1,\); expected \(n\) as beside it"),
         (RESIDUALS, {"shape": [0] * 99, "float64": ""}, "has 0 bytes"),
+        (RESIDUALS, {"shape": [12], "float64": b64encode(np.full(12, 1e200).tobytes()).decode()}, r"has a number beyond 1e\+100"),
+        (CURVE, {"shape": [2, 2], "float64": b64encode(np.ones(4).tobytes()).decode()}, "does not ascend"),
         (RESIDUALS, "static/+/no", "leads to nothing of its kind"),
         (RESIDUALS, "segments/0", "leads to nothing of its kind"),
         (RESIDUALS, 3, "Input should be"),
