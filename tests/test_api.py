@@ -11,7 +11,7 @@ import pytest
 import bristle
 from bristle import Results, api
 from bristle.api import experiments, joints, sources
-from bristle.api.logs import Logs
+from bristle.api.logs import JointLogs
 from bristle.data.experiment.load import load_experiment
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
@@ -153,7 +153,7 @@ def check_immutable(result: object) -> list[object]:
 
 def test_results_cannot_be_changed(clean: Results) -> None:
     """Results are frozen through and through, the runs and segments behind them too; writing into one of their arrays is an error."""
-    found = check_immutable(replace(clean, logs=Logs()))
+    found = check_immutable(replace(clean, logs=JointLogs()))
     check_immutable(tuple(x for measured in clean.measured for x in (measured.runs, measured.segments)))
     assert sum(isinstance(part, StaticFit) for part in found) == 2
     assert sum(isinstance(part, np.ndarray) for part in found) > 10

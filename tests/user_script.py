@@ -44,10 +44,11 @@ def of_arrays() -> bristle.Fit:
 def of_files(folder: Path) -> bristle.Results:
     """Logs in, results and a report out, and the questions that follow."""
     v = np.concatenate([np.geomspace(0.015, 0.8, 12), -np.geomspace(0.015, 0.8, 12)])
+    T = bristle.friction(v, LAW) + 2e-5 * np.random.default_rng(0).standard_normal(v.size)
     log, wrist = folder / "points.csv", folder / "wrist.yaml"
-    pd.DataFrame({"v [rad/s]": v, "tau [Nm]": bristle.friction(v, LAW)}).to_csv(log, index=False)
+    pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
     text, guessed = bristle.draft(log, told=bristle.Told())
-    wrist.write_text(text + "fit: {directions: symmetric}\n", encoding="utf-8")
+    wrist.write_text(text, encoding="utf-8")
     said: str = bristle.complete(wrist)[1]
     assert guessed
     assert said

@@ -173,14 +173,9 @@ def _cross_checked(experiment: Path) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     with shown() as progress:
         from bristle.api.experiments import identified as run
-        from bristle.questions.joint_report.console import checks
-        from bristle.questions.method_validation.cases import check_fitted
 
         results = run(experiment, crosscheck=True, progress=progress)
-    for joint in results.joints:
-        check_fitted(joint)
-        print_lines(checks(joint))
-    print_lines(f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in results.timings.items())
+    print_lines(results.checks())
     return results
 
 
@@ -342,8 +337,8 @@ def new(
                 )
             text, sentences = _completed(halves[0], output)
         else:
-            from bristle.api import draft
-            from bristle.data.experiment.draft import Told, told_by
+            from bristle import Told, draft
+            from bristle.data.experiment.draft import told_by
 
             told = Told(
                 columns=told_by(column or (), "--column"),
@@ -365,7 +360,7 @@ def new(
 
 
 def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:
-    from bristle.api import complete
+    from bristle import complete
 
     if output is not None and output.parent.resolve() != half.parent.resolve():
         raise InputError(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bristle.api.joints import Known, asked_joint, read_if_results
-from bristle.api.logs import Logs
+from bristle.api.logs import JointLogs
 from bristle.api.results import Results
 from bristle.api.sources import Source, measure_joints, names_of, open_all
 from bristle.errors import InputError
@@ -82,7 +82,7 @@ def identify(
                 every.append(measured)
                 found.append(_timed(measured, crosscheck, uncertainty, progress))
     timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
-    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=Logs.at_hand(every, texts))
+    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=JointLogs.at_hand(every, texts))
 
 
 def _timed(

@@ -11,7 +11,7 @@ from bristle.identification.results import Joint, WrittenExperiment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Logs:
+class JointLogs:
     """The logs behind some joints."""
 
     texts: tuple[SourceText, ...] = ()
@@ -20,7 +20,7 @@ class Logs:
     """By joint, what was read."""
 
     @classmethod
-    def at_hand(cls, measured: Sequence[Measured], texts: Sequence[SourceText | None] = ()) -> "Logs":
+    def at_hand(cls, measured: Sequence[Measured], texts: Sequence[SourceText | None] = ()) -> "JointLogs":
         """Those that were read just now."""
         read = {one.experiment.joint.name: one for one in measured}
         return cls(texts=tuple(text for text in texts if text is not None), read=read)

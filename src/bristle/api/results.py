@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bristle.api.logs import Logs
+from bristle.api.logs import JointLogs
 from bristle.api.sources import source_text
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError, short, short_list
@@ -28,7 +28,7 @@ class Results:
     joints: tuple[Joint, ...]
     timings: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
     """Seconds spent, by name; no part of the result."""
-    logs: Logs = field(default_factory=Logs, compare=False, repr=False)
+    logs: JointLogs = field(default_factory=JointLogs, compare=False, repr=False)
     """What the joints were identified from, for questions that follow; no part of the result."""
     whole: bool = field(default=True, repr=False)
     """Whether there is what has an entry per sample; of a results file that an older version wrote there is not."""
@@ -81,6 +81,19 @@ class Results:
         from bristle.questions.joint_report.console import outcomes
 
         return tuple(outcomes(self.joints))
+
+    def checks(self) -> tuple[str, ...]:
+        """Each fit beside a full nonlinear one on the same data, a line each, and what each step took.
+
+        Raises InputError where nothing was fitted that could be checked.
+        """
+        from bristle.questions.joint_report.console import checks
+        from bristle.questions.method_validation.cases import check_fitted
+
+        for joint in self.joints:
+            check_fitted(joint)
+        took = (f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in self.timings.items())
+        return *(line for joint in self.joints for line in checks(joint)), *took
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""
@@ -176,7 +189,7 @@ def read_results(path: Path | str) -> Results:
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none
         texts = tuple(source_text(x, path.parent) for x in document.experiments)
-    return Results(joints=joints, logs=Logs(texts=texts), whole=document.samples is not None)
+    return Results(joints=joints, logs=JointLogs(texts=texts), whole=document.samples is not None)
 
 
 def choose(names: Sequence[str], name: str | None) -> str:
