@@ -73,8 +73,13 @@ def report(
     with shown() as progress:
         from bristle import report as run
 
-        results = run(*sources, folder=folder, uncertainty=uncertainty, progress=progress)
-    print_lines(results.outcomes())
+        results = run(
+            *sources,
+            folder=folder,
+            uncertainty=uncertainty,
+            found=lambda results: print_lines(results.outcomes()),
+            progress=progress,
+        )
     print_lines([f"Report: {folder / 'index.html'}"], done=True)
     _finish(results, strict)
 

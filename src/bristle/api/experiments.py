@@ -1,6 +1,6 @@
 """Experiment files in, results out; and the questions that a user asks of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bristle.api.joints import Known, asked_joint, read_if_results
@@ -128,7 +128,11 @@ def identified(
 
 
 def report(
-    *experiments: Source, folder: Path | str, uncertainty: bool = False, progress: Progress | None = None
+    *experiments: Source,
+    folder: Path | str,
+    uncertainty: bool = False,
+    found: Callable[[Results], object] | None = None,
+    progress: Progress | None = None,
 ) -> Results:
     """Identify joints and write the report of them into a folder: index.html, results.json, figures and tables.
 
@@ -149,6 +153,7 @@ def report(
             Ed-Ro (simulated), with its compensation (`adapt`) on the page too.
         folder: made where it does not exist; only what bristle made there before is replaced.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too.
+        found: called with the results before anything is written.
         progress: told of every step.
 
     Raises InputError in one sentence where a file cannot be used, or the folder cannot be written.
@@ -156,6 +161,8 @@ def report(
     check_folder(Path(folder))
     results = identified(*experiments, uncertainty=uncertainty, progress=progress)
     compensated = None if experiments else adapt(identified=results, progress=progress)
+    if found is not None:
+        found(results)
     results.write(folder, progress, compensated)
     return results
 
