@@ -116,17 +116,17 @@ UNWRITTEN = MappingProxyType({"exclude": True})
 """Metadata of a field that stands apart in the file, under `samples`: what has an entry per sample, or figures alone need."""
 
 
-def sized(*shape: str, ascending: bool = False) -> Mapping[str, Any]:
+def sized(*shape: str) -> Mapping[str, Any]:
     """Metadata of a field whose arrays have this shape: numbers, or names that are one number in all fields of an object.
 
-    `n?` may be 0 as well, where it is not known; of one that is `ascending` each number of the first row is above the last.
+    `n?` may be 0 as well, where it is not known.
     """
-    return MappingProxyType({"shape": shape, "ascending": ascending})
+    return MappingProxyType({"shape": shape})
 
 
-def unwritten(*shape: str, ascending: bool = False) -> Mapping[str, Any]:
+def unwritten(*shape: str) -> Mapping[str, Any]:
     """`sized`, and `UNWRITTEN`."""
-    return MappingProxyType({**UNWRITTEN, **sized(*shape, ascending=ascending)})
+    return MappingProxyType({**UNWRITTEN, **sized(*shape)})
 
 
 def freeze(value: "DataclassInstance") -> None:

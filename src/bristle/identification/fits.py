@@ -58,7 +58,7 @@ class Uncertainty:
     bound."""
     bootstrap: Interval | None
     """From fits of resampled data."""
-    curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=unwritten("2", "k", ascending=True))
+    curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=unwritten("2", "k"))
     """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1
     at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("b"))
@@ -70,15 +70,15 @@ class Uncertainty:
 class Profile:
     """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
 
-    v_s: Array = field(metadata=sized("k", ascending=True))
+    v_s: Array = field(metadata=sized("k"))
     """The grid, rad/s, ascending, shape (k,)."""
     cost: Array = field(metadata=sized("k"))
     """J_s at the grid, (N*m)**2, shape (k,)."""
-    plain_v_s: Array = field(metadata=sized("m", ascending=True))
+    plain_v_s: Array = field(metadata=sized("m"))
     """The paper's plain grid, rad/s, shape (m,)."""
     plain_cost: Array = field(metadata=sized("m"))
     """J_s at the plain grid, shape (m,)."""
-    near_v_s: Array = field(metadata=sized("l", ascending=True))
+    near_v_s: Array = field(metadata=sized("l"))
     """Values of v_s around the minimum, close enough to draw a curve through, rad/s, ascending, shape (l,)."""
     near_cost: Array = field(metadata=sized("l"))
     """J_s there, shape (l,)."""
