@@ -4,14 +4,14 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bristle
 from bristle import Results, api
-from bristle.api import experiments, joints
+from bristle.api import experiments, joints, sources
+from bristle.api.logs import JointLogs
 from bristle.data.experiment.load import load_experiment
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
@@ -75,7 +75,7 @@ def test_nothing_stands_for_the_embedded_joints(monkeypatch: pytest.MonkeyPatch)
         about = measured.experiment.joint
         return Joint(name=about.name, kind=about.kind, inputs=(), segments=(), static={}, crosscheck={})
 
-    monkeypatch.setattr(joints, "measure", lambda experiment: SimpleNamespace(experiment=experiment))
+    monkeypatch.setattr(sources, "measure", lambda experiment: Measured(experiment=experiment, runs=(), segments=()))
     monkeypatch.setattr(experiments, "identify_joint", joint_of)
     told: list[tuple[str, int, int]] = []
     results = bristle.identify(progress=lambda *step: told.append(step))
@@ -153,7 +153,7 @@ def check_immutable(result: object) -> list[object]:
 
 def test_results_cannot_be_changed(clean: Results) -> None:
     """Results are frozen through and through, the runs and segments behind them too; writing into one of their arrays is an error."""
-    found = check_immutable(replace(clean, measured=()))
+    found = check_immutable(replace(clean, logs=JointLogs()))
     check_immutable(tuple(x for measured in clean.measured for x in (measured.runs, measured.segments)))
     assert sum(isinstance(part, StaticFit) for part in found) == 2
     assert sum(isinstance(part, np.ndarray) for part in found) > 10
@@ -184,8 +184,8 @@ def test_what_is_identified_is_not_identified_again(
     def no_more(*_: object, **__: object) -> Joint:
         raise AssertionError("identified again")
 
-    monkeypatch.setattr(joints, "identify_joint", no_more)
-    monkeypatch.setattr(experiments, "identify_joint", no_more)
+    for module in (joints, experiments):
+        monkeypatch.setattr(module, "identify_joint", no_more)
     of_results = (
         bristle.plan(clean, velocities=4),
         bristle.sensitivity(clean, samples=0),
@@ -203,8 +203,8 @@ def test_what_is_identified_is_not_identified_again(
 def test_results_of_several_joints_are_no_joint(clean: Results) -> None:
     """What asks about one joint refuses results of two, and such as hold no data, with what it got."""
     (joint,) = clean.joints
-    two = Results(joints=(joint, joint), measured=clean.measured * 2)
-    with pytest.raises(ValueError, match="got 2 joints; expected one: say which with joint, one of"):
+    two = Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs)
+    with pytest.raises(ValueError, match="got 2 joints; expected one: say which with joint, one of wrist, elbow"):
         bristle.plan(two)
-    with pytest.raises(ValueError, match="got results without their logs; expected what `identify` returned"):
+    with pytest.raises(ValueError, match="got results without their logs"):
         bristle.plan(Results(joints=(joint,)))

@@ -479,7 +479,8 @@ def test_strict_ends_with_3_where_there_are_warnings(tmp_path: Path, monkeypatch
     tried = run("validate", one, "-o", "tried", "--repetitions", "20", "--starts", "2", "--strict")
     assert tried.code == 3
     assert run("report", "wrist.yaml", "--strict").code == 3
-    assert (tmp_path / "reports" / "wrist" / "results.json").read_bytes() == (tmp_path / "free.json").read_bytes()
+    free = (tmp_path / "free.json").read_text(encoding="utf-8").replace('"folder": "."', '"folder": "../.."')
+    assert (tmp_path / "reports" / "wrist" / "results.json").read_text(encoding="utf-8") == free
 
 
 def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
@@ -586,14 +587,22 @@ def _raiser(error: BaseException) -> Callable[..., None]:
 
 
 def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is."""
+    """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is.
+
+    Of one that lies elsewhere beside its experiment, results.json says so, and the manifest its hash.
+    """
     write(tmp_path / "here", speeds(both=False))
     there = write(tmp_path / "far" / "away", speeds(both=False))
     monkeypatch.chdir(tmp_path / "here")
     assert run("report", "wrist.yaml", "-o", "out").code == 0
     monkeypatch.chdir(tmp_path)
+    assert run("report", there, "-o", there.parent / "out").code == 0
     assert run("report", there, "-o", tmp_path / "new" / "out").code == 0
-    one, two = tree(tmp_path / "here" / "out"), tree(tmp_path / "new" / "out")
+    one, two, three = (tree(folder / "out") for folder in (tmp_path / "here", there.parent, tmp_path / "new"))
+    differ = {name for name in one if one[name] != three[name]} - {"timings.json"}
+    assert differ == {"results.json", ".bristle-manifest"}
+    moved = (three["results.json"] or b"").replace(b'"folder": "../../far/away"', b'"folder": ".."')
+    assert moved == one["results.json"]
     assert json.loads(one.pop("timings.json") or b"") != {}
     assert two.pop("timings.json")
     assert one == two

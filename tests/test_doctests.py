@@ -7,7 +7,7 @@ import pytest
 import bristle
 from bristle import api
 
-EXAMPLES = ("find_segments", "fit", "fit_dynamic", "fit_presliding", "friction", "simulate")
+EXAMPLES = sorted(name for name in bristle.__all__ if callable(getattr(bristle, name)) and name[0].islower())
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

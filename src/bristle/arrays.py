@@ -4,9 +4,11 @@ pydantic reads the JSON forms off the result classes where results.json is made 
 every digit. An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
 """
 
-from collections.abc import Callable
+import binascii
+from base64 import b64decode, b64encode
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from math import inf, isnan
+from math import inf, isnan, prod
 from types import FunctionType, MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, dataclass_transform
 
@@ -80,9 +82,51 @@ Interval = Annotated[tuple[float, float], JsonForm(tuple[Bound, Bound] | None, _
 """Two ends, of which either may be infinite."""
 Matrix = Annotated[Floats, JsonForm(_rows, _to_rows, _from_rows)]
 """Rows of numbers, (n, m); null where one does not exist."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenArray:
+    """An array in JSON, exact to the last bit."""
+
+    shape: tuple[int, ...]
+    float64: str
+    """Base64 of its numbers, row by row, as little-endian float64."""
+
+
+def _to_base64(array: Floats) -> WrittenArray:
+    if array.dtype != np.float64:
+        raise TypeError(f"an array of {array.dtype} has no form in JSON; expected float64")
+    return WrittenArray(shape=array.shape, float64=b64encode(array.astype("<f8").tobytes()).decode())
+
+
+def _from_base64(x: WrittenArray) -> Floats:
+    try:
+        data = b64decode(x.float64, validate=True)
+    except binascii.Error as error:
+        raise ValueError("is no base64") from error
+    if len(x.shape) > _DIMENSIONS or min(x.shape, default=0) < 0 or 8 * prod(x.shape) != len(data):
+        raise ValueError(f"has {len(data)} bytes, which are no float64 of the shape that it states")
+    return np.frombuffer(data, "<f8").reshape(x.shape).astype(np.float64)
+
+
+_DIMENSIONS = 4
+"""Of an array, at the most."""
+Array = Annotated[Floats, JsonForm(WrittenArray, _to_base64, _from_base64)]
 UNWRITTEN = MappingProxyType({"exclude": True})
-"""Metadata of a field that stays out of the file: an array with an entry per sample, or what figures alone need."""
-Array = Annotated[Floats, JsonForm(list[Any], np.ndarray.tolist, np.array)]
+"""Metadata of a field that stands apart in the file, under `samples`: what has an entry per sample, or figures alone need."""
+
+
+def sized(*shape: str) -> Mapping[str, Any]:
+    """Metadata of a field whose arrays have this shape: numbers, or names that are one number in all fields of an object.
+
+    `n?` may be 0 as well, where it is not known.
+    """
+    return MappingProxyType({"shape": shape})
+
+
+def unwritten(*shape: str) -> Mapping[str, Any]:
+    """`sized`, and `UNWRITTEN`."""
+    return MappingProxyType({**UNWRITTEN, **sized(*shape)})
 
 
 def freeze(value: "DataclassInstance") -> None:

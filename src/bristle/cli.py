@@ -72,16 +72,17 @@ def report(
     sources = experiments or []
     folder = output_folder(output, sources[0] if sources else None)
     with shown() as progress:
-        from bristle import adapt as compensate
-        from bristle import identify
-        from bristle.questions.joint_report.console import outcomes
+        from bristle import report as run
 
-        results = identify(*sources, progress=progress, uncertainty=uncertainty, workers=workers())
-        compensated = None if sources else compensate(identified=results, progress=progress)
-    print_lines(outcomes(results.joints))
-    with shown() as progress:
-        page = results.write(folder, progress, compensated)
-    print_lines([f"Report: {page}"], done=True)
+        results = run(
+            *sources,
+            folder=folder,
+            uncertainty=uncertainty,
+            workers=workers(),
+            found=lambda results: print_lines(results.outcomes()),
+            progress=progress,
+        )
+    print_lines([f"Report: {folder / 'index.html'}"], done=True)
     _finish(results, strict)
 
 
@@ -110,7 +111,7 @@ def identify(
             f"{x.fit} {x.parameter} {x.direction}: {x.warnings}" for x in frame[frame["warnings"] != ""].itertuples()
         )
     if output is not None:
-        write(output, results.to_json())
+        write(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
     _finish(results, strict)
 
@@ -181,16 +182,11 @@ def validate(
 def _cross_checked(experiment: Path, joint: str | None) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     with shown() as progress:
-        from bristle import identify as run
-        from bristle.questions.joint_report.console import checks
-        from bristle.questions.method_validation.cases import check_fitted
+        from bristle.api.experiments import identified as run
 
         results = run(experiment, joint=joint, crosscheck=True, progress=progress)
         results.joint()
-    for found in results.joints:
-        check_fitted(found)
-        print_lines(checks(found))
-    print_lines(f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in results.timings.items())
+    print_lines(results.checks())
     return results
 
 
@@ -357,8 +353,8 @@ def new(
                 )
             text, sentences = _completed(halves[0], output)
         else:
-            from bristle.api import draft
-            from bristle.data.experiment.draft import Told, told_by
+            from bristle import Told, draft
+            from bristle.data.experiment.draft import told_by
 
             told = Told(
                 columns=told_by(column or (), "--column"),
@@ -395,7 +391,7 @@ def explain(
 
 
 def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:
-    from bristle.api import complete
+    from bristle import complete
 
     if output is not None and output.parent.resolve() != half.parent.resolve():
         raise InputError(

@@ -379,12 +379,17 @@ JSON = st.one_of(
 @st.composite
 def cases(draw: Draw, good_results: str) -> Case:
     """A command line with its files."""
-    what = draw(st.sampled_from(["experiment"] * 6 + ["compare", "compare", "new"]))
+    what = draw(st.sampled_from(["experiment"] * 6 + ["compare", "compare", "new", "read"]))
     if what == "compare":
         pair = {"a.json": good_results.encode(), "b.json": draw(results(good_results))}
         names = ("a.json", "b.json") if draw(st.booleans()) else ("b.json", "a.json")
         page = ("-o", "out") if draw(st.integers(0, 9)) == 0 else ()
         return Case(("compare", *names, *page), pair)
+    if what == "read":
+        files = {
+            f"{kind}.csv": pd.DataFrame(logs()[kind]).to_csv(index=False).encode() for kind in ("points", "tracking")
+        }
+        return Case(draw(st.sampled_from(_READING)), {**files, "r.json": draw(results(good_results))})
     files = draw(experiments())
     if what == "new":
         return Case(("new", draw(st.sampled_from(sorted(files))), "-o", "out.yaml"), files)
@@ -399,6 +404,15 @@ _COMMANDS: list[tuple[str, ...]] = (
     + [("sensitivity", "e.yaml", "--samples", "0", "-o", "out"), ("adapt", "e.yaml", "-o", "out")]
     + [("validate", "e.yaml", "--repetitions", "20", "--starts", "2", "-o", "out")]
 )
+
+
+_READING: list[tuple[str, ...]] = [
+    ("inspect", "r.json"),
+    ("report", "r.json", "-o", "out"),
+    ("plan", "r.json", "-o", "out.csv"),
+    ("sensitivity", "r.json", "--samples", "0", "-o", "out"),
+    ("validate", "r.json", "--repetitions", "20", "--starts", "2", "-o", "out"),
+]
 
 
 _EXPERIMENT = """
@@ -420,4 +434,4 @@ def good_results(folder: Path) -> str:
     for kind in ("points", "tracking"):
         pd.DataFrame(logs()[kind]).to_csv(folder / f"{kind}.csv", index=False)
     (folder / "e.yaml").write_text(_EXPERIMENT, encoding="utf-8")
-    return bristle.identify(folder / "e.yaml").to_json()
+    return bristle.identify(folder / "e.yaml").to_json(folder)

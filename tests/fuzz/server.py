@@ -24,6 +24,8 @@ _PATIENCE = 4.0
 _READERS = (
     "data",
     "questions/session_comparison/results_file.py",
+    "identification/document.py",
+    "identification/samples.py",
     "errors.py",
     "__main__.py",
     "cli.py",

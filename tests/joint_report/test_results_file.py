@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.identification.document import joints_of
 from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.joint_report import results_file
@@ -115,7 +116,7 @@ def test_the_file_is_the_result(slow: Joint, moved: Joint) -> None:
     """Read back by the classes that wrote it, every value, name and warning is that of the joint, to the last digit; written again it is the same."""
     for joint in (slow, moved):
         text = results_file.to_json([joint])
-        (read,) = adapter().validate_json(text, strict=True).joints.values()
+        (read,) = joints_of(adapter().validate_json(text, strict=True))
         assert list(leaves(read)) == list(leaves(joint))
         assert results_file.to_json([read]) == text
         assert not read.static["+"].covariance.flags.writeable
@@ -143,13 +144,16 @@ def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
     assert (other.warnings[0].kind, str(other.warnings[0])) == (Kind.UNKNOWN, str(said))
 
 
-def test_arrays_of_samples_stay_out_of_the_file(moved: Joint) -> None:
-    """The file does not grow with the samples: a joint with thousands of equations is written in a few pages."""
-    text = results_file.to_json([moved])
-    assert len(text) < 120_000
-    (found,) = json.loads(text)["joints"].values()
+def test_arrays_of_samples_stand_apart(moved: Joint) -> None:
+    """The rest of the file does not grow with the samples: a joint with thousands of equations is written in a few pages."""
+    document = json.loads(results_file.to_json([moved]))
+    (samples,) = document.pop("samples").values()
+    assert len(json.dumps(document, indent=1)) < 120_000
+    (found,) = document["joints"].values()
     assert {"velocity", "measured", "residuals", "time"}.isdisjoint(found["joint_fit"])
     assert all("loadings" not in fit for fit in found["presliding"]["fits"].values())
+    assert {"joint_fit/residuals", "presliding/fits/+/loadings", "static/+/profile"} <= samples.keys()
+    assert samples["static/+/segments"][0] in {f"segments/{k}" for k in range(len(moved.segments))}
 
 
 def test_frame_is_tidy(joint: Joint, slide: Joint) -> None:

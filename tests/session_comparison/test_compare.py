@@ -24,6 +24,7 @@ import bristle
 from bristle.__main__ import main
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification import document
 from bristle.identification.fits import Estimate
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
@@ -659,7 +660,7 @@ def test_files_that_are_too_large_missing_binary_or_in_the_way(
         code, _, said = run("compare", sessions[0], second, "-o", output)
         assert (code, len(said)) == (2, 1), said
         assert named in said[0]
-    monkeypatch.setattr(results_file, "LARGEST", 1000)
+    monkeypatch.setattr(document, "LARGEST", 1000)
     code, _, said = run("compare", *sessions, "-o", tmp_path / "out")
     assert (code, len(said)) == (2, 1)
     assert "a results file has at most 1000" in said[0]

@@ -4,16 +4,15 @@ from bristle.api.arrays import find_segments, fit, fit_dynamic, fit_presliding, 
 from bristle.api.experiments import (
     adapt,
     compare,
-    complete,
-    draft,
     identify,
-    inspect,
     plan,
+    report,
     sensitivity,
     validate,
     write_comparison,
 )
-from bristle.api.results import Results
+from bristle.api.files import complete, draft, inspect
+from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.array_fit.fit import Fit
@@ -36,6 +35,8 @@ __all__ = [
     "identify",
     "inspect",
     "plan",
+    "read_results",
+    "report",
     "sensitivity",
     "simulate",
     "validate",

@@ -6,15 +6,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bristle.api.joints import Known, Source, asked_joint, load_all, measure_joints, names_of
+from bristle.api.joints import Known, asked_joint, read_if_results
+from bristle.api.logs import JointLogs
 from bristle.api.results import Results, choose
-from bristle.data.experiment.draft import Told
+from bristle.api.sources import Source, measure_joints, names_of, open_all
 from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured
-from bristle.identification.proposal import completed, draft_of_logs
 from bristle.identification.results import Joint
+from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
+from bristle.questions.array_fit.fit import Fit
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
@@ -41,6 +43,22 @@ def identify(
 ) -> Results:
     """Identify the joints of one or more files, of a joint or a robot each; with none, the embedded Ed-Ro (simulated).
 
+    >>> import bristle, pandas as pd, pathlib, tempfile
+    >>> home = tempfile.TemporaryDirectory()
+    >>> log = pathlib.Path(home.name, "points.csv")
+    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
+    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
+    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
+    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
+    >>> results = bristle.identify(wrist)
+    >>> results
+    Results(joints=(Joint('points': static both),))
+    >>> results.to_frame()[["parameter", "value"]].round(3).head(2)
+      parameter  value
+    0   alpha_0  0.019
+    1   alpha_1  0.005
+    >>> home.cleanup()
+
     Args:
         experiments: files, or what was loaded from them.
         joint: the only one of a robot that is identified; None: all.
@@ -53,7 +71,8 @@ def identify(
 
     Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
-    loaded = load_all(experiments)
+    files = open_all(experiments)
+    loaded, texts = [one for one, _ in files], [text for _, text in files]
     names = [name for one in loaded for name in names_of(one)]
     chosen = names if joint is None else [choose(names, joint)]
     asked = len(chosen)
@@ -70,7 +89,7 @@ def identify(
                 progress(f"identifying {measured.experiment.joint.name}", done, asked)
             found.append(next(waiting))
     timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
-    return Results(joints=tuple(joint for joint, _ in found), timings=timings, measured=tuple(every))
+    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=JointLogs.at_hand(every, texts))
 
 
 def _timed(
@@ -97,6 +116,70 @@ def _pool(workers: int) -> Iterator[Callable[..., Iterable[Any]]]:
             raise
 
 
+def identified(
+    *experiments: Source,
+    joint: str | None = None,
+    crosscheck: bool = False,
+    uncertainty: bool = False,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Results:
+    """`identify`; of one results file what that holds, and nothing is identified.
+
+    Raises InputError as `identify` and `read_results` do.
+    """
+    if len(experiments) == 1:
+        known = read_if_results(experiments[0])
+        if isinstance(known, Results):
+            return known
+        experiments = (known,)
+    return identify(
+        *experiments, joint=joint, crosscheck=crosscheck, uncertainty=uncertainty, workers=workers, progress=progress
+    )
+
+
+def report(
+    *experiments: Source,
+    folder: Path | str,
+    uncertainty: bool = False,
+    workers: int = 1,
+    found: Callable[[Results], object] | None = None,
+    progress: Progress | None = None,
+) -> Results:
+    """Identify joints and write the report of them into a folder: index.html, results.json, figures and tables.
+
+    >>> import bristle, pandas as pd, pathlib, tempfile
+    >>> home = tempfile.TemporaryDirectory()
+    >>> log = pathlib.Path(home.name, "points.csv")
+    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
+    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
+    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
+    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
+    >>> results = bristle.report(wrist, folder=f"{home.name}/report")
+    >>> sorted(path.name for path in pathlib.Path(home.name, "report").iterdir() if path.suffix)
+    ['index.html', 'results.json', 'timings.json']
+    >>> home.cleanup()
+
+    Args:
+        experiments: files of a joint or a robot each, or one results file, whose report is written anew; none: the embedded
+            Ed-Ro (simulated), with its compensation (`adapt`) on the page too.
+        folder: made where it does not exist; only what bristle made there before is replaced.
+        uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too.
+        workers: as of `identify`.
+        found: called with the results before anything is written.
+        progress: told of every step.
+
+    Raises InputError in one sentence where a file cannot be used, or the folder cannot be written.
+    """
+    check_folder(Path(folder))
+    results = identified(*experiments, uncertainty=uncertainty, workers=workers, progress=progress)
+    compensated = None if experiments else adapt(identified=results, progress=progress)
+    if found is not None:
+        found(results)
+    results.write(folder, progress, compensated)
+    return results
+
+
 def adapt(
     experiment: Known | None = None,
     *,
@@ -105,6 +188,17 @@ def adapt(
     progress: Progress | None = None,
 ) -> Study:
     """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
+
+    >>> import bristle, numpy as np
+    >>> t = np.arange(0, 8, 0.002)
+    >>> v = 0.6 * np.sin(2.0 * t) + 0.3 * np.sin(5.3 * t)
+    >>> q = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)]) * 0.002
+    >>> law = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
+    >>> T = bristle.simulate(v, 0.002, law) + 0.001 * np.gradient(v, t)
+    >>> T += 1e-4 * np.random.default_rng(0).standard_normal(t.size)
+    >>> study = bristle.adapt(bristle.fit_dynamic(t, q, T, directions="symmetric"))
+    >>> print(study.text()[:54])
+    joint, 0.2 Hz: RMS error 23.7 mrad without, 0.129 mrad
 
     With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first; of several
     joints the one named `joint`. Raises InputError in one sentence where a file cannot be used, nothing is known of the
@@ -124,6 +218,18 @@ def adapt(
 def compare(first: Results | Path | str, second: Results | Path | str) -> Comparison:
     """Which parameters changed beyond their joint uncertainty between two sessions, from the results of each, or its `results.json`.
 
+    >>> import bristle, pandas as pd, pathlib, tempfile
+    >>> home = tempfile.TemporaryDirectory()
+    >>> log = pathlib.Path(home.name, "points.csv")
+    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
+    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
+    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
+    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
+    >>> first = bristle.identify(wrist)
+    >>> [change.parameter.name for change in bristle.compare(first, first).changes if change.changed]
+    []
+    >>> home.cleanup()
+
     Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
     units.
     """
@@ -136,7 +242,20 @@ def compare(first: Results | Path | str, second: Results | Path | str) -> Compar
 
 
 def write_comparison(compared: Comparison, folder: Path | str) -> Path:
-    """`Comparison.write`: what `compare` returned as a page with figures and tables."""
+    """`Comparison.write`: what `compare` returned as a page with figures and tables.
+
+    >>> import bristle, pandas as pd, pathlib, tempfile
+    >>> home = tempfile.TemporaryDirectory()
+    >>> log = pathlib.Path(home.name, "points.csv")
+    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
+    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
+    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
+    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
+    >>> first = bristle.identify(wrist)
+    >>> bristle.write_comparison(bristle.compare(first, first), f"{home.name}/page").name
+    'index.html'
+    >>> home.cleanup()
+    """
     return compared.write(folder)
 
 
@@ -150,6 +269,14 @@ def sensitivity(
     progress: Progress | None = None,
 ) -> SensitivityStudy:
     """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
+
+    >>> import bristle
+    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
+    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
+    >>> fit = bristle.fit(v, T, directions="symmetric")
+    >>> study = bristle.sensitivity(fit, samples=0)
+    >>> print(study.text()[:44])
+    joint: RMS of p dT/dp relative to the RMS of
 
     Args:
         experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the
@@ -184,6 +311,14 @@ def validate(
 ) -> Validation:
     """The grid search validated against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
 
+    >>> import bristle
+    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
+    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
+    >>> fit = bristle.fit(v, T, directions="symmetric")
+    >>> checked = bristle.validate(fit, repetitions=20, starts=2)
+    >>> len(checked.cases)
+    1
+
     With no experiment a declared sweep: every set of Table 1, at two noise levels and three designs. The seed is fixed.
 
     Args:
@@ -199,8 +334,10 @@ def validate(
     """
     check_request(repetitions, starts, noise)
     known = experiment if identified is None else identified
-    if isinstance(known, Results):
-        found: Joint | None = known.joint(joint)
+    if known is not None and not isinstance(known, Fit):
+        known = read_if_results(known)
+    if isinstance(known, Results):  # which needs no logs
+        found: Joint | None = known.whole_joint(joint)
     else:
         found = None if known is None else asked_joint(known, joint).identified(progress)[1]
     case_set = joint_cases(found, noise) if found else sweep(noise)
@@ -217,6 +354,14 @@ def plan(
 ) -> Plan:
     """What to measure next on a joint: constant velocities, slow loading and a tracking motion, and the intervals to expect.
 
+    >>> import bristle
+    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
+    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
+    >>> fit = bristle.fit(v, T, directions="symmetric")
+    >>> plan = bristle.plan(fit, velocities=4)
+    >>> print(plan.text()[:47])
+    joint: what to measure next, for all parameters
+
     Args:
         experiment: with limits under `plan`, or else as far as its runs went; or what `identify` or a fit of arrays gave.
         joint: which, where there are several.
@@ -229,37 +374,3 @@ def plan(
     asked = asked_joint(experiment, joint)
     check_plan(velocities, aim)
     return plan_next(*asked.identified(progress), velocities, aim, progress)
-
-
-def inspect(experiment: Source, joint: str | None = None) -> Measured:
-    """Read the runs of a joint and cut them into segments, and look for points off the law; no result is fitted.
-
-    Raises InputError in one sentence where a file cannot be used, or is of several joints and `joint` names none of them.
-    """
-    return asked_joint(experiment, joint).measured()
-
-
-def draft(
-    *logs: Path | str, told: Told | None = None, folder: Path | None = None, progress: Progress | None = None
-) -> tuple[str, tuple[str, ...]]:
-    """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
-
-    Args:
-        logs: data files with the same columns; `bristle.Told` says what their names do not.
-        told: columns, units, scales and constants that are not to be guessed.
-        folder: where the text will be saved, for data files are named relative to it; None: beside the first.
-        progress: called with what is being done, how many steps are done, and how many there are.
-
-    Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
-    """
-    return draft_of_logs([Path(log) for log in logs], told or Told(), folder, progress)
-
-
-def complete(experiment: Path | str) -> tuple[str, str]:
-    """The text of an experiment file with the set-up that its runs ask for, and a sentence that says what was added, and why.
-
-    Runs without `experiment` get one, by what their signals do; regressors and directions are tried as `static.set_up`
-    has it; what the file says of `fit` already is left to its author, and the line to write there is a comment. Raises
-    InputError where a file cannot be used.
-    """
-    return completed(Path(experiment))

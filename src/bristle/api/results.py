@@ -5,15 +5,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bristle.api.logs import JointLogs
+from bristle.api.sources import source_text
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError, short, short_list
+from bristle.identification.document import checked, document_of, joints_of, reading
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study
+from bristle.questions.session_comparison.results_file import session_of
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,10 +26,12 @@ class Results:
     """What was identified, joint by joint."""
 
     joints: tuple[Joint, ...]
-    timings: dict[str, float] = field(default_factory=dict, compare=False)
+    timings: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
     """Seconds spent, by name; no part of the result."""
-    measured: tuple[Measured, ...] = field(default=(), compare=False, repr=False)
-    """What each joint was identified from, for questions that follow; no part of the result."""
+    logs: JointLogs = field(default_factory=JointLogs, compare=False, repr=False)
+    """What the joints were identified from, for questions that follow; no part of the result."""
+    whole: bool = field(default=True, repr=False)
+    """Whether there is what has an entry per sample; of a results file that an older version wrote there is not."""
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
@@ -43,20 +50,50 @@ class Results:
         names = [joint.name for joint in self.joints]
         return self.joints[names.index(choose(names, name))]
 
+    def whole_joint(self, name: str | None = None) -> Joint:
+        """`joint`, with what has an entry per sample. Raises InputError as that does, and where that is not known."""
+        if not self.whole:
+            raise InputError(
+                "got results that an older version of bristle wrote, without samples; compare takes them, else identify anew"
+            )
+        return self.joint(name)
+
     def measured_joint(self, name: str) -> Measured:
-        """What the joint of a name was identified from. Raises InputError where that is not known."""
-        for measured in self.measured:
-            if measured.experiment.joint.name == name:
-                return measured
-        raise InputError(
-            f"{name}: got results without their logs; expected what `identify` returned, or an experiment file"
-        )
+        """What the joint of a name was identified from; of results that were read, its logs are read now.
+
+        Raises InputError where they are not known, or missing, or were changed.
+        """
+        return self.logs.of(self.joint(name))
+
+    @property
+    def measured(self) -> tuple[Measured, ...]:
+        """`measured_joint` of each joint."""
+        return tuple(self.logs.of(joint) for joint in self.joints)
 
     def text(self) -> str:
         """The fit report, as the command line prints it."""
         from bristle.questions.joint_report.text import fit_report
 
-        return fit_report(self.joints)
+        return fit_report(self._whole_joints())
+
+    def outcomes(self) -> tuple[str, ...]:
+        """How each fit ended, and the number of its warnings, a line each."""
+        from bristle.questions.joint_report.console import outcomes
+
+        return tuple(outcomes(self.joints))
+
+    def checks(self) -> tuple[str, ...]:
+        """Each fit beside a full nonlinear one on the same data, a line each, and what each step took.
+
+        Raises InputError where nothing was fitted that could be checked.
+        """
+        from bristle.questions.joint_report.console import checks
+        from bristle.questions.method_validation.cases import check_fitted
+
+        for joint in self.joints:
+            check_fitted(joint)
+        took = (f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in self.timings.items())
+        return *(line for joint in self.joints for line in checks(joint)), *took
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""
@@ -64,11 +101,14 @@ class Results:
 
         return to_frame(self.joints)
 
-    def to_json(self) -> str:
-        """`results.json` of schema bristle-results/2."""
+    def to_json(self, folder: Path | str = ".") -> str:
+        """`results.json` of schema bristle-results/2, which `read_results` reads; `folder` is where it will lie.
+
+        From there it names the experiment files, whose logs are read again when a question needs them.
+        """
         from bristle.questions.joint_report.results_file import to_json
 
-        return to_json(self.joints)
+        return to_json(self._whole_joints(), self.logs.written(Path(folder)))
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
@@ -87,14 +127,69 @@ class Results:
 
         title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
         return write_report(
-            self.joints,
+            self._whole_joints(),
             Path(folder),
+            experiments=self.logs.written(Path(folder)),
             title=title,
             seed=0,
-            timings=self.timings,
+            timings=self.timings or None,
             progress=progress,
             appended=section(compensated) if compensated else None,
         )
+
+    def plot(self, joint: str | None = None, ax: "Axes | None" = None) -> "Axes":
+        """What was measured on a joint and what its fit makes of it, drawn into `ax` or new axes, which are returned.
+
+        Points over velocity with the fitted curve and its 95 % band; where there are none, moving runs over time, or slow
+        loading. Raises InputError as `joint` does.
+        """
+        from bristle.questions.array_fit.figure import draw_joint
+
+        return draw_joint(self.whole_joint(joint), ax)
+
+    def _repr_html_(self) -> str:
+        """Each joint's parameters and its curve, for a notebook."""
+        from bristle.questions.array_fit.figure import joints_html
+
+        return joints_html(self._whole_joints(), self.to_frame())
+
+    def _whole_joints(self) -> tuple[Joint, ...]:
+        """The joints, with what has an entry per sample. Raises InputError where that is not known."""
+        return tuple(self.whole_joint(joint.name) for joint in self.joints)
+
+
+def read_results(path: Path | str) -> Results:
+    """What `identify` returned, from the `results.json` that was written of it, exact to the last bit; nothing is identified.
+
+    >>> import bristle, pandas as pd, pathlib, tempfile
+    >>> home = tempfile.TemporaryDirectory()
+    >>> log = pathlib.Path(home.name, "points.csv")
+    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
+    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
+    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
+    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
+    >>> path = pathlib.Path(home.name, "results.json")
+    >>> _ = path.write_text(bristle.identify(wrist).to_json(home.name))
+    >>> results = bristle.read_results(path)
+    >>> results.joint().static["both"].parameters["alpha_0"].unit
+    'N*m'
+    >>> bristle.inspect(results).runs[0].record.file
+    'points.csv'
+    >>> home.cleanup()
+
+    `plan`, `adapt` and `sensitivity` read the logs again, once asked, from where they stood; they must be as they were.
+    Raises InputError in one sentence where the file is no results file, and OSError where it cannot be read.
+    """
+    path = Path(path)
+    with reading(path) as text:
+        found = checked(text)
+        if isinstance(found, dict) and found.get("schema") == "bristle-results/1":
+            raise InputError("it is of schema bristle-results/1, which compare alone takes; identify anew")
+        document = document_of(text)
+        joints = joints_of(document)
+        session_of(joints)  # which refuses numbers that are none
+        texts = tuple(source_text(x, path.parent) for x in document.experiments)
+    return Results(joints=joints, logs=JointLogs(texts=texts), whole=document.samples is not None)
 
 
 def choose(names: Sequence[str], name: str | None) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
-from bristle.arrays import UNWRITTEN, Array, Number, freeze
+from bristle.arrays import Array, Number, freeze, sized, unwritten
 from bristle.data.differentiation import between_gaps, derivative, smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
@@ -67,18 +67,18 @@ class Loading:
     """`+` or `-`."""
     start: int
     """First sample, in the record."""
-    time: Array
+    time: Array = field(metadata=sized("n"))
     """s from the start of the piece, (n,)."""
-    displacement: Array
+    displacement: Array = field(metadata=sized("n"))
     """Of the encoder since the start of the piece, rad, (n,)."""
-    torque: Array
+    torque: Array = field(metadata=sized("n"))
     """N*m, through the low pass, (n,)."""
     quantum: float
     """One count, rad; 0 where no counts are seen."""
-    edge_displacement: Array
+    edge_displacement: Array = field(metadata=sized("m"))
     """Displacement at the count edges that were crossed, each half a count before the reading that follows it, rad,
     (m,)."""
-    edge_torque: Array
+    edge_torque: Array = field(metadata=sized("m"))
     """Torque there, N*m, (m,)."""
     breakaway: float | None
     """Torque at which it began to slide, N*m; None where it did not."""
@@ -99,9 +99,9 @@ class Loop:
     file: str
     start: int
     stop: int
-    position: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    position: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """rad, (n,)."""
-    torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    torque: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """N*m, as logged, (n,)."""
     torque_amplitude: Number = float("nan")
     """Half the range of torque, N*m."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number, result
+from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number, result, sized, unwritten
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
@@ -58,10 +58,10 @@ class Uncertainty:
     bound."""
     bootstrap: Interval | None
     """From fits of resampled data."""
-    curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=UNWRITTEN)
+    curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=unwritten("2", "k"))
     """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1
     at the interval's ends."""
-    draws: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    draws: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("b"))
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Diagnostic, ...] = ()
 
@@ -70,17 +70,17 @@ class Uncertainty:
 class Profile:
     """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
 
-    v_s: Array
+    v_s: Array = field(metadata=sized("k"))
     """The grid, rad/s, ascending, shape (k,)."""
-    cost: Array
+    cost: Array = field(metadata=sized("k"))
     """J_s at the grid, (N*m)**2, shape (k,)."""
-    plain_v_s: Array
+    plain_v_s: Array = field(metadata=sized("m"))
     """The paper's plain grid, rad/s, shape (m,)."""
-    plain_cost: Array
+    plain_cost: Array = field(metadata=sized("m"))
     """J_s at the plain grid, shape (m,)."""
-    near_v_s: Array
+    near_v_s: Array = field(metadata=sized("l"))
     """Values of v_s around the minimum, close enough to draw a curve through, rad/s, ascending, shape (l,)."""
-    near_cost: Array
+    near_cost: Array = field(metadata=sized("l"))
     """J_s there, shape (l,)."""
     best: float
     """The continuous minimum, rad/s."""
@@ -187,19 +187,19 @@ class StaticFit:
     """The fit without them, or with them where they are left out (`fit.stray: drop`); None where there are none."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
     """How the parameters scatter over the runs; empty where there is but one."""
-    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """What was fitted: velocity, rad/s, shape (n,)."""
-    torque: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    torque: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Measured torque, N*m, shape (n,)."""
-    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Measured minus fitted torque, N*m, shape (n,)."""
-    pulled: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    pulled: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
     """What Huber's loss took off each torque, N*m, shape (n,); zero under least squares."""
-    segments: tuple[Segment, ...] = field(default=(), metadata=UNWRITTEN)
+    segments: tuple[Segment, ...] = field(default=(), metadata=unwritten("n?"))
     """Where each point comes from, (n,); empty for moving data."""
-    time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
     """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
-    position: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    position: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
     """Where each point was measured, rad, shape (n,); empty where unknown."""
 
     def all_warnings(self) -> Iterator[Diagnostic]:
@@ -350,14 +350,14 @@ class TrackingFit:
     at."""
     crosscheck: Crosscheck | None = None
     """The same problem by CasADi and IPOPT."""
-    time: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Of each equation, s from the start of its run, (n,)."""
     quantity: Literal["torque", "position"] = "torque"
     """What the fit predicts."""
-    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
-    measured: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
+    measured: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Torque, N*m, or position, rad, (n,)."""
-    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=UNWRITTEN)
+    residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each segment between gaps."""
     windows: int = 0

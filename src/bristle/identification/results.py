@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bristle.arrays import JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
 from bristle.diagnostics import Diagnostic, Severity, with_subjects
 from bristle.diagnostics import Kind as DiagnosticKind
+from bristle.errors import one_line
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model.parameters import Kind, Lugre, ParameterName
 
@@ -217,6 +218,21 @@ _SUBJECTS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenExperiment:
+    """An experiment file, or a robot's, as it was read."""
+
+    file: str
+    """Its name."""
+    folder: str | None
+    """Where it stood, from the folder of the results file; null: in the data set that is part of bristle."""
+    text: str
+    beside: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of other files that it names, its logs apart, as a URDF."""
+    joints: tuple[str, ...]
+    """Those that were identified from it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
     """What bristle identified. A bound that is open is "inf" or "-inf"; what these data do not give is null."""
 
@@ -224,11 +240,34 @@ class Document:
     bristle: str
     """Version that wrote it."""
     joints: Mapping[str, Joint]
+    experiments: tuple[WrittenExperiment, ...] = ()
+    """From which the joints were identified, as far as these are files."""
+    samples: Mapping[str, Mapping[str, Any]] | None = None
+    """By joint, and by the way to it, what has an entry per sample; text is the way to what is the same. Of older files null."""
 
 
 @cache
 def adapter() -> "TypeAdapter[Document]":
-    """What writes and reads the document; without the fields that are marked as unwritten, which come back empty."""
+    """What writes and reads the document; without the fields that are marked as unwritten, which `samples` has."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(Document)
+
+
+def first_reason(error: Exception) -> str:
+    """What is wrong first with what pydantic read, where so much is not that it takes long to tell."""
+    from pydantic import ValidationError
+
+    if not isinstance(error, ValidationError):
+        return one_line(str(error), _SHOWN)
+    if error.error_count() > _WRONG:
+        return f"{error.error_count()} of its entries are wrong or missing"
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    where = ".".join(str(part) for part in first["loc"]) or "the file"
+    return f"{one_line(where, _SHOWN)}: {one_line(first['msg'], _SHOWN)}"
+
+
+_WRONG = 1000
+"""Wrong entries of which the first is looked for."""
+_SHOWN = 120
+"""Characters of what is quoted."""

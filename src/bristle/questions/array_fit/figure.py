@@ -1,42 +1,59 @@
 """A fit of arrays as a figure, and in a notebook."""
 
+from collections.abc import Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
 from bristle.model.functions import loading_displacement_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, inline, new_figure, render_as, styled, thinned
 from bristle.page.wording import axis, direction
-from bristle.questions.array_fit.fit import Fit
+from bristle.questions.array_fit.fit import Fit, Stage
 from bristle.questions.array_fit.text import outcomes, serious
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def draw(fit: Fit, ax: Axes | None = None) -> Axes:
     """What was measured and what the fit makes of it, into `ax` or new axes of pyplot."""
+    return draw_stage(fit.joint, fit.stage, ax)
+
+
+def draw_joint(joint: Joint, ax: Axes | None = None) -> Axes:
+    """The same of a joint: its friction over velocity where it has points, else its moving runs, else its slow loading."""
+    points = any(static.velocity.size for static in joint.static.values())
+    return draw_stage(joint, "static" if points else "dynamic" if joint.moving else "presliding", ax)
+
+
+def draw_stage(joint: Joint, stage: Stage, ax: Axes | None = None) -> Axes:
+    """The same of one stage of a joint."""
     if ax is None:
         import matplotlib.pyplot as plt
 
         ax = plt.subplots()[1]
-    kind = fit.joint.kind
-    {"static": _points, "presliding": _loadings, "dynamic": _motion}[fit.stage](ax, fit)
+    kind = joint.kind
+    {"static": _points, "presliding": _loadings, "dynamic": _motion}[stage](ax, joint)
     across = {
         "static": axis("velocity", kind),
         "presliding": axis("displacement", kind),
         "dynamic": "Time (s)",
     }
-    ax.set_xlabel(across[fit.stage])
+    ax.set_xlabel(across[stage])
     ax.set_ylabel(axis("torque", kind))
     if ax.get_legend_handles_labels()[1]:
         ax.legend()
     return ax
 
 
-def _points(ax: Axes, fit: Fit) -> None:
+def _points(ax: Axes, joint: Joint) -> None:
     """Points, curve and 95 % band over velocity."""
-    for d, static in fit.joint.static.items():
+    for d, static in joint.static.items():
         if d not in DIRECTION:
             continue
         look, law = DIRECTION[d], static.values()
@@ -52,9 +69,9 @@ def _points(ax: Axes, fit: Fit) -> None:
                 ax.fill_between(v, T - half, T + half, color=look.colour, alpha=0.22, linewidth=0)
 
 
-def _loadings(ax: Axes, fit: Fit) -> None:
+def _loadings(ax: Axes, joint: Joint) -> None:
     """Torque over displacement of each loading, and LuGre's curve with the sigma_0 that was found."""
-    slow = fit.joint.presliding
+    slow = joint.presliding
     for d, one in slow.fits.items() if slow else ():
         look, sigma_0 = DIRECTION[d], one.sigma_0.value
         for k, x in enumerate(one.loadings):
@@ -66,9 +83,9 @@ def _loadings(ax: Axes, fit: Fit) -> None:
             ax.plot(y, T, "--", color="black", linewidth=1.2, label=f"LuGre, {direction(d)}")
 
 
-def _motion(ax: Axes, fit: Fit) -> None:
+def _motion(ax: Axes, joint: Joint) -> None:
     """Measured and fitted torque over time."""
-    moving = fit.joint.moving
+    moving = joint.moving
     if moving is not None:
         k = thinned(moving.time.size, 4000)
         ax.plot(moving.time[k], moving.measured[k], "-", color=DIRECTION["+"].colour, label="measured")
@@ -87,3 +104,17 @@ def html(fit: Fit) -> str:
     points = "".join(f"<li>{escape(line)}</li>" for line in serious(fit))
     table = fit.to_frame().drop(columns="warnings").to_html(float_format="{:.5g}".format, na_rep="-")
     return f"<div>{paragraphs}{table}<ul>{points}</ul><div style='max-width:36rem'>{curve_of}</div></div>"
+
+
+@styled
+def joints_html(joints: Sequence[Joint], frame: "pd.DataFrame") -> str:
+    """Some joints for a notebook: of each its rows of the table, and its curve; text that may be anybody's is escaped."""
+    parts = []
+    for k, joint in enumerate(joints):
+        own = frame[frame["joint"] == joint.name].drop(columns=["joint", "warnings"])
+        figure = new_figure(3.2)
+        draw_joint(joint, figure.subplots())
+        picture = inline(render_as(figure, "svg"), f"joint-{k}", "measured and fitted")
+        table = own.to_html(index=False, float_format="{:.5g}".format, na_rep="-")
+        parts.append(f"<h4>{escape(joint.name)}</h4>{table}<div style='max-width:36rem'>{picture}</div>")
+    return f"<div>{''.join(parts)}</div>"

@@ -87,11 +87,16 @@ def _panel(ax: Axes, row: Row) -> None:
 
 
 def _smooth(curve: Array, value: float | None) -> Array:
-    """A profile of few points through more, (2, k): its root, with a sign, is nearly a line."""
+    """A profile of few points through more, (2, k): its root, with a sign, is nearly a line.
+
+    Values that stopped at a physical bound, and are there more than once, count once.
+    """
+    curve = curve[:, np.isfinite(curve).all(axis=0)]
+    curve = curve[:, np.unique(curve[0], return_index=True)[1]]
     if not 2 < curve.shape[1] < _FEW or value is None:
         return curve
     x = np.linspace(curve[0, 0], curve[0, -1], 4 * _FEW)
-    root = PchipInterpolator(curve[0], np.sign(curve[0] - value) * np.sqrt(curve[1]))(x)
+    root = PchipInterpolator(curve[0], np.sign(curve[0] - value) * np.sqrt(np.maximum(curve[1], 0.0)))(x)
     return np.stack([x, root**2])
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from bristle.identification.results import Joint
+from bristle.identification.results import Joint, WrittenExperiment
 from bristle.page import wording
 from bristle.page.page import Section, element, encoded, tables_of, write_page
 from bristle.page.style import styled
@@ -42,6 +42,7 @@ def write_report(
     timings: Mapping[str, float] | None = None,
     progress: Progress | None = None,
     appended: Section | None = None,
+    experiments: Sequence[WrittenExperiment] = (),
 ) -> Path:
     """Write index.html, results.json, figures/ and tables/ into a folder; returns the path of index.html.
 
@@ -56,6 +57,7 @@ def write_report(
         timings: seconds spent, by name, for timings.json; None: no such file.
         progress: called with what is being done, how many steps are done, and how many there are.
         appended: what another question puts on the page, after the joints; None: nothing.
+        experiments: files that the joints were identified from, as results.json in this folder names them.
 
     Raises:
         InputError: no joint, two joints of one name, the folder is a file, or files in it that bristle did not make are in the way.
@@ -68,7 +70,7 @@ def write_report(
     drawn = _figures(joints, files, progress)
     files |= tables_of(tables.all_tables(joints))
     files |= appended.files if appended else {}
-    files["results.json"] = encoded(results_file.to_json(joints))
+    files["results.json"] = encoded(results_file.to_json(joints, experiments))
     if timings is not None:
         files["timings.json"] = encoded(json.dumps({k: round(v, 6) for k, v in timings.items()}, indent=1) + "\n")
     if progress:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from bristle import __version__
 from bristle.identification.known_joint import Known, chosen, moving_estimates, moving_fits, stage_estimates
-from bristle.identification.results import Document, Joint, adapter
+from bristle.identification.results import Document, Joint, WrittenExperiment, adapter
+from bristle.identification.samples import samples_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,13 +30,18 @@ def schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document, "title": "bristle-results/2"}
 
 
-def to_json(joints: Sequence[Joint]) -> str:
+def to_json(joints: Sequence[Joint], experiments: Sequence[WrittenExperiment] = ()) -> str:
     """`results.json` of schema bristle-results/2.
 
     Floats keep every digit. A bound that is open is "inf" or "-inf"; what does not exist is null. Warnings and outcomes
-    have their kind, severity, sentence and numbers. Arrays with an entry per sample are left out.
+    have their kind, severity, sentence and numbers. What has an entry per sample stands apart, under `samples`.
     """
-    document = Document(bristle=__version__, joints={joint.name: joint for joint in joints})
+    document = Document(
+        bristle=__version__,
+        joints={joint.name: joint for joint in joints},
+        experiments=tuple(experiments),
+        samples={joint.name: samples_of(joint) for joint in joints},
+    )
     return adapter().dump_json(document, indent=1).decode() + "\n"
 
 

@@ -1,34 +1,23 @@
 """Results files read back: `results.json` of schema bristle-results/2 or 1 as a session to compare. A file may hold anything; it is checked first."""
 
-import json
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from math import copysign, hypot, inf, isinf
+from math import copysign, hypot, inf
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
-from bristle.errors import InputError, check_name, check_regular, short
+from bristle.errors import InputError, check_name, short
+from bristle.identification.document import check_most, checked, document_of, reading
 from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
-from bristle.identification.results import Joint, adapter
+from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
-from bristle.page.wording import printable, shortened
+from bristle.page.wording import shortened
 from bristle.questions.session_comparison.results import Session, SessionFit, SessionJoint
 from bristle.questions.session_comparison.schema_1 import Joint1, MovingFit1, PreslidingFit1, Results1, StaticFit1
 
-LARGEST = 20_000_000
-"""Bytes that a results file may have; four joints have 450 000."""
-_MOST = {"commas": 1_000_000, "objects": 100_000, "joints": 100, "parameters of a joint": 400}
-"""What else it may have."""
-_WRONG = 1000
-"""Wrong entries of which the first is looked for."""
-_DIGITS = 18
-"""Of a whole number: counts have fewer, and numbers with a fraction are written with an exponent."""
 _NAME = 400
 """Characters of a name or unit."""
 _FAR = 1e60
@@ -40,91 +29,31 @@ def read_session(path: Path) -> Session:
 
     Raises InputError in one sentence where it is no results file of schema bristle-results/2 or 1, and OSError where it cannot be read.
     """
-    check_regular(path)
-    with path.open("rb") as file:
-        data = file.read(LARGEST + 1)
-    if len(data) > LARGEST:
-        raise InputError(f"{path}: has {path.stat().st_size} bytes; a results file has at most {LARGEST}")
-    try:
-        return _session(data.decode("utf-8"))
-    except ValidationError as error:
-        raise _no_results(path, _first(error)) from error
-    except InputError as error:
-        raise _no_results(path, str(error)) from error
-    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep
-        raise _no_results(path, shortened(str(error))) from error
+    with reading(path) as text:
+        return _session(text)
 
 
-def session_of(joints: Sequence[Joint]) -> Session:
+def session_of(joints: Iterable[Joint]) -> Session:
     """Identified joints, by name, as a session to compare. Raises InputError where a number is none."""
     return {joint.name: _joint(joint.name, joint, tuple(x.sha256 for x in joint.inputs)) for joint in joints}
 
 
 def _session(text: str) -> Session:
     """The joints, read twice: as it is written, key by key and number by number, and by pydantic, which takes no text for a number."""
-    for what, mark in (("commas", ","), ("objects", "{")):
-        _check_most(what, text.count(mark))
-    found = json.loads(text, parse_constant=_refuse, parse_int=_whole, parse_float=_finite, object_pairs_hook=_once)
+    found = checked(text)
     if isinstance(found, dict) and found.get("schema") == "bristle-results/1":
         old = Results1.model_validate_json(text, strict=True)
         inputs = {name: tuple(x.sha256 for x in old.inputs if x.joint == name) for name in old.joints}
-        _check_most("joints", len(old.joints))
+        check_most("joints", len(old.joints))
         return {name: _joint(name, joint, inputs[name]) for name, joint in old.joints.items()}
-    joints = adapter().validate_json(text, strict=True).joints
-    _check_most("joints", len(joints))
-    return session_of([replace(joint, name=name) for name, joint in joints.items()])
-
-
-def _first(error: ValidationError) -> str:
-    """What is wrong first, where so much is not that it takes long to tell."""
-    if error.error_count() > _WRONG:
-        return f"{error.error_count()} of its entries are wrong or missing"
-    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    where = ".".join(str(part) for part in first["loc"]) or "the file"
-    return f"{shortened(where, 120)}: {shortened(first['msg'], 120)}"
-
-
-def _check_most(what: str, count: int) -> None:
-    if count > _MOST[what]:
-        raise InputError(f"it has {count} {what}, more than {_MOST[what]}")
-
-
-def _refuse(token: str) -> Any:
-    raise InputError(f"{token} is no JSON")
-
-
-def _whole(token: str) -> int:
-    if len(token) > _DIGITS:
-        raise InputError(f"{token[:_DIGITS]}... is a number of {len(token)} digits")
-    return int(token)
-
-
-def _finite(token: str) -> float:
-    if isinf(x := float(token)):
-        raise InputError(f"{shortened(token)} is beyond every number")
-    return x
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """The object; raises InputError where a key is given twice."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise InputError(f"key {short(twice)} is given twice")
-    return found
-
-
-def _no_results(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: is no results file of schema bristle-results/2 or 1 ({printable(why)}); expected a results.json that bristle wrote"
-    )
+    return session_of(document_of(text).joints.values())
 
 
 def _joint(name: str, joint: Joint | Joint1, inputs: tuple[str, ...]) -> SessionJoint:
     _shown(name, "joint")
     try:
         fits = tuple(_fits(joint))
-        _check_most("parameters of a joint", sum(len(fit.parameters) for fit in fits))
+        check_most("parameters of a joint", sum(len(fit.parameters) for fit in fits))
     except InputError as error:
         raise InputError(f"{shortened(name)}: {error}") from error
     scale = None if isinstance(joint, Joint1) else joint.torque_scale

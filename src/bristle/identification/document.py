@@ -1,0 +1,124 @@
+"""results.json read back, whoever wrote it: a file may hold anything, and is checked before anything is made of it."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from math import isinf
+from pathlib import Path
+from typing import Any
+
+from bristle.errors import InputError, check_regular, one_line, short
+from bristle.identification.results import Document, Joint, adapter, first_reason
+from bristle.identification.samples import with_samples
+
+LARGEST = 100_000_000
+"""Bytes that a results file may have: about two million equations; the four embedded joints have a few millions."""
+_MOST = {"commas": 1_000_000, "objects": 100_000, "joints": 100, "parameters of a joint": 400}
+"""What else it may have."""
+_DIGITS = 18
+"""Of a whole number: counts have fewer, and numbers with a fraction are written with an exponent."""
+_SHOWN = 300
+"""Characters of a reason that are quoted."""
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[str]:
+    """The text of a results file; what its body raises of it becomes one sentence.
+
+    Raises InputError where it is no results file of schema bristle-results/2 or 1, and OSError where it cannot be read.
+    """
+    check_regular(path)
+    with path.open("rb") as file:
+        data = file.read(LARGEST + 1)
+    if len(data) > LARGEST:
+        raise InputError(f"{path}: has {path.stat().st_size} bytes; a results file has at most {LARGEST}")
+    try:
+        yield data.decode("utf-8")
+    except InputError as error:
+        raise _no_results(path, str(error)) from error
+    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic wants it
+        raise _no_results(path, first_reason(error)) from error
+
+
+def is_results(path: Path) -> bool:
+    """Whether a file is a JSON object whose `schema` is a version of bristle-results. Raises OSError where it cannot be read."""
+    check_regular(path)
+    with path.open("rb") as file:
+        begun = file.read(_BEGINNING)
+        if not begun.lstrip().startswith(b"{") or b'"' not in begun:
+            return False
+        data = begun + file.read(LARGEST + 1 - len(begun))
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        return b'"bristle-results/' in begun  # one that is damaged is told so when it is read
+    return isinstance(found, dict) and str(found.get("schema")).startswith("bristle-results/")
+
+
+_BEGINNING = 4096
+"""Bytes by which a file of another kind is told."""
+
+
+def checked(text: str) -> Any:
+    """What a text holds as JSON has it, key by key and number by number. Raises InputError, or ValueError, where it is none."""
+    for what, mark in (("commas", ","), ("objects", "{")):
+        check_most(what, text.count(mark))
+    return json.loads(text, parse_constant=_refuse, parse_int=_whole, parse_float=_finite, object_pairs_hook=_once)
+
+
+def document_of(text: str) -> Document:
+    """The document that a checked text holds, its joints named as they stand there, without samples.
+
+    Raises InputError, or pydantic's ValidationError, where it is not of schema bristle-results/2.
+    """
+    document = adapter().validate_json(text, strict=True)
+    check_most("joints", len(document.joints))
+    return replace(document, joints={name: replace(joint, name=name) for name, joint in document.joints.items()})
+
+
+def joints_of(document: Document) -> tuple[Joint, ...]:
+    """Its joints with their samples. Raises InputError where these are not theirs."""
+    samples = document.samples or {}
+    if odd := samples.keys() - document.joints.keys():
+        raise InputError(f"samples: {short(min(odd))} is no joint")
+    return tuple(with_samples(joint, samples.get(name, {})) for name, joint in document.joints.items())
+
+
+def check_most(what: str, count: int) -> None:
+    """InputError where a file has more of something than it may."""
+    if count > _MOST[what]:
+        raise InputError(f"it has {count} {what}, more than {_MOST[what]}")
+
+
+def _refuse(token: str) -> Any:
+    raise InputError(f"{token} is no JSON")
+
+
+def _whole(token: str) -> int:
+    if len(token) > _DIGITS:
+        raise InputError(f"{token[:_DIGITS]}... is a number of {len(token)} digits")
+    return int(token)
+
+
+def _finite(token: str) -> float:
+    if isinf(x := float(token)):
+        raise InputError(f"{one_line(token, 60)} is beyond every number")
+    return x
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object; raises InputError where a key is given twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+        raise InputError(f"key {short(twice)} is given twice")
+    return found
+
+
+def _no_results(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path}: is no results file of schema bristle-results/2 or 1 ({one_line(why, _SHOWN)}); "
+        "expected a results.json that bristle wrote"
+    )

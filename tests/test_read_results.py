@@ -1,0 +1,370 @@
+"""Results written and read back: the same to the last bit, good for every question, and nothing is identified twice."""
+
+import json
+import os
+import time
+from base64 import b64encode
+from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import bristle
+from bristle import Results
+from bristle.api import experiments, joints
+from bristle.arrays import UNWRITTEN
+from bristle.data.experiment.load import load_experiment
+from bristle.diagnostics import Diagnostic
+from bristle.errors import InputError
+from bristle.identification.results import Joint
+
+from .conftest import run, speeds, tree, write
+from .fuzz.inputs import JSON, logs
+
+EVERYTHING = """
+joint: {name: wrist}
+inertia: 1.3e-3 +/- 1e-4 kg*m**2
+signals:
+  velocity: {column: v, unit: rad/s}
+  torque: {column: tau, unit: N*m}
+runs:
+  - {files: points.csv, experiment: points}
+  - files: tracking.csv
+    experiment: tracking
+    signals: {time: {column: t, unit: s}, position: {column: q, unit: rad}}
+  - files: presliding.csv
+    experiment: presliding
+    signals: {time: {column: t, unit: s}, position: {column: q, unit: rad}}
+fit: {decimation: 2}
+"""
+Ask = Callable[[Any], str]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An experiment of every kind of run, its logs, and `out/results.json` of it."""
+    here = tmp_path_factory.mktemp("read")
+    for kind in ("points", "tracking", "presliding"):
+        pd.DataFrame(logs()[kind]).to_csv(here / f"{kind}.csv", index=False)
+    (here / "wrist.yaml").write_text(EVERYTHING, encoding="utf-8")
+    return here
+
+
+@pytest.fixture(scope="module")
+def fresh(folder: Path) -> Results:
+    """What `identify` returned; its `results.json` lies in `out`."""
+    found = bristle.identify(folder / "wrist.yaml", uncertainty=True)
+    (folder / "out").mkdir()
+    (folder / "out" / "results.json").write_text(found.to_json(folder / "out"), encoding="utf-8")
+    return found
+
+
+@pytest.fixture
+def read(folder: Path, fresh: Results, monkeypatch: pytest.MonkeyPatch) -> Results:
+    """The same, read; from here on nothing can be identified."""
+    assert fresh.whole
+
+    def no_more(*_: object, **__: object) -> Joint:
+        raise AssertionError("identified again")
+
+    for module in (joints, experiments):
+        monkeypatch.setattr(module, "identify_joint", no_more)
+    return bristle.read_results(folder / "out" / "results.json")
+
+
+def leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
+    """Everything that a value holds at any depth, exactly, by the way to it; fields that do not compare included."""
+    match value:
+        case Diagnostic():
+            yield at, (value.kind, str(value), value.subject)
+        case np.ndarray():
+            yield at, (value.shape, value.dtype, value.tobytes(), value.flags.writeable)
+        case float():
+            yield at, repr(float(value))
+        case Mapping():
+            yield at, list(value)
+            for key in value:
+                yield from leaves(value[key], f"{at}/{key}")
+        case _ if is_dataclass(value):
+            for item in fields(value):
+                yield from leaves(getattr(value, item.name), f"{at}/{item.name}")
+        case tuple() if not hasattr(value, "_fields"):
+            yield at, len(value)
+            for k, held in enumerate(value):
+                yield from leaves(held, f"{at}/{k}")
+        case _:
+            yield at, value
+
+
+def unwritten(value: Any) -> Iterator[str]:
+    """The names of fields that are marked as unwritten and hold something, at any depth."""
+    if is_dataclass(value) and not isinstance(value, Diagnostic):
+        for item in fields(value):
+            held = getattr(value, item.name)
+            if item.metadata.get("exclude") and np.size(held):
+                yield item.name
+            yield from unwritten(held)
+    elif isinstance(value, Mapping | tuple):
+        for held in value.values() if isinstance(value, Mapping) else value:
+            yield from unwritten(held)
+
+
+def test_what_is_read_is_what_was_written(fresh: Results, read: Results) -> None:
+    """Every field of the joint is that of the fresh one, to the last bit, those with an entry per sample too; written again it is the same text."""
+    (joint,), (again,) = fresh.joints, read.joints
+    assert UNWRITTEN["exclude"]
+    assert {"profile", "residuals", "segments", "loadings", "curve", "draws", "measured"} <= set(unwritten(joint))
+    assert dict(leaves(again)) == dict(leaves(joint))
+    assert read.to_json("x") == fresh.to_json("x")
+
+
+ASKED: dict[str, Ask] = {
+    "plan": lambda x: bristle.plan(x, velocities=4).text(),
+    "validate": lambda x: bristle.validate(x, repetitions=20, starts=2).to_frame().to_csv(),
+    "sensitivity": lambda x: bristle.sensitivity(x, samples=0).text(),
+    "adapt": lambda x: bristle.adapt(x).text(),
+    "compare": lambda x: bristle.compare(x, x).text() if isinstance(x, Results) else "",
+    "inspect": lambda x: str(bristle.inspect(x).segments),
+}
+
+
+@pytest.mark.parametrize("question", ASKED)
+def test_questions_of_what_was_read_are_answered_as_before(
+    question: str, fresh: Results, read: Results, folder: Path
+) -> None:
+    """Each question says of results that were read, and of their file, what it says of the fresh ones, and identifies nothing."""
+    ask = ASKED[question]
+    assert ask(read) == (answer := ask(fresh))
+    if question != "compare":
+        assert ask(str(folder / "out" / "results.json")) == answer
+
+
+def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path: Path) -> None:
+    """Where the logs are gone, the page, tables and text are those of the fresh results, byte for byte; what needs them says so in a sentence."""
+    there, here = tmp_path / "there" / "out", tmp_path / "here" / "out"
+    there.mkdir(parents=True)
+    (there / "results.json").write_text((folder / "out" / "results.json").read_text("utf-8"), encoding="utf-8")
+    read = bristle.read_results(there / "results.json")
+    assert read.text() == fresh.text()
+    assert read.to_frame().equals(fresh.to_frame())
+    assert read.uncertainty().equals(fresh.uncertainty())
+    assert read._repr_html_() == fresh._repr_html_()
+    read.write(here)
+    fresh.write(tmp_path / "fresh")
+    made, wanted = tree(here), tree(tmp_path / "fresh")
+    names = {n for n in wanted if n not in ("timings.json", "results.json", ".bristle-manifest")}
+    assert {n: made[n] for n in names} == {n: wanted[n] for n in names}
+    bristle.validate(read, repetitions=20, starts=2)
+    with pytest.raises(InputError, match=r"points\.csv' is no file"):
+        bristle.plan(read)
+
+
+def test_the_command_line_takes_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
+    """`bristle plan results.json` and others say what they say of the experiment; `identify` of it is refused; a report is written anew."""
+    assert read.whole
+    path = folder / "out" / "results.json"
+    assert bristle.plan(read, velocities=4).text() in run("plan", path, "--velocities", "4").out
+    for command in (
+        ("validate", path, "--repetitions", "20", "--starts", "2"),
+        ("sensitivity", path, "--samples", "0"),
+        ("report", path),
+    ):
+        ran = run(*command, "-o", tmp_path / command[0])
+        assert ran.code == 0, ran.err
+    assert (
+        json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))["experiments"][0]["file"] == "wrist.yaml"
+    )
+    assert "is a results file, identified already" in run("identify", path).err
+
+
+def test_a_changed_log_is_told(tmp_path: Path) -> None:
+    """A log that is not as it was, or is missing, is one sentence; nothing is opened before a question needs it; moved together all is found."""
+    (tmp_path / "a" / "reports").mkdir(parents=True)
+    found = bristle.identify(write(tmp_path / "a", speeds()))
+    found.write(tmp_path / "a" / "reports" / "wrist")
+    (tmp_path / "a").rename(tmp_path / "b")
+    path, log = tmp_path / "b" / "reports" / "wrist" / "results.json", tmp_path / "b" / "wrist.csv"
+    (tmp_path / "b" / "wrist.yaml").unlink()
+    assert bristle.inspect(path).segments == found.measured[0].segments
+    log.write_text(log.read_text("utf-8") + "0.5,0.04\n", encoding="utf-8")
+    read = bristle.read_results(path)
+    with pytest.raises(InputError, match=r"wrist: wrist\.csv was changed, or added, since the joint was identified"):
+        bristle.inspect(read)
+    log.unlink()
+    with pytest.raises(InputError, match=r"wrist\.csv' is no file"):
+        bristle.inspect(path)
+
+
+def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
+    """The experiment is named from where the results lie; the same in two places gives the same bytes; a loaded experiment is a file's."""
+    (known,) = json.loads(fresh.to_json(folder / "out"))["experiments"]
+    assert (known["file"], known["folder"], known["text"]) == ("wrist.yaml", "..", EVERYTHING)
+    assert str(folder) not in fresh.to_json(folder / "out")
+    path = write(folder / "loaded", speeds())
+    loaded = bristle.identify(load_experiment(path))
+    assert loaded.to_json(folder) == bristle.identify(path).to_json(folder)
+    path.write_text(path.read_text("utf-8") + "simulated: true\n", encoding="utf-8")
+    assert json.loads(bristle.identify(loaded.measured[0].experiment).to_json())["experiments"] == []
+
+
+def test_the_embedded_joints_are_named_by_their_file_alone() -> None:
+    """Of the embedded data set no folder is written: the file is the same on every machine."""
+    found = Results(
+        joints=(), logs=bristle.api.logs.JointLogs(texts=tuple(t for _, t in bristle.api.sources.open_all(()) if t))
+    )
+    assert [(x.file, x.folder) for x in found.logs.written(Path())] == [
+        (f"{stem}.yaml", None) for stem in ("gripper", "wrist", "elbow", "base")
+    ]
+
+
+def test_results_of_an_older_version_are_compared_and_no_more(fresh: Results, tmp_path: Path) -> None:
+    """Without samples and experiments a file is read; comparison and table take it, and what needs samples says so."""
+    document = json.loads(fresh.to_json())
+    del document["samples"], document["experiments"]
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    old = bristle.read_results(path)
+    assert not any(x.changed for x in bristle.compare(old, fresh).changes)
+    assert old.to_frame().equals(fresh.to_frame())
+    for ask in (bristle.plan, bristle.validate, bristle.adapt, Results.text, lambda x: x.write(tmp_path / "out")):
+        with pytest.raises(InputError, match="an older version of bristle wrote, without samples"):
+            ask(old)
+
+
+ROBOT = """
+joints: [{name: shoulder}, {name: elbow}]
+signals:
+  time: {column: t, unit: s}
+  position: {columns: [q0, q1], unit: rad}
+  velocity: {columns: [v0, v1], unit: rad/s}
+  torque: {columns: [T0, T1], unit: N*m}
+runs: [{files: robot.csv, experiment: tracking}]
+fit: {decimation: 2}
+"""
+
+
+def test_a_robot_is_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a robot each joint is that of the fresh results, and questions name it; the robot's file is kept once, for all."""
+    log = logs()["tracking"]
+    columns = {f"{short}{k}": log[name] for k in (0, 1) for short, name in (("q", "q"), ("v", "v"), ("T", "tau"))}
+    pd.DataFrame({"t": log["t"], **columns}).to_csv(tmp_path / "robot.csv", index=False)
+    (tmp_path / "robot.yaml").write_text(ROBOT, encoding="utf-8")
+    fresh = bristle.identify(tmp_path / "robot.yaml")
+    path = tmp_path / "results.json"
+    path.write_text(fresh.to_json(tmp_path), encoding="utf-8")
+    (tmp_path / "robot.yaml").unlink()
+    monkeypatch.delattr("bristle.api.joints.identify_joint")
+    read = bristle.read_results(path)
+    assert [dict(leaves(joint)) for joint in read.joints] == [dict(leaves(joint)) for joint in fresh.joints]
+    assert [x["joints"] for x in json.loads(read.to_json(tmp_path))["experiments"]] == [["shoulder", "elbow"]]
+    with pytest.raises(InputError, match="got 2 joints; expected one: say which with joint"):
+        bristle.sensitivity(path, samples=0)
+    asked = [bristle.sensitivity(x, joint="elbow", samples=0).text() for x in (path, read, fresh)]
+    assert asked[0] == asked[1] == asked[2]
+
+
+def spoilt(good: dict[str, Any], way: tuple[str, ...], value: Any) -> str:
+    """The text with one value replaced."""
+    document = deepcopy(good)
+    node: Any = document
+    for step in way[:-1]:
+        node = node[step]
+    node[way[-1]] = value
+    return json.dumps(document)
+
+
+RESIDUALS = ("samples", "wrist", "static/+/residuals")
+
+
+@pytest.mark.parametrize(
+    ("way", "value", "says"),
+    [
+        (RESIDUALS, {"shape": [12], "float64": "!!"}, "is no base64"),
+        (RESIDUALS, {"shape": [12], "float64": "AAAA"}, "has 3 bytes, which are no float64"),
+        (RESIDUALS, {"shape": [10**17, 10**17], "float64": ""}, "has 0 bytes"),
+        (RESIDUALS, {"shape": [-1, -1], "float64": "AAAAAAAAAAA="}, "has 8 bytes"),
+        (RESIDUALS, {"shape": [1], "float64": "AAAAAAAAAAA="}, r"has shape \(1,\); expected \(n\) as beside it"),
+        (RESIDUALS, {"shape": [0] * 99, "float64": ""}, "has 0 bytes"),
+        (RESIDUALS, {"shape": [12], "float64": b64encode(np.full(12, 1e200).tobytes()).decode()}, r"has a number beyond 1e\+100"),
+        (RESIDUALS, "static/+/no", "leads to nothing of its kind"),
+        (RESIDUALS, "segments/0", "leads to nothing of its kind"),
+        (RESIDUALS, 3, "Input should be"),
+        (RESIDUALS, None, "Input should be"),
+        (("samples", "wrist", "static/+/segments"), ["static/+"], "leads to nothing of its kind"),
+        (("samples", "wrist", "static/+/segments"), {}, "expected a list"),
+        (("samples", "wrist", "static/+/n"), 3, "is no field of the joint"),
+        (("samples", "elbow"), {}, "is no joint"),
+        (("samples",), [], "samples"),
+        (("experiments",), [{"file": "../../etc/passwd", "folder": None, "text": "", "beside": {}, "joints": []}], "the name of a file"),
+        (("experiments",), [{"file": "a\0", "folder": None, "text": "", "beside": {}, "joints": []}], "control character"),
+        (("experiments",), [{"file": "a", "folder": "b\0", "text": "", "beside": {}, "joints": []}], "control character"),
+        (("experiments",), [{"file": "a", "folder": None, "text": "x" * 2_000_000, "beside": {}, "joints": []}], "expected at most"),
+        (("joints", "wrist", "static", "+", "n"), "x", "Input should be"),
+        (("schema",), "bristle-results/9", "schema"),
+    ],
+)  # fmt: skip  # a row, one line
+def test_a_foreign_file_is_refused(way: tuple[str, ...], value: Any, says: str, fresh: Results, tmp_path: Path) -> None:
+    """What is no base64, has another shape, leads nowhere or is of another type is one sentence, soon."""
+    path = tmp_path / "results.json"
+    path.write_text(spoilt(json.loads(fresh.to_json()), way, value), encoding="utf-8")
+    begun = time.monotonic()
+    with pytest.raises(InputError, match=says):
+        bristle.read_results(path)
+    assert time.monotonic() - begun < 5
+    assert "\n" not in run("plan", path).said[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{", "expected"),
+        ("joint: {name: elbow}", "missing"),
+        ("!!python/object/apply:os.system [ls]", "without !"),
+        ("joints: []", "a list"),
+    ],
+)
+def test_a_foreign_experiment_is_one_sentence(text: str, says: str, fresh: Results, tmp_path: Path) -> None:
+    """A text of an experiment that is none is told when a question needs the logs, and not before."""
+    path = tmp_path / "results.json"
+    known = {"file": "a.yaml", "folder": ".", "text": text, "beside": {}, "joints": ["wrist"]}
+    path.write_text(spoilt(json.loads(fresh.to_json()), ("experiments",), [known]), encoding="utf-8")
+    read = bristle.read_results(path)
+    assert read.to_frame().equals(fresh.to_frame())
+    with pytest.raises(InputError, match=says):
+        bristle.plan(read)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_a_damaged_file_is_read_or_refused(data: Any, fresh: Results, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Values of samples replaced, moved or left out, and texts cut: the file is read, and reports what it holds, or is one sentence."""
+    document = json.loads(fresh.to_json())
+    samples = document["samples"]["wrist"]
+    for _ in range(data.draw(st.integers(1, 3))):
+        key = data.draw(st.sampled_from(sorted(samples)))
+        how = data.draw(st.sampled_from(["drop", "swap", "cut", "json"]))
+        if how == "drop":
+            del samples[key]
+        elif how == "swap":
+            samples[key] = samples[data.draw(st.sampled_from(sorted(samples)))]
+        elif how == "cut" and isinstance(samples[key], dict) and "float64" in samples[key]:
+            text = samples[key]["float64"]
+            samples[key] = {**samples[key], "float64": text[: data.draw(st.integers(0, len(text)))]}
+        else:
+            samples[key] = data.draw(JSON)
+    path = tmp_path_factory.getbasetemp() / f"damaged-{os.getpid()}.json"
+    path.write_bytes(json.dumps(document).encode("utf-8", "surrogatepass"))
+    try:
+        read = bristle.read_results(path)
+    except InputError as error:
+        assert "\n" not in str(error)  # noqa: PT017  # it need not be raised
+    else:
+        read.text()
+        read.to_json()
