@@ -6,13 +6,14 @@ errors over standard errors and over the truth, how often the 95 % intervals hol
 
 import argparse
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,6 +70,7 @@ def main() -> None:
         for found, warned in pool.map(_of_seed, seeds):
             every += found
             serious += warned
+            print(f"{found[0].seed}", end=" ", file=sys.stderr, flush=True)
     print(f"arm of {len(arm.JOINTS)} joints, seeds {seeds[0]} to {seeds[-1]}, {time.perf_counter() - began:.0f} s")
     sliding(every)
     stribeck(every)
@@ -94,9 +96,9 @@ def _written(folder: Path, seed: int) -> Path:
     text = (arm.arm_folder() / "robot.yaml").read_text(encoding="utf-8")
     for name, held_out in (("motion", False), ("held_out", True)):
         log = arm.simulate_arm(seed, held_out=held_out)
-        columns = {f"q_{joint.name}": log.position[:, k] for k, joint in enumerate(arm.JOINTS)}
+        columns: dict[str, Any] = {f"q_{joint.name}": log.position[:, k] for k, joint in enumerate(arm.JOINTS)}
         columns |= {f"i_{joint.name}": log.current[:, k] for k, joint in enumerate(arm.JOINTS)}
-        np.savez(folder / f"{name}.npz", time=log.time, **columns)
+        np.savez(folder / f"{name}.npz", **{"time": log.time, **columns})
         text = text.replace(f"{name}.csv", f"{name}.npz")
     (folder / "arm.urdf").write_bytes((arm.arm_folder() / "arm.urdf").read_bytes())
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
@@ -154,7 +156,9 @@ def _line(label: str, rows: list[Found]) -> None:
 
 def stribeck(every: Iterable[Found]) -> None:
     """The Stribeck and the bristle's parameters as the report has them: given and right, given and wrong, or not identifiable."""
-    print("\nStribeck and bristle, as the report has them: within 3 standard errors, farther off, not identifiable; inside")
+    print(
+        "\nStribeck and bristle, as the report has them: within 3 standard errors, farther off, not identifiable; inside"
+    )
     for name in (*STRIBECK, "sigma_0", "sigma_1"):
         for joint in arm.JOINTS:
             rows = [x for x in every if (x.source, x.name, x.joint) == ("report", name, joint.name)]

@@ -55,9 +55,9 @@ def write(folder: Path, keys: Mapping[str, Any], log: ArmLog | None = None) -> P
     """A robot's file, the arm's URDF and a log in a folder; returns the file."""
     (folder / "arm.urdf").write_bytes(ARM.read_bytes())
     if log is not None:
-        columns = {f"q_{name}": log.position[:, k] for k, name in enumerate(NAMES)}
+        columns: dict[str, Any] = {f"q_{name}": log.position[:, k] for k, name in enumerate(NAMES)}
         columns |= {f"i_{name}": log.current[:, k] for k, name in enumerate(NAMES)}
-        np.savez(folder / "log.npz", time=log.time, **columns)
+        np.savez(folder / "log.npz", **{"time": log.time, **columns})
     path = folder / "robot.yaml"
     path.write_text(yaml.safe_dump(dict(keys), sort_keys=False), encoding="utf-8")
     return path

@@ -40,7 +40,14 @@ def test_each_joint_has_its_own_columns(tmp_path: Path) -> None:
     assert {s.time and s.time.column for s in own} == {"t"}
     matrix = {**signals, "position": {"column": "q", "unit": "rad"}}
     robot = load_robot(write(tmp_path, document(signals=matrix, joints=joints)))
-    assert [(s.position and s.position.index) for s in (j.experiment.signals for j in robot.joints)] == [0, 1, 5, 3, 4, 5]
+    assert [(s.position and s.position.index) for s in (j.experiment.signals for j in robot.joints)] == [
+        0,
+        1,
+        5,
+        3,
+        4,
+        5,
+    ]
 
 
 def test_limits_come_from_the_urdf(tmp_path: Path) -> None:
@@ -66,7 +73,12 @@ def test_what_a_joint_says_holds_for_it_alone(tmp_path: Path) -> None:
 
 def test_a_run_may_be_of_one_joint(tmp_path: Path) -> None:
     """A run that names a joint is fitted for it alone; the others move in it too, each by its own columns."""
-    only = {**TRACKING, "files": "other.npz", "joint": "elbow", "signals": {"position": {"columns": list("uvwxyz"), "unit": "rad"}}}
+    only = {
+        **TRACKING,
+        "files": "other.npz",
+        "joint": "elbow",
+        "signals": {"position": {"columns": list("uvwxyz"), "unit": "rad"}},
+    }
     robot = load_robot(write(tmp_path, document(runs=[TRACKING, only])))
     assert {j.experiment.joint.name: len(j.experiment.runs) for j in robot.joints} == {
         name: 2 if name == "elbow" else 1 for name in NAMES
@@ -91,7 +103,10 @@ def test_a_run_of_one_joint_moves_all(tmp_path: Path) -> None:
 
 ARM = {"urdf": "arm.urdf"}
 LOAD = {"mass": "1 kg", "link": "tool"}
-TORQUE = {**{key: x for key, x in SIGNALS.items() if key != "current"}, "torque": {"column": "i_{joint}", "unit": "N*m"}}
+TORQUE = {
+    **{key: x for key, x in SIGNALS.items() if key != "current"},
+    "torque": {"column": "i_{joint}", "unit": "N*m"},
+}
 BAD: dict[str, tuple[dict[str, Any], str]] = {
     "joints no list": ({"joints": {"elbow": 1}}, r"joints: got \{'elbow': 1\}; expected a list"),
     "no joints": ({"joints": None}, "joints: got None"),

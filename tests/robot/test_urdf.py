@@ -54,7 +54,7 @@ def many(count: int) -> str:
     return f'<robot><link name="a"/><link name="b"/>{joints}</robot>'
 
 
-HOSTILE = {
+HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "entities": ('<!DOCTYPE x [<!ENTITY a "aaaa">]><robot name="&a;"/>', "declares a document type or entities"),
     "hidden entities": (f'<robot><!ENTITY lol "x">{GOOD}</robot>', "declares a document type or entities"),
     "100000 joints": (many(100_000), rf"holds 100000 joints; expected at most {MAX_JOINTS}"),
@@ -121,7 +121,9 @@ SMALL = f'<robot name="two"><link name="a"/><link name="b">{inertial(1.0, "0 0 0
 """A URDF in which most bytes mean something."""
 changes = st.lists(
     st.tuples(
-        st.integers(0, len(SMALL)), st.integers(0, 3), st.binary(max_size=3) | st.sampled_from([b"-", b"9", b"e9", b'"'])
+        st.integers(0, len(SMALL)),
+        st.integers(0, 3),
+        st.binary(max_size=3) | st.sampled_from([b"-", b"9", b"e9", b'"']),
     ),
     min_size=1,
     max_size=3,

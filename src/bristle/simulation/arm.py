@@ -4,7 +4,6 @@ The motion is imposed: the torque is what Pinocchio's inverse dynamics ask for i
 LuGre's friction along it. A drive's current is that over its torque constant, with noise; the position is counted.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
