@@ -64,15 +64,19 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
 
     The static fit takes presliding for something else: of what a bristle does after each reversal the links take a share
-    that is many of its standard errors. `experiment` has the links among its regressors, and its torque in the logged unit.
+    that is many of its standard errors. Links that do not stand out of what the static fit leaves are not looked at: how
+    large they are would be a matter of the friction model. `experiment` has the links among its regressors, and its torque
+    in the logged unit.
     """
+    if not found.told or found.scale < 0:
+        return found
     static = fit_moving(experiment, records, (), None)[0]
     fit = fit_with_priors(experiment, records, (), static, None, static_is_apart=False).alone
     links = None if fit is None else next(e for name, e in fit.parameters.items() if name.name == "links")
     if fit is None or links is None or not links.value or not links.standard_error or fit.rms >= found.left:
         return found
-    explained = found.explained * abs(links.value / found.scale) if found.scale else found.explained
-    return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
+    explained = found.explained * abs(links.value / found.scale)
+    return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=found.left)
 
 
 def _apart(problem: Regression) -> tuple[float, float]:
