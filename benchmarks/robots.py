@@ -6,6 +6,7 @@ errors over standard errors and over the truth, how often the 95 % intervals hol
 
 import argparse
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
@@ -69,6 +70,7 @@ def main() -> None:
         for found, warned in pool.map(_of_seed, seeds):
             every += found
             serious += warned
+            print(f"{found[0].seed}", end=" ", file=sys.stderr, flush=True)
     print(f"arm of {len(arm.JOINTS)} joints, seeds {seeds[0]} to {seeds[-1]}, {time.perf_counter() - began:.0f} s")
     sliding(every)
     stribeck(every)
@@ -96,7 +98,7 @@ def _written(folder: Path, seed: int) -> Path:
         log = arm.simulate_arm(seed, held_out=held_out)
         columns: dict[str, Any] = {f"q_{joint.name}": log.position[:, k] for k, joint in enumerate(arm.JOINTS)}
         columns |= {f"i_{joint.name}": log.current[:, k] for k, joint in enumerate(arm.JOINTS)}
-        np.savez(folder / f"{name}.npz", time=log.time, **columns)
+        np.savez(folder / f"{name}.npz", **{"time": log.time, **columns})
         text = text.replace(f"{name}.csv", f"{name}.npz")
     (folder / "arm.urdf").write_bytes((arm.arm_folder() / "arm.urdf").read_bytes())
     (folder / "robot.yaml").write_text(text, encoding="utf-8")

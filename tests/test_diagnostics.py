@@ -28,7 +28,7 @@ TREES = {
 KINDS = list(Kind.__members__.values())
 """All, those that Python took for another's alias included."""
 
-words = st.text("abcXYZ0123456789_.-+/*<>&' ", min_size=1, max_size=12)
+words = st.text("abcXYZ0123456789_.-+/*<>&' ", min_size=1, max_size=12).filter(str.strip)
 numbers = st.floats(-1e6, 1e6)
 OF_CONVERSION: dict[str, st.SearchStrategy[Any]] = {
     **dict.fromkeys("ljmt", st.lists(words, min_size=1, max_size=4).map(tuple)),

@@ -10,7 +10,9 @@ from bristle.model.parameters import Lugre, unit
 from bristle.simulation import arm
 from bristle.simulation.arm import ArmJoint, ArmLog
 
-HEADER = "# SIMULATED by make.py: Table 1's friction, scaled, on an arm that is made up; README.md marks what is assumed.\n"
+HEADER = (
+    "# SIMULATED by make.py: Table 1's friction, scaled, on an arm that is made up; README.md marks what is assumed.\n"
+)
 
 
 def truth(p: Lugre[float]) -> dict[str, str]:

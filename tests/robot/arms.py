@@ -57,7 +57,7 @@ def write(folder: Path, keys: Mapping[str, Any], log: ArmLog | None = None) -> P
     if log is not None:
         columns: dict[str, Any] = {f"q_{name}": log.position[:, k] for k, name in enumerate(NAMES)}
         columns |= {f"i_{name}": log.current[:, k] for k, name in enumerate(NAMES)}
-        np.savez(folder / "log.npz", time=log.time, **columns)
+        np.savez(folder / "log.npz", **{"time": log.time, **columns})
     path = folder / "robot.yaml"
     path.write_text(yaml.safe_dump(dict(keys), sort_keys=False), encoding="utf-8")
     return path

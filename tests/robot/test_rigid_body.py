@@ -27,6 +27,12 @@ def body_of(folder: Path, text: str, names: tuple[str, ...], payload: Payload | 
     return rigid_body(read_urdf(path), names, DOWN, payload)
 
 
+def torques(body: RigidBody, *parts: Array) -> Array:
+    """Along a motion of position, velocity and acceleration, (n, joints) each."""
+    q, v, a = parts
+    return body.torques(q, v, a)
+
+
 @pytest.fixture(scope="module")
 def arm_body() -> RigidBody:
     """The embedded arm."""
@@ -46,7 +52,7 @@ def test_a_pendulum_has_the_torque_of_a_pendulum(
 ) -> None:
     """M g l sin q + (J + m l**2) a, at any velocity."""
     body = body_of(tmp_path_factory.mktemp("swing"), pendulum(), ("swing",))
-    found = body.torques(*(np.array([[x]]) for x in (q, v, a)))
+    found = body.torques(np.array([[q]]), np.array([[v]]), np.array([[a]]))
     assert found[0, 0] == pytest.approx(M * G * L * np.sin(q) + (J + M * L**2) * a, abs=1e-9)
     assert body.inertias(np.array([[q]]))[0, 0] == pytest.approx(J + M * L**2)
 
@@ -99,15 +105,15 @@ def test_joints_that_are_not_listed_rest_at_zero(arm_body: RigidBody) -> None:
     whole = [np.zeros_like(x) for x in parts]
     for full, x in zip(whole, parts, strict=True):
         full[:, at] = x[:, at]
-    some = own.torques(*(x[:, at] for x in parts))
-    assert some == pytest.approx(arm_body.torques(*whole)[:, at], abs=1e-9)
+    some = torques(own, *(x[:, at] for x in parts))
+    assert some == pytest.approx(torques(arm_body, *whole)[:, at], abs=1e-9)
 
 
 def test_columns_follow_the_names(arm_body: RigidBody) -> None:
     """With the names reversed and the motion too, the torques are reversed."""
     turned = rigid_body(read_urdf(ARM), NAMES[::-1], DOWN, None)
     _, *parts = motion(20)
-    assert turned.torques(*(x[:, ::-1] for x in parts)) == pytest.approx(arm_body.torques(*parts)[:, ::-1], abs=1e-9)
+    assert torques(turned, *(x[:, ::-1] for x in parts)) == pytest.approx(torques(arm_body, *parts)[:, ::-1], abs=1e-9)
     assert turned.inertias(parts[0][:, ::-1]) == pytest.approx(arm_body.inertias(parts[0])[:, ::-1], abs=1e-9)
 
 
@@ -129,13 +135,13 @@ def test_no_name_is_taken_for_the_parsers_own(tmp_path: Path, arm_body: RigidBod
         quoted = new.replace("&", "&amp;")
         text = ARM.read_text(encoding="utf-8").replace(f'"{old}"', f'"{quoted}"')
         body = body_of(tmp_path, text, tuple(new if x == old else x for x in NAMES))
-        assert body.torques(*parts) == pytest.approx(arm_body.torques(*parts), abs=1e-12), new
+        assert torques(body, *parts) == pytest.approx(torques(arm_body, *parts), abs=1e-12), new
 
 
 def test_a_slide_is_lifted_with_its_weight(tmp_path: Path) -> None:
     """A prismatic joint upwards asks for m (g + a)."""
     text = pendulum(kind="prismatic").replace("0 1 0", "0 0 1")
-    found = body_of(tmp_path, text, ("swing",)).torques(*np.array([[[0.2]], [[1.0]], [[3.0]]]))
+    found = body_of(tmp_path, text, ("swing",)).torques(np.array([[0.2]]), np.array([[1.0]]), np.array([[3.0]]))
     assert found[0, 0] == pytest.approx(M * (G + 3.0))
 
 
