@@ -106,6 +106,26 @@ def test_the_arrays_in_the_docs_are_fitted() -> None:
     assert "alpha_0" in out.getvalue()
 
 
+def test_the_tutorial_leads_to_a_compensator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """docs/tutorial.md runs as it stands, its first part in twenty lines: arrays and files find the truth within five standard errors."""
+    text = (DOCS / "tutorial.md").read_text(encoding="utf-8")
+    code, (experiment,) = blocks("python", text), blocks("yaml", text)
+    assert len(code[0].strip().splitlines()) <= 20
+    (tmp_path / "wrist.yaml").write_text(experiment, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(compile("\n".join(code), "tutorial.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
+    truth, results = names["truth"]._asdict(), names["results"].to_frame()
+    of_arrays = names["dyn"].to_frame()
+    for name, true in truth.items():
+        assert of_arrays.value[name] == pytest.approx(true, abs=5 * of_arrays.standard_error[name])
+        for row in results[results.parameter == name].itertuples():
+            assert row.value == pytest.approx(true, abs=5 * row.standard_error)
+    assert len(names["added"]) == 1000
+    assert "what to measure next" in out.getvalue()
+
+
 def runnable(page: Path) -> list[str]:
     """The Python of a page, without what it declares as not to be run."""
     return blocks(
@@ -114,7 +134,7 @@ def runnable(page: Path) -> list[str]:
     )
 
 
-RUN_ABOVE = {"README.md", "arrays.md", "compensation.md"}
+RUN_ABOVE = {"README.md", "arrays.md", "compensation.md", "tutorial.md"}
 """Pages whose code has a test of its own here."""
 RUN_HERE = [page for page in PAGES if page.name not in RUN_ABOVE and runnable(page)]
 
