@@ -34,8 +34,8 @@ class AskedJoint(NamedTuple):
         """What it was, or is to be identified from."""
         if self.known is not None or self.loaded is None:
             return self.identified(progress)[0]
-        every = measure_joints(self.loaded, progress)
-        return next(m for m in every if m.experiment.joint.name == self.experiment.joint.name)
+        (measured,) = measure_joints(self.loaded, progress, only=self.experiment.joint.name)
+        return measured
 
     def identified(self, progress: Progress | None) -> tuple[Measured, Joint]:
         """What it was measured by, and the joint: identified here unless it is already."""

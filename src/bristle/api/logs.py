@@ -45,7 +45,8 @@ class JointLogs:
         loaded = text.loaded()
         if joint.name not in names_of(loaded):
             raise InputError(f"{text.path.name}: its text in the results names no joint {short(joint.name)}")
-        return {one.experiment.joint.name: one for one in measure_joints(loaded)}
+        again = measure_joints(loaded, only=joint.name, constant=joint.torque_constant)
+        return {one.experiment.joint.name: one for one in again}
 
     def written(self, folder: Path) -> tuple[WrittenExperiment, ...]:
         """As a results file in some folder has them."""

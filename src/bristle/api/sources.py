@@ -12,6 +12,7 @@ from bristle.data.experiment.yaml_file import MAX_BYTES, parse, read_text
 from bristle.data.robot.robot_file import Robot, is_robot, robot_of
 from bristle.errors import InputError, check_name, check_regular, short, unreadable
 from bristle.identification.document import is_results
+from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measure
 from bristle.identification.results import WrittenExperiment
 from bristle.identification.robot.measured import Share, measure_robot
@@ -152,7 +153,13 @@ def names_of(loaded: Experiment | Robot) -> tuple[str, ...]:
 
 
 def measure_joints(
-    loaded: Experiment | Robot, progress: Progress | None = None, share: Share = map
+    loaded: Experiment | Robot,
+    progress: Progress | None = None,
+    share: Share = map,
+    only: str | None = None,
+    constant: Estimate | None = None,
 ) -> tuple[Measured, ...]:
-    """What each joint of a file measured. Raises InputError where its logs cannot be used."""
-    return (measure(loaded),) if isinstance(loaded, Experiment) else measure_robot(loaded, progress, share)
+    """What each joint of a file measured; arguments as of `measure_robot`. Raises InputError where its logs cannot be used."""
+    if isinstance(loaded, Experiment):
+        return (measure(loaded),)
+    return measure_robot(loaded, progress, share, only, constant)

@@ -16,7 +16,7 @@ from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.diagnostics import Severity
 from bristle.identification.measured import Measured, measure
 from bristle.identification.moving_runs import ONE_RATE, refuse_opposing_runs, regressor_line
-from bristle.identification.robot.measured import measure_robot
+from bristle.identification.robot.measured import against_urdf
 from bristle.identification.static.runs import refuse_opposing_points
 from bristle.identification.static.set_up import (
     BetterSetUp,
@@ -73,12 +73,11 @@ def _of_robot(urdf: Path, logs: Sequence[Path], told: Told, folder: Path | None)
     """The text of a robot's file, whose logs were read once, and what its log says against its URDF."""
     text, said = draft_robot(urdf, logs, told, folder)
     path = (folder or urdf.parent) / f"the draft for {urdf.name}"
-    joints = measure_robot(robot_of(parse(text, str(path)), path))
     against: dict[str, list[str]] = {}
-    for m in joints:
-        for w in m.findings:
+    for name, findings in against_urdf(robot_of(parse(text, str(path)), path)).items():
+        for w in findings:
             if w.severity is not Severity.NOTE:
-                against.setdefault(str(w), []).append(m.experiment.joint.name)
+                against.setdefault(str(w), []).append(name)
     return text, (*said, *(f"{', '.join(names)}: {sentence}" for sentence, names in against.items()))
 
 

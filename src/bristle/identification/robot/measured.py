@@ -16,6 +16,7 @@ from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
+from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
 from bristle.identification.moving_runs import regressors
 from bristle.identification.robot.links import (
@@ -43,13 +44,48 @@ Share = Callable[[Callable[..., Measured], Iterable["_Part"]], Iterable[Measured
 """Makes each joint's part of the work, as `map` does, or among several processes."""
 
 
-def measure_robot(robot: Robot, progress: Progress | None = None, share: Share = map) -> tuple[Measured, ...]:
+def measure_robot(
+    robot: Robot,
+    progress: Progress | None = None,
+    share: Share = map,
+    only: str | None = None,
+    constant: Estimate | None = None,
+) -> tuple[Measured, ...]:
     """What each joint of a robot measured that is to be identified.
 
     With a URDF the torque of the links is known: it stands in each record, its scale gives a torque constant that is free,
     and the order of joints and gravity's direction are checked against the log. Without one the other joints' motion is in
-    each torque, and it is said how much. Raises InputError where a file cannot be used as declared.
+    each torque, and it is said how much.
+
+    Args:
+        robot: its file.
+        progress: told of every step.
+        share: makes the joints' parts of the work.
+        only: the one joint that is wanted; None: all.
+        constant: its torque constant, where that was free and is found already.
+
+    Raises InputError where a file cannot be used as declared.
     """
+    parts = [part._replace(constant=constant) for part in _parts(robot, progress) if only in (None, part.name)]
+    measured: list[Measured] = []
+    for part, done in zip(parts, share(_measured, parts), strict=True):
+        if progress:
+            progress(f"links of {part.name}", len(measured), len(parts))
+        measured.append(done)
+    return tuple(measured)
+
+
+def against_urdf(robot: Robot) -> dict[str, tuple[Diagnostic, ...]]:
+    """By joint, what the logs of a robot say against its URDF, without a search for torque constants. Raises InputError as `measure_robot`."""
+    found = {}
+    for part in _parts(robot, None):
+        scale = None if part.joint.free else _scale(part)
+        found[part.name] = (*part.findings, *(() if scale is None else scale_warnings(scale)))
+    return found
+
+
+def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
+    """Each joint that is to be identified, with what all together told of it."""
     simulated = next((j.experiment for j in robot.joints if j.experiment.fit.predict == "position"), None)
     if simulated is not None and robot.urdf is not None:
         raise InputError(
@@ -68,13 +104,9 @@ def measure_robot(robot: Robot, progress: Progress | None = None, share: Share =
     for joint in asked:
         name = joint.experiment.joint.name
         inertia = None if body is None else _link_inertia(body, robot.names, name, motions)
-        parts.append(_Part(joint, read[name], robot.urdf, inertia, together.get(name, ())))
-    measured: list[Measured] = []
-    for part, done in zip(parts, share(_measured, parts), strict=True):
-        if progress:
-            progress(f"links of {part.joint.experiment.joint.name}", len(measured), len(parts))
-        measured.append(done)
-    return tuple(measured)
+        findings = (*together.get(name, ()), *_limits(robot.urdf, name, read[name]))
+        parts.append(_Part(joint, read[name], robot.urdf is not None, inertia, findings))
+    return parts
 
 
 class _Part(NamedTuple):
@@ -82,35 +114,45 @@ class _Part(NamedTuple):
 
     joint: JointOfRobot
     runs: tuple[Run, ...]
-    urdf: Urdf | None
+    linked: bool
+    """Whether the links are known."""
     link_inertia: float | None
     findings: tuple[Diagnostic, ...]
+    constant: Estimate | None = None
+    """The torque constant, where that was free and is found already."""
+
+    @property
+    def name(self) -> str:
+        """Of the joint."""
+        return self.joint.experiment.joint.name
+
+
+def _scale(part: _Part) -> LinkScale | None:
+    """How the joint's torque goes with that of the links, by the static law; None where nothing tells it."""
+    training = _training(part.runs)
+    return link_scale(part.joint.experiment, training) if part.linked and training else None
 
 
 def _measured(part: _Part) -> Measured:
     """One joint: in N*m, or where its torque constant is not seen in A."""
-    joint, runs, urdf, inertia, together = part
-    experiment, name = joint.experiment, joint.experiment.joint.name
-    findings = list(together)
-    constant = None
-    if urdf is not None:
-        training = _training(runs)
-        found = link_scale(experiment, training) if training else None
-        if joint.free:
-            if found is not None:
-                asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
-                found = scale_beside_bristles(_in_amperes(experiment, asked), training, found)
-            seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
-            constant = torque_constant(seen, experiment.joint.kind)
-            experiment, runs = _with_constant(experiment, runs, seen, constant.value, constant.standard_error)
-            findings += [] if constant.value else constant.warnings
-        elif found is not None:
-            findings += scale_warnings(found)
-        findings += _limits(urdf, name, runs)
+    experiment, runs, found = part.joint.experiment, part.runs, _scale(part)
+    findings, constant = list(part.findings), None
+    if part.linked and part.joint.free:
+        seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
+        constant = part.constant or torque_constant(_refined(part, seen), experiment.joint.kind)
+        experiment, runs = _with_constant(experiment, runs, seen, constant.value, constant.standard_error)
+        findings += [] if constant.value else constant.warnings
+    elif found is not None:
+        findings += scale_warnings(found)
     runs = tuple(map(without_links, runs))
     refuse_repeated(experiment, runs)
     whole = measured_of(experiment, runs)
-    return replace(whole, findings=tuple(findings), torque_constant=constant, link_inertia=inertia)
+    return replace(whole, findings=tuple(findings), torque_constant=constant, link_inertia=part.link_inertia)
+
+
+def _refined(part: _Part, found: LinkScale) -> LinkScale:
+    asked = tuple(dict.fromkeys((*regressors(part.joint.experiment), "links")))
+    return scale_beside_bristles(_in_amperes(part.joint.experiment, asked), _training(part.runs), found)
 
 
 def _training(runs: Sequence[Run]) -> tuple[Record, ...]:
