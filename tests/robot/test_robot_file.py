@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bristle.data.robot.motion import read_motions
+from bristle.data.robot.motion import read_motions, reader_of
 from bristle.data.robot.robot_file import load_robot, pick
 from bristle.errors import InputError
 from bristle.simulation.arm import ArmLog
@@ -93,7 +93,9 @@ def test_a_run_of_one_joint_moves_all(tmp_path: Path) -> None:
     q = np.column_stack([0.2 * k + (0.3 * np.sin(3 * t) if k == 2 else 0.0 * t) for k in range(6)])
     joints = [{**own, "identify": own["name"] == "elbow"} for own in document()["joints"]]
     keys = document(runs=[{**TRACKING, "joint": "elbow"}], joints=joints)
-    motion = read_motions(load_robot(write(tmp_path, keys, ArmLog(t, q, 0 * q))))["log.npz"]
+    robot = load_robot(write(tmp_path, keys, ArmLog(t, q, 0 * q)))
+    (motion,) = read_motions(robot, reader_of(robot)).values()
+    assert motion.file == "log.npz"
     assert set(motion.moving) == {"elbow"}
     assert motion.resting == pytest.approx({name: 0.2 * k for k, name in enumerate(NAMES) if name != "elbow"})
     at, v, _ = motion.at(t[50:60], NAMES)

@@ -43,7 +43,7 @@ from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Motor
 
 if TYPE_CHECKING:
-    from bristle.data.text_table import RawTable
+    from bristle.data.text_table import RawTable, Reader
 
 __all__ = [
     "AdaptOptions",
@@ -279,16 +279,21 @@ def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
     return Run(kind=run.experiment, record=_record(experiment, run, table, shown), hold_out=run.hold_out)
 
 
-def read_run(experiment: Experiment, run: RunFiles, sources: list[Source]) -> Record:
-    """One run as a record with velocity and torque. Raises InputError as `read_runs`."""
-    return _record(experiment, run, *table_of_run(experiment, run, sources, experiment.signals_of(run)))
+def read_run(experiment: Experiment, run: RunFiles, sources: list[Source], read: "Reader | None" = None) -> Record:
+    """One run as a record with velocity and torque; `read` reads columns. Raises InputError as `read_runs`."""
+    return _record(experiment, run, *table_of_run(experiment, run, sources, experiment.signals_of(run), read))
 
 
 def table_of_run(
-    experiment: Experiment, run: RunFiles, sources: list[Source], signals: Signals
+    experiment: Experiment,
+    run: RunFiles,
+    sources: list[Source],
+    signals: Signals,
+    read: "Reader | None" = None,
 ) -> "tuple[RawTable, str]":
     """The columns of some signals of a run, on its time, and the name that results show. Raises InputError as `read_runs`."""
     from bristle.data.experiment.tables import joined, part_of, read_columns
+    from bristle.data.text_table import read_table
 
     def find(file: str) -> tuple[Path, str]:
         """The one file that a signal names."""
@@ -302,7 +307,7 @@ def table_of_run(
     gap = experiment.cleaning.gap
     names = [name for _, name in sources]
     shown = " + ".join(names[:3] if len(names) < 4 else [names[0], f"{len(names) - 1} more"])
-    tables = [read_columns(signals, source, gap, experiment.context, find) for source in sources]
+    tables = [read_columns(signals, source, gap, experiment.context, find, read or read_table) for source in sources]
     table = tables[0] if len(tables) == 1 else joined(tables, names, gap)
     return part_of(table, run, shown)
 

@@ -13,7 +13,7 @@ from bristle.data import units
 from bristle.data.columns import Key
 from bristle.data.experiment.run_files import RunFiles, TimeRange
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
-from bristle.data.text_table import RawTable, read_table
+from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.data.timestamps import ISO
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
@@ -31,7 +31,12 @@ def keys_of(signals: Signals) -> dict[str, Key]:
 
 
 def read_columns(
-    signals: Signals, source: Source, cleaning_gap: float, context: Context, find: Callable[[str], Source]
+    signals: Signals,
+    source: Source,
+    cleaning_gap: float,
+    context: Context,
+    find: Callable[[str], Source],
+    read: Reader = read_table,
 ) -> RawTable:
     """The columns of a file on the time of the run; those with a time of their own are brought to it.
 
@@ -41,13 +46,14 @@ def read_columns(
         cleaning_gap: median intervals beyond which nothing is interpolated.
         context: of the experiment.
         find: the file that a signal names.
+        read: reads columns.
 
     Raises InputError where a file cannot be read, or a signal has no time in common with the others.
     """
     apart, keys = signals.apart(), keys_of(signals)
     common = [key for name, key in keys.items() if name not in apart]
     more = signals.time.columns()[1:] if signals.time else ()
-    table = read_table(source[0], [*common, *more], source[1])
+    table = read(source[0], [*common, *more], source[1])
     time, origin = (None, 0) if signals.time is None else _seconds(table, signals.time)
     table = replace(table, time=time, origin=origin)
     for name, signal in apart.items():

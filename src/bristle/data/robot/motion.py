@@ -15,6 +15,7 @@ from bristle.data.experiment.tables import Source, keys_of
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.data.robot.robot_file import Robot
+from bristle.data.text_table import Reader, ReadOnce
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 
@@ -48,7 +49,14 @@ class RobotMotion:
         return q, v, a
 
 
-def read_motions(robot: Robot) -> dict[str, RobotMotion]:
+def reader_of(robot: Robot) -> Reader:
+    """What reads each log of a robot once, for all of its joints."""
+    signals = [joint.everywhere.signals_of(run) for joint in robot.joints for run in joint.everywhere.runs]
+    clocks = [key for x in signals if x.time is not None for key in x.time.columns()]
+    return ReadOnce([*clocks, *(key for x in signals for name, key in keys_of(x).items() if name not in x.apart())])
+
+
+def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
     """How all joints move in each run that is a course over time, by what tells that from others.
 
     Raises InputError where a joint has no position, or a file cannot be read as declared.
@@ -60,7 +68,7 @@ def read_motions(robot: Robot) -> dict[str, RobotMotion]:
         for run, sources in files_of(experiment):
             if run.experiment != "points":
                 key = _key(run, sources)
-                called[key], moved = _motion(experiment, run, sources)
+                called[key], moved = _motion(experiment, run, sources, read)
                 records.setdefault(key, {})[experiment.joint.name] = moved
     travels = {key: {name: _travel(x) for name, x in own.items()} for key, own in records.items()}
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
@@ -82,14 +90,14 @@ def _key(run: RunFiles, sources: list[Source]) -> str:
     return repr((sources, run.rows, run.time))
 
 
-def _motion(experiment: Experiment, run: RunFiles, sources: list[Source]) -> tuple[str, Record | float]:
+def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: Reader) -> tuple[str, Record | float]:
     """What a run is called, and how one joint moves in it; where it rests, if it does not."""
     signals = experiment.signals_of(run).model_copy(update=dict.fromkeys(DRIVE))
     if signals.position is None:
         raise InputError(
             f"{experiment.path}: {experiment.joint.name} has no position, which a robot's joints need; name it under signals"
         )
-    table, shown = table_of_run(experiment, run, sources, signals)
+    table, shown = table_of_run(experiment, run, sources, signals, read)
     keys = keys_of(signals)
     logged = table.columns[keys["position"]] * signals.position.factor("position", experiment.context)
     seen = logged[np.isfinite(logged)]
@@ -114,7 +122,11 @@ def _place(x: Record | float) -> float:
 
 
 def runs_of(
-    experiment: Experiment, motions: Mapping[str, RobotMotion], names: tuple[str, ...], body: RigidBody | None
+    experiment: Experiment,
+    motions: Mapping[str, RobotMotion],
+    names: tuple[str, ...],
+    body: RigidBody | None,
+    read: Reader,
 ) -> tuple[Run, ...]:
     """The runs in which a joint moves, each with what the links ask of it where the robot is known.
 
@@ -127,7 +139,7 @@ def runs_of(
         motion = motions.get(_key(run, sources))
         if motion is not None and name in motion.resting and run.experiment != "presliding":
             continue
-        record = read_run(experiment, run, sources)
+        record = read_run(experiment, run, sources, read)
         if body is not None and motion is not None:
             k = names.index(name)
             record = replace(record, link_torque=body.torques(*motion.at(record.time, names))[:, k])

@@ -10,7 +10,7 @@ from bristle.data.experiment.load import Experiment, Run
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.experiment.signals import Signal, Signals
 from bristle.data.record import Record
-from bristle.data.robot.motion import RobotMotion, read_motions, runs_of, without_links
+from bristle.data.robot.motion import RobotMotion, read_motions, reader_of, runs_of, without_links
 from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
@@ -92,13 +92,14 @@ def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
             f"{robot.path}: fit.predict: position is for a joint alone, for the links' torque depends on all joints; leave predict out"
         )
     body = None if robot.urdf is None else rigid_body(robot.urdf, robot.names, robot.gravity, robot.payload)
-    motions = read_motions(robot)
+    reader = reader_of(robot)
+    motions = read_motions(robot, reader)
     asked = [joint for joint in robot.joints if joint.identify]
     read = {}
     for k, joint in enumerate(asked):
         if progress:
             progress(f"reading {joint.experiment.joint.name}", k, len(asked))
-        read[joint.experiment.joint.name] = runs_of(joint.experiment, motions, robot.names, body)
+        read[joint.experiment.joint.name] = runs_of(joint.experiment, motions, robot.names, body, reader)
     together = _of_all(robot, motions, read, body)
     parts = []
     for joint in asked:
