@@ -104,7 +104,7 @@ def _with_constant(
         own = _in_amperes(experiment, asked)
         return own, runs if clear else tuple(_with(run, link_torque=None) for run in runs)
     constants = experiment.motor_constants
-    known = PlusMinus(value=K, standard_error=error)
+    known = PlusMinus(value=K, standard_error=None if error is None else float(f"{error:.3g}"))
     own = experiment.model_copy(
         update={"motor_constants": constants and constants.model_copy(update={"torque_constant": known})}
     )
