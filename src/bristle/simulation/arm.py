@@ -23,8 +23,8 @@ GRAVITY = (0.0, 0.0, -9.81)
 """m/s**2, in the frame of the base."""
 
 
-STIFFER = 10.0
-"""Times which a bristle's stiffness is beside what the torques are: it deflects by 0.3 mrad, as in a strain-wave gear, not 3 mrad."""
+STIFFER = 4.0
+"""Times which a bristle's stiffness is beside what the torques are: it deflects by 0.8 mrad, not 3 mrad, as gears of arms are stiffer."""
 
 
 class ArmJoint(NamedTuple):
@@ -64,8 +64,8 @@ def _scaled(p: Lugre[float], by: float) -> Lugre[float]:
 
 
 JOINTS: tuple[ArmJoint, ...] = (
-    ArmJoint("turret", "base rotation", 8.0, 9.8, 0.55, False, 0.0, 1.6, 1.8, (5, 6, 2, 13)),
-    ArmJoint("shoulder", "base rotation", 12.0, 11.2, 0.62, True, 0.5, 0.9, 1.5, (6, 7, 3, 11)),
+    ArmJoint("turret", "base rotation", 8.0, 9.8, 0.55, False, 0.0, 1.6, 1.8, (8, 9, 5, 15)),
+    ArmJoint("shoulder", "base rotation", 12.0, 11.2, 0.62, True, 0.5, 0.9, 1.5, (9, 10, 6, 14)),
     ArmJoint("elbow", "elbow pitch", 14.0, 8.4, 0.30, True, 1.1, 1.1, 1.8, (7, 8, 3, 17)),
     ArmJoint("wrist_roll", "wrist pitch", 9.0, 6.1, 0.08, False, 0.0, 1.8, 2.4, (8, 9, 4, 19)),
     ArmJoint("wrist_pitch", "wrist pitch", 8.0, 6.1, 0.08, False, 0.4, 1.2, 2.4, (9, 10, 5, 23)),

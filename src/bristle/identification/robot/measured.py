@@ -172,7 +172,7 @@ def _with_constant(
         bare = tuple(_with(run, torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
         return _in_amperes(experiment, asked), bare
     constants = experiment.motor_constants
-    known = PlusMinus(value=K, standard_error=error)
+    known = PlusMinus(value=K, standard_error=None if error is None else float(f"{error:.3g}"))
     own = experiment.model_copy(
         update={"motor_constants": constants and constants.model_copy(update={"torque_constant": known})}
     )
