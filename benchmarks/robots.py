@@ -1,4 +1,4 @@
-"""What bristle finds of a whole arm: `python benchmarks/robots.py [--seeds 20] [--workers 2]`; needs Pinocchio, ten minutes.
+"""What bristle finds of a whole arm: `python benchmarks/robots.py [--seeds 20] [--workers 2]`; needs Pinocchio; ten minutes or twice that.
 
 The embedded arm, simulated again with other noise and other phases of its motion, from its logs on as `bristle report` takes them. Printed per joint:
 errors over standard errors and over the truth, how often the 95 % intervals hold the truth, and what is said of the Stribeck term.
