@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bristle
-from bristle import api
+from bristle.api import experiments
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.identification.fisher import names_of
@@ -412,7 +412,7 @@ def test_the_command_writes_a_page(
     folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The command prints what was found and writes index.html with a table and a figure of each kind."""
-    monkeypatch.setattr(api, "study_sensitivity", lambda *_: known)
+    monkeypatch.setattr(experiments, "study_sensitivity", lambda *_: known)
     ran = run("sensitivity", folder / "e.yaml", "-o", folder / "out", "--samples", 0)
     assert (ran.code, ran.said) == (0, [])
     assert "The paper's claim" in ran.out
