@@ -32,12 +32,14 @@ if TYPE_CHECKING:
         write_comparison,
     )
     from bristle.data.experiment.draft import Told
+    from bristle.errors import InputError
     from bristle.model.parameters import Lugre, Pair
     from bristle.questions.array_fit.fit import Fit
 
 __version__ = "0.1.0"
 __all__ = [
     "Fit",
+    "InputError",
     "Lugre",
     "Pair",
     "Results",

@@ -402,6 +402,13 @@ class Kind(Enum):
             "Friction is in A; give torque_constant, or log a motion that loads this joint more."
         ),
     )
+    CONSTANT_BY_MASSES = (
+        _CAUTION,
+        (
+            "The torque constant comes out of the URDF's masses, and at {joint}, whose constant is known, the links' torque would fit "
+            "{scale:.3g} times as large: this constant, and friction with it, may be off as much."
+        ),
+    )
     BEYOND_URDF = (
         _CAUTION,
         (
@@ -2318,7 +2325,8 @@ REASONS: Mapping[str, str] = {
         "FREQUENCY_LOWERED"
     ),
     "What was read may not be what was meant.": (
-        "LINKS_SCALE BEYOND_URDF HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN UNIT_DIFFERS"
+        "LINKS_SCALE CONSTANT_BY_MASSES BEYOND_URDF HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN "
+        "UNIT_DIFFERS"
     ),
     "The sessions are not alike, so a change may not be one of the joint.": (
         "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"

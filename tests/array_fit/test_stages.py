@@ -1,5 +1,6 @@
 """Slow loading and motions as arrays, alone and with what other fits say: what files of the same data give, to the last digit."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -193,3 +194,43 @@ def test_a_compensator_runs_and_learns(fits: tuple[bristle.Fit, bristle.Fit, bri
         comp.step(0.0, (0.0, 0.3), 0.0)
     with pytest.raises(InputError, match="bristle stiffness"):
         bristle.fit(*points()).compensator()
+
+
+@pytest.mark.parametrize(
+    "clock",
+    [
+        lambda t: pd.to_timedelta(t, unit="s"),
+        lambda t: pd.Timestamp("2024-05-01") + pd.to_timedelta(t, unit="s"),
+        lambda t: pd.Timestamp("2024-05-01", tz="Europe/Amsterdam") + pd.to_timedelta(t, unit="s"),
+    ],
+    ids=["durations", "dates", "instants"],
+)
+def test_durations_and_dates_are_seconds(clock: Callable[[Array], pd.Index]) -> None:
+    """As an index, or as the time itself, they give the segments that the seconds give."""
+    t = np.arange(0, 6, STEP)
+    v = np.repeat([0.1, 0.9], t.size // 2)
+    q, T = np.cumsum(v) * STEP, 0.02 + 0.04 * v + noise(t.size, 1e-4)
+    plain = bristle.find_segments(t, q, T)
+    for found in (
+        bristle.find_segments(None, pd.Series(q, index=clock(t)), T),
+        bristle.find_segments(pd.Series(clock(t)), q, T),
+    ):
+        assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
+
+
+def test_what_is_no_time_and_no_fit_is_refused() -> None:
+    """An index that counts rows, complex numbers, units that are a text, priors that are no fits, intervals that were not made: a sentence each."""
+    t, q, T = motion()
+    with pytest.raises(InputError, match="t: missing; give n times"):
+        bristle.fit_dynamic(None, pd.Series(q), T)
+    with pytest.raises(InputError, match="expected n real numbers"):
+        bristle.fit(np.array([1j, 2.0]), [1.0, 2.0])
+    with pytest.raises(InputError, match="units: got 'deg/s'; expected units by signal"):
+        bristle.fit([1.0, 2.0], [1.0, 2.0], units="deg/s")  # type: ignore[arg-type]  # what a user may write
+    with pytest.raises(InputError, match="priors: got"):
+        bristle.fit_dynamic(t, q, T, priors=[1])  # type: ignore[list-item]  # the same
+    with pytest.raises(InputError, match="as of one column of a data frame"):
+        bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T)
+    found = bristle.fit_dynamic(t, q, T, directions="symmetric", priors=bristle.fit(*points(), directions="symmetric"))
+    with pytest.raises(InputError, match="no interval by profile was made"):
+        found.conf_int(method="profile")

@@ -76,6 +76,7 @@ def test_containers(tmp_path: Path, suffix: str) -> None:
         ("data.run{2}.qm", ("position", None)), ("motor_torque_mNm", ("torque", "mNm")), ("timestamp", ("time", None)),
         ("tau_cmd", ("torque", None)), ("temperature", None), ("q_ref", None), ("position_error", None),
         ("Torque [parsec]", None), ("target_velocity", None),
+        ("current[0] (mA)", ("current", "mA")), ("position[0]", ("position", None)), ("effort[2] [Nm]", ("torque", "N*m")),
     ],
 )  # fmt: skip  # a table
 def test_names_as_people_write_them(name: str, guess: tuple[str, str | None] | None) -> None:

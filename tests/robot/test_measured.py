@@ -1,5 +1,6 @@
 """What the joints of a robot tell together: the order of joints, gravity's direction, torque constants, links without a URDF."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,16 @@ def test_the_right_order_gives_no_warning(tmp_path: Path, log: ArmLog) -> None:
     [
         ("reversed", Kind.JOINT_ORDER, {"signals": in_order(NAMES[::-1])}),
         ("2 and 3 swapped", Kind.JOINT_ORDER, {"signals": in_order((NAMES[0], NAMES[2], NAMES[1], *NAMES[3:]))}),
+        (
+            "currents alone swapped",
+            Kind.JOINT_ORDER,
+            {
+                "signals": {
+                    **SIGNALS,
+                    "current": {**in_order((NAMES[0], NAMES[2], NAMES[1], *NAMES[3:]))["current"]},
+                }
+            },
+        ),
         ("upside down", Kind.GRAVITY_DIRECTION, {"robot": {"urdf": "arm.urdf", "gravity": [0, 0, 9.81]}}),
     ],
 )
@@ -78,6 +89,8 @@ def test_what_is_not_as_declared_is_critical(
         assert (warning.kind, warning.severity) == (kind, Severity.CRITICAL), label
     if kind is Kind.GRAVITY_DIRECTION:
         assert warning.numbers["better"] == (0.0, 0.0, -9.81)
+    elif label == "currents alone swapped":
+        assert "shoulder takes the torque or current of elbow" in warning.numbers["swaps"]
     elif label == "2 and 3 swapped":
         assert set(warning.numbers["swaps"]) == {
             "shoulder takes the columns of elbow", "elbow takes the columns of shoulder",
@@ -96,6 +109,21 @@ def test_a_free_torque_constant_is_found(tmp_path: Path, log: ArmLog) -> None:
     assert torque is not None
     assert torque == pytest.approx(log.current[:, 2] * (constant.value or 0.0))
     assert list(elbow.runs[0].record.torque_shifts)
+
+
+def test_masses_that_one_joint_doubts_are_doubted_where_a_constant_rests_on_them(tmp_path: Path, log: ArmLog) -> None:
+    """With every mass a fifth too small, the shoulder with its known constant says so, and the elbow's free constant is cautioned."""
+    free = [{**x, **({"torque_constant": "free"} if x["name"] == "elbow" else {})} for x in document()["joints"]]
+    path = write(tmp_path, document(**PLAIN, joints=free), log)
+    urdf = tmp_path / "arm.urdf"
+    lighter = re.sub(
+        r'mass value="([0-9.]+)"', lambda m: f'mass value="{0.8 * float(m[1])}"', urdf.read_text(encoding="utf-8")
+    )
+    urdf.write_text(lighter, encoding="utf-8")
+    found = {m.experiment.joint.name: m.findings for m in measure_robot(load_robot(path))}
+    assert Kind.LINKS_SCALE in [w.kind for w in found["shoulder"]]
+    (doubt,) = (w for w in found["elbow"] if w.kind is Kind.CONSTANT_BY_MASSES)
+    assert doubt.numbers["scale"] == pytest.approx(1.25, rel=0.1)
 
 
 def test_links_that_weigh_nothing_tell_no_constant(tmp_path: Path, log: ArmLog) -> None:

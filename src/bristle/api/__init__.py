@@ -14,11 +14,13 @@ from bristle.api.experiments import (
 from bristle.api.files import complete, draft, inspect
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
+from bristle.errors import InputError
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.array_fit.fit import Fit
 
 __all__ = [
     "Fit",
+    "InputError",
     "Lugre",
     "Pair",
     "Results",

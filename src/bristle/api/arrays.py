@@ -143,7 +143,7 @@ def fit_dynamic(
     torque: "ArrayLike",
     *,
     velocity: "ArrayLike | None" = None,
-    priors: Sequence[Fit] = (),
+    priors: Fit | Sequence[Fit] = (),
     inertia: float | str | None = None,
     units: Mapping[str, str] | None = None,
     kind: Kind = "revolute",
@@ -178,6 +178,11 @@ def fit_dynamic(
     Raises InputError in one sentence where an array is no n finite numbers, an option is unknown, or the motion cannot be
     fitted.
     """
+    priors = [priors] if isinstance(priors, Fit) else priors
+    if not all(isinstance(x, Fit) for x in priors):
+        raise InputError(
+            f"priors: got {short(priors)}; expected what fit, fit_presliding or fit_dynamic gave, in a list"
+        )
     known = f"{inertia!r} {unit('inertia', kind)}" if isinstance(inertia, int | float) else inertia
     signals = _signals(t, position, torque, velocity)
     return fit_motion(signals, units or {}, kind, options, priors, known, uncertainty=uncertainty)

@@ -10,6 +10,7 @@ from bristle.api.joints import Known, asked_joint, read_if_results
 from bristle.api.logs import JointLogs
 from bristle.api.results import Results, choose
 from bristle.api.sources import Source, measure_joints, names_of, open_all
+from bristle.diagnostics import Severity
 from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured
@@ -96,7 +97,14 @@ def _timed(
     measured: Measured, crosscheck: bool, uncertainty: bool, progress: Progress | None = None
 ) -> tuple[Joint, dict[str, float]]:
     spent: dict[str, float] = {}
-    return identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress), spent
+    try:
+        joint = identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
+    except InputError as error:
+        if measured.link_inertia is None and not measured.findings:
+            raise
+        cause = next((w for w in measured.findings if w.severity is Severity.CRITICAL), error)
+        raise InputError(f"{measured.experiment.joint.name}: {cause}") from error
+    return joint, spent
 
 
 @contextmanager

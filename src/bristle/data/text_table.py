@@ -83,6 +83,10 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
             columns, digest, notes = read_bag(path, keys)
             table = RawTable(columns=columns, rows=0, sha256=digest, notes=notes)
         else:
+            if path.is_dir():
+                raise InputError(
+                    "is a folder without metadata.yaml; expected a file, or a ROS 2 bag: ros2 bag reindex writes it"
+                )
             check_regular(path, name)
             text = is_text(path)
             digest = _digest(path, text=text)

@@ -76,7 +76,7 @@ def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFi
     parameters = {}
     for name, e in fit.parameters.items():
         other = moving.parameters.get(_key(name, direction), e)
-        if e.value is None or other.value is None:
+        if e.value is None or other.value is None or not e.standard_error or not _holds(e):
             parameters[name] = replace(e, value=None, interval=None, warnings=(Kind.SEE_MOVING(),))
         else:
             parameters[name] = replace(e, warnings=_doubts(other.warnings))
@@ -91,6 +91,11 @@ def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFi
         uncertainty={name: x for name, x in fit.uncertainty.items() if name in seen},
         warnings=tuple(w for w in moving.warnings if w.kind is Kind.ONLY_SUM_SEEN_OF_FIT),
     )
+
+
+def _holds(e: Estimate) -> bool:
+    """Whether the interval of an estimate holds it; one cut off at a bound may not."""
+    return e.value is None or e.interval is None or e.interval[0] <= e.value <= e.interval[1]
 
 
 def _doubts(warnings: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:

@@ -45,6 +45,8 @@ def run_of_arrays(
     Raises InputError where a signal is not n finite numbers, the first row that is not named; where a unit is of no such
     signal, or an option is unknown.
     """
+    if not isinstance(units, Mapping):
+        raise InputError(f"units: got {short(units)}; expected units by signal, as {{'velocity': 'deg/s'}}")
     columns = {name: _column(name, values) for name, values in signals.items() if values is not None}
     if unknown := set(units) - set(columns):
         raise InputError(f"units: got {short(min(unknown))}; expected one of {', '.join(columns)}")
@@ -94,21 +96,42 @@ def together(
 
 
 def seconds(index: Any) -> Any:
-    """The index of a series as time, s from its first entry where it is of dates; None where the value has no index."""
+    """The index of a series as time, s from its first entry where it is of dates or durations; None where it is none.
+
+    An index that counts rows is no time.
+    """
     index = getattr(index, "index", None)
-    if index is None or callable(index):
+    if index is None or callable(index) or type(index).__name__ == "RangeIndex":
         return None
-    return (index - index[0]).total_seconds() if hasattr(index, "tz") else index
+    return _in_seconds(index)
+
+
+def _in_seconds(values: Any) -> Any:
+    """Dates and durations as s from the first one; all else as it is."""
+    if not hasattr(values, "dtype"):
+        return values
+    if getattr(values.dtype, "tz", None) is not None:  # instants, which NumPy knows without zones alone
+        values = getattr(values, "dt", values).tz_convert("UTC")
+        values = getattr(values, "dt", values).tz_localize(None)
+    if values.dtype.kind not in "mM":
+        return values
+    array = np.asarray(values)
+    return (array - array[:1]) / np.timedelta64(1, "s") if array.dtype.kind == "M" else array / np.timedelta64(1, "s")
 
 
 def _column(name: str, values: Any) -> Array:
     """A signal as floats, (n,)."""
+    values = _in_seconds(values) if name == "time" else values
+    if getattr(getattr(values, "dtype", None), "kind", "-") in "cmM":
+        raise InputError(f"{name}: got numbers of type {values.dtype}; expected n real numbers")
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is no array of numbers ({error}); expected n numbers") from error
     if column.ndim != 1:
-        raise InputError(f"{name} has shape {column.shape}; expected (n,)")
+        raise InputError(
+            f"{name} has shape {column.shape}; expected (n,), as of one column of a data frame, frame[{name!r}]"
+        )
     missing = np.flatnonzero(~np.isfinite(column))
     if missing.size:
         raise InputError(

@@ -169,7 +169,8 @@ def _score(words: list[str], signal: str, unit: str) -> float:
 
 
 def _split(name: str) -> tuple[str, str]:
-    """`Torque [Nm]` as (Torque, Nm): the name after the last dot or slash of a path, and the unit in brackets."""
+    """`Torque[0] [Nm]` as (Torque, Nm): the name after the last dot or slash of a path, without an index, and the unit in brackets."""
+    name = re.sub(r"\[\d+\]", "", name) if re.search(r"\w\[\d+\]", name) else name
     if re.fullmatch(r"/[\w./]+", name):
         name = name.rsplit("/", 1)[-1]
     last = name.rsplit(".", 1)[-1] if re.fullmatch(r"[\w.{}()]+", name) else name

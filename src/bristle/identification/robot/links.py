@@ -1,7 +1,7 @@
 """What the links of a robot tell of a joint beside its friction: the torque constant, and whether log and URDF go together."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -174,6 +174,14 @@ def order_warnings(
         score = _score(other, both, body.torques(other.q, other.v, other.a, gravity=gravity))
         if score < best:
             swapped = tuple(f"{names[i]} takes the columns of {names[k]}" for i, k in enumerate(order) if i != k)
+            best, warning = score, Kind.JOINT_ORDER(swaps=swapped, gain=as_given - score)
+    links = body.torques(course.q, course.v, course.a, gravity=gravity)
+    for order in _orders(course.kinds):
+        score = _score(replace(course, torque=course.torque[:, order]), moved, links)
+        if score < best:
+            swapped = tuple(
+                f"{names[i]} takes the torque or current of {names[k]}" for i, k in enumerate(order) if i != k
+            )
             best, warning = score, Kind.JOINT_ORDER(swaps=swapped, gain=as_given - score)
     size = float(np.linalg.norm(gravity))
     for direction in [(s * size * e).tolist() for e in np.eye(3) for s in (1.0, -1.0)] if size else []:

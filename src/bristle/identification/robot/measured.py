@@ -1,6 +1,6 @@
 """What the logs of a robot measured, joint by joint: each with the links' torque known, and its torque constant if that was free."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -72,7 +72,19 @@ def measure_robot(
         if progress:
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
-    return tuple(measured)
+    return tuple(_with_masses(measured))
+
+
+def _with_masses(measured: Sequence[Measured]) -> Iterator[Measured]:
+    """The joints; a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses."""
+    scales = {m.experiment.joint.name: w for m in measured for w in m.findings if w.kind is Kind.LINKS_SCALE}
+    for m in measured:
+        if scales and m.torque_constant is not None and m.torque_constant.value:
+            name, scale = next(iter(scales.items()))
+            doubt = Kind.CONSTANT_BY_MASSES(joint=name, scale=scale.numbers["scale"])
+            yield replace(m, findings=(*m.findings, doubt))
+        else:
+            yield m
 
 
 def against_urdf(robot: Robot) -> dict[str, tuple[Diagnostic, ...]]:

@@ -82,7 +82,7 @@ class Fit:
                 `bootstrap` (of resampled residuals); None: the interval that the results state, which of points is the
                 profile's, and at another level the covariance's. A motion has the first and the last with `uncertainty` only.
 
-        Raises InputError where the level or the method is none of these. nan where there is no interval.
+        Raises InputError where the level or the method is none of these, or no interval was made so. nan where there is no interval.
         """
         import pandas as pd
 
@@ -93,6 +93,10 @@ class Fit:
                 method or "", "0 to 1"
             )
             raise InputError(f"level: got {level!r}; expected {wanted}{f' by {method}' if method else ''}")
+        if method in ("profile", "bootstrap") and all(row.ways is None for row in self._rows()):
+            raise InputError(
+                f"method: no interval by {method} was made; of a motion they are where fit_dynamic was given uncertainty=True"
+            )
         rows = {row.name: _interval(row, level, method) for row in self._rows()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["lower", "upper"])
 
