@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from bristle.errors import InputError, short, short_list
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.points import PointSearch, search_points, without_strays
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _STILL = 1e-12
 """Of the fastest point: a slower one is at rest, and its velocity rounding."""
@@ -51,6 +55,24 @@ class Measured:
     def moving(self, *, hold_out: bool) -> tuple[Record, ...]:
         """Records of the moving runs that are, or are not, held out."""
         return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row per candidate at constant velocity: its mean velocity and torque in SI, whether it is kept, and why not.
+
+        `start` and `stop` are its first sample and one past the last, from 0; the standard error is nan where none is known.
+        """
+        import pandas as pd
+
+        rows = [
+            (
+                s.file, s.velocity, s.torque, s.standard_error, s.accepted, "; ".join(map(str, s.reasons)),
+                "; ".join(map(str, s.warnings)), s.start, s.stop,
+            )
+            for found in self.segments
+            for s in found
+        ]  # fmt: skip  # a row
+        columns = ["file", "velocity", "torque", "standard_error", "accepted", "reasons", "warnings", "start", "stop"]
+        return pd.DataFrame(rows, columns=columns)
 
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:

@@ -303,19 +303,8 @@ def _fitted(
 
 def segments_frame(signals: Mapping[str, Any], units: Mapping[str, str], kind: Kind) -> "pd.DataFrame":
     """The candidates at constant velocity of a run; arguments, columns and errors as of `bristle.find_segments`."""
-    import pandas as pd
-
     experiment, run = run_of_arrays("ramp", signals, units, kind, {})
-    (found,) = measured_of(experiment, (run,)).segments
-    rows = [
-        (
-            s.velocity, s.torque, s.standard_error, s.accepted, "; ".join(map(str, s.reasons)),
-            "; ".join(map(str, s.warnings)), s.start, s.stop,
-        )
-        for s in found
-    ]  # fmt: skip  # a row
-    columns = ["velocity", "torque", "standard_error", "accepted", "reasons", "warnings", "start", "stop"]
-    return pd.DataFrame(rows, columns=columns)
+    return measured_of(experiment, (run,)).to_frame().drop(columns="file")
 
 
 def simulated_torque(velocity: ArrayLike, dt: float, fit: Fit) -> Array:
