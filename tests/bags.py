@@ -5,9 +5,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import pytest
-
-rosbags = pytest.importorskip("rosbags.typesys", reason="the extra `ros` is not installed")
 
 STATE, WRENCH = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
 START = 1_700_000_000 * 10**9

@@ -21,6 +21,8 @@ from bristle.errors import InputError
 
 from ..bags import FORMATS, START, state, wrench, write_bag
 
+pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+
 _QUICK = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _KEYS = [Key("header.stamp"), Key("position[b]")]
 _SUFFIX = {"sqlite3": ".db3", "mcap": ".mcap", "bag": ".bag"}

@@ -17,6 +17,8 @@ from bristle.errors import InputError
 
 from ..bags import FORMATS, START, Message, held, number, plain_loop, state, wrench, write_bag
 
+pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+
 _QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _STAMP = Key("/joint_states.header.stamp")
 
