@@ -389,7 +389,7 @@ def test_a_folder_without_metadata_is_no_bag(tmp_path: Path) -> None:
     """A folder that is no bag is refused as a folder; so is a storage file that is one."""
     (tmp_path / "x.mcap").mkdir()
     for path in (tmp_path, tmp_path / "x.mcap"):
-        assert "is a folder; expected a file" in str(_refusal(path))
+        assert "is a folder without metadata.yaml; expected a file" in str(_refusal(path))
 
 
 @pytest.mark.parametrize("suffix", _SUFFIX.values())
