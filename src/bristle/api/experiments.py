@@ -44,21 +44,14 @@ def identify(
 ) -> Results:
     """Identify the joints of one or more files, of a joint or a robot each; with none, the embedded Ed-Ro (simulated).
 
-    >>> import bristle, pandas as pd, pathlib, tempfile
-    >>> home = tempfile.TemporaryDirectory()
-    >>> log = pathlib.Path(home.name, "points.csv")
-    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
-    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
-    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
-    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
-    >>> results = bristle.identify(wrist)
+    >>> import bristle
+    >>> results = bristle.identify("wrist.yaml")
     >>> results
     Results(joints=(Joint('points': static both),))
     >>> results.to_frame()[["parameter", "value"]].round(3).head(2)
       parameter  value
     0   alpha_0  0.019
     1   alpha_1  0.005
-    >>> home.cleanup()
 
     Args:
         experiments: files, or what was loaded from them.
@@ -116,12 +109,11 @@ def _pool(workers: int) -> Iterator[Callable[..., Iterable[Any]]]:
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        try:
-            yield pool.map
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:
+        yield pool.map
+    finally:  # what was not begun is not wanted any more
+        pool.shutdown(cancel_futures=True)
 
 
 def identified(
@@ -156,17 +148,10 @@ def report(
 ) -> Results:
     """Identify joints and write the report of them into a folder: index.html, results.json, figures and tables.
 
-    >>> import bristle, pandas as pd, pathlib, tempfile
-    >>> home = tempfile.TemporaryDirectory()
-    >>> log = pathlib.Path(home.name, "points.csv")
-    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
-    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
-    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
-    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
-    >>> results = bristle.report(wrist, folder=f"{home.name}/report")
-    >>> sorted(path.name for path in pathlib.Path(home.name, "report").iterdir() if path.suffix)
+    >>> import bristle, pathlib
+    >>> results = bristle.report("wrist.yaml", folder="report")
+    >>> sorted(path.name for path in pathlib.Path("report").iterdir() if path.suffix)
     ['index.html', 'results.json', 'timings.json']
-    >>> home.cleanup()
 
     Args:
         experiments: files of a joint or a robot each, or one results file, whose report is written anew; none: the embedded
@@ -226,17 +211,10 @@ def adapt(
 def compare(first: Results | Path | str, second: Results | Path | str) -> Comparison:
     """Which parameters changed beyond their joint uncertainty between two sessions, from the results of each, or its `results.json`.
 
-    >>> import bristle, pandas as pd, pathlib, tempfile
-    >>> home = tempfile.TemporaryDirectory()
-    >>> log = pathlib.Path(home.name, "points.csv")
-    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
-    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
-    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
-    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
-    >>> first = bristle.identify(wrist)
+    >>> import bristle
+    >>> first = bristle.identify("wrist.yaml")
     >>> [change.parameter.name for change in bristle.compare(first, first).changes if change.changed]
     []
-    >>> home.cleanup()
 
     Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
     units.
@@ -252,17 +230,10 @@ def compare(first: Results | Path | str, second: Results | Path | str) -> Compar
 def write_comparison(compared: Comparison, folder: Path | str) -> Path:
     """`Comparison.write`: what `compare` returned as a page with figures and tables.
 
-    >>> import bristle, pandas as pd, pathlib, tempfile
-    >>> home = tempfile.TemporaryDirectory()
-    >>> log = pathlib.Path(home.name, "points.csv")
-    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
-    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
-    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
-    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
-    >>> first = bristle.identify(wrist)
-    >>> bristle.write_comparison(bristle.compare(first, first), f"{home.name}/page").name
+    >>> import bristle
+    >>> first = bristle.identify("wrist.yaml")
+    >>> bristle.write_comparison(bristle.compare(first, first), "page").name
     'index.html'
-    >>> home.cleanup()
     """
     return compared.write(folder)
 

@@ -161,21 +161,13 @@ class Results:
 def read_results(path: Path | str) -> Results:
     """What `identify` returned, from the `results.json` that was written of it, exact to the last bit; nothing is identified.
 
-    >>> import bristle, pandas as pd, pathlib, tempfile
-    >>> home = tempfile.TemporaryDirectory()
-    >>> log = pathlib.Path(home.name, "points.csv")
-    >>> v, T = [-1, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1], [-0.059, -0.0312, -0.0241, -0.0252, 0.0251, 0.0241, 0.0312, 0.059]
-    >>> pd.DataFrame({"v [rad/s]": v, "tau [Nm]": T}).to_csv(log, index=False)
-    >>> wrist = pathlib.Path(home.name, "wrist.yaml")
-    >>> _ = wrist.write_text(bristle.draft(log)[0] + "fit: {directions: symmetric}")
-    >>> path = pathlib.Path(home.name, "results.json")
-    >>> _ = path.write_text(bristle.identify(wrist).to_json(home.name))
-    >>> results = bristle.read_results(path)
+    >>> import bristle
+    >>> _ = bristle.report("wrist.yaml", folder="report")
+    >>> results = bristle.read_results("report/results.json")
     >>> results.joint().static["both"].parameters["alpha_0"].unit
     'N*m'
     >>> bristle.inspect(results).runs[0].record.file
     'points.csv'
-    >>> home.cleanup()
 
     `plan`, `adapt` and `sensitivity` read the logs again, once asked, from where they stood; they must be as they were.
     Raises InputError in one sentence where the file is no results file, and OSError where it cannot be read.
