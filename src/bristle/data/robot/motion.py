@@ -121,17 +121,29 @@ def _place(x: Record | float) -> float:
     return x if isinstance(x, float) else float(np.median(np.asarray(x.position)))
 
 
+class LinkTorques:
+    """What the links ask of all joints in a run, computed once for the joints whose records have one time."""
+
+    def __init__(self, body: RigidBody, names: tuple[str, ...]) -> None:
+        """`names`: of the joints, in the order of the body's."""
+        self._body, self._names = body, names
+        self._known: dict[str, tuple[Array, Array]] = {}
+
+    def of(self, name: str, motion: RobotMotion, time: Array) -> Array:
+        """Torque of a joint at some times of a run, N*m or N, (n,)."""
+        before, torques = self._known.get(motion.file, (np.zeros(0), np.zeros((0, len(self._names)))))
+        if not np.array_equal(before, time):
+            torques = self._body.torques(*motion.at(time, self._names))
+            self._known[motion.file] = time, torques
+        return torques[:, self._names.index(name)]
+
+
 def runs_of(
-    experiment: Experiment,
-    motions: Mapping[str, RobotMotion],
-    names: tuple[str, ...],
-    body: RigidBody | None,
-    read: Reader,
+    experiment: Experiment, motions: Mapping[str, RobotMotion], links: LinkTorques | None, read: Reader
 ) -> tuple[Run, ...]:
     """The runs in which a joint moves, each with what the links ask of it where the robot is known.
 
-    Of runs that do not accelerate the links' torque is taken off here: segments are then of friction alone. Raises
-    InputError as `read_runs`, and where the joint moves in no run.
+    Raises InputError as `read_runs`, and where the joint moves in no run.
     """
     name = experiment.joint.name
     runs = []
@@ -140,9 +152,8 @@ def runs_of(
         if motion is not None and name in motion.resting and run.experiment != "presliding":
             continue
         record = read_run(experiment, run, sources, read)
-        if body is not None and motion is not None:
-            k = names.index(name)
-            record = replace(record, link_torque=body.torques(*motion.at(record.time, names))[:, k])
+        if links is not None and motion is not None:
+            record = replace(record, link_torque=links.of(name, motion, record.time))
         runs.append(Run(kind=run.experiment, record=record, hold_out=run.hold_out))
     if not runs:
         raise InputError(

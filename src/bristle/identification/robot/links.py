@@ -29,8 +29,6 @@ _BETTER = 0.5
 """By which another order lowers the sum of log(relative error) over the joints where it is the right one."""
 _SAMPLES = 4000
 """Samples by which orders are compared."""
-_LEAST = 0.05
-"""Of the torque: what other joints' motion makes, below which nothing is said of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +126,7 @@ class Course:
 
 
 def thinned(course: Course, decimation: int, file: str) -> tuple[Course, Array]:
-    """The course at every so many samples, and sgn(v) and the torque through the decimation filter at these, (n, 2 joints)."""
+    """The course through the decimation filter, at some thousand samples, and whether each joint moves up, then down, (n, 2 joints)."""
     smooth, _ = decimator([np.array([course.time.size])], decimation, file)
     moved = np.hstack([course.v > 0, course.v < 0]).astype(float)
     filtered = np.asarray(smooth @ np.hstack([course.q, course.v, course.a, course.torque, moved]))
@@ -163,35 +161,26 @@ def order_warnings(
 ) -> tuple[Diagnostic, ...]:
     """Whether the log would go better with the URDF if its columns stood in another order, or gravity had another direction.
 
-    Tried are two columns swapped, the reversed order, and each axis of the base as gravity. Which swaps a log cannot
-    show depends on it: those of joints whose links weigh little.
+    Tried are two columns swapped and the reversed order, of all signals and of the torque alone, and each axis of the base
+    as gravity. Which swaps a log cannot show depends on it: those of joints whose links weigh little.
     """
-    as_given = _score(course, moved, body.torques(course.q, course.v, course.a, gravity=gravity))
-    best, warning = as_given - _BETTER, None
-    for order in _orders(course.kinds):
-        other = _reordered(course, order)
-        both = np.hstack([moved[:, order], moved[:, [k + len(order) for k in order]]])
-        score = _score(other, both, body.torques(other.q, other.v, other.a, gravity=gravity))
-        if score < best:
-            swapped = tuple(f"{names[i]} takes the columns of {names[k]}" for i, k in enumerate(order) if i != k)
-            best, warning = score, Kind.JOINT_ORDER(swaps=swapped, gain=as_given - score)
     links = body.torques(course.q, course.v, course.a, gravity=gravity)
+    as_given = _score(course, moved, links)
+    found = []
     for order in _orders(course.kinds):
-        score = _score(replace(course, torque=course.torque[:, order]), moved, links)
-        if score < best:
-            swapped = tuple(
-                f"{names[i]} takes the torque or current of {names[k]}" for i, k in enumerate(order) if i != k
-            )
-            best, warning = score, Kind.JOINT_ORDER(swaps=swapped, gain=as_given - score)
+        other, both = _reordered(course, order), np.hstack([part[:, order] for part in np.split(moved, 2, axis=1)])
+        whole = _score(other, both, body.torques(other.q, other.v, other.a, gravity=gravity))
+        alone = _score(replace(course, torque=other.torque), moved, links)
+        for score, what in ((whole, "columns"), (alone, "torque or current")):
+            swaps = tuple(f"{names[i]} takes the {what} of {names[k]}" for i, k in enumerate(order) if i != k)
+            found.append((score, Kind.JOINT_ORDER(swaps=swaps, gain=as_given - score)))
     size = float(np.linalg.norm(gravity))
     for direction in [(s * size * e).tolist() for e in np.eye(3) for s in (1.0, -1.0)] if size else []:
         score = _score(course, moved, body.torques(course.q, course.v, course.a, gravity=direction))
-        if score < best:
-            best, warning = (
-                score,
-                Kind.GRAVITY_DIRECTION(better=tuple(round(x, 2) + 0.0 for x in direction), gain=as_given - score),
-            )
-    return () if warning is None else (warning,)
+        better = tuple(round(x, 2) + 0.0 for x in direction)
+        found.append((score, Kind.GRAVITY_DIRECTION(better=better, gain=as_given - score)))
+    best, warning = min(found, key=lambda x: x[0], default=(as_given, None))
+    return (warning,) if warning is not None and best < as_given - _BETTER else ()
 
 
 def _orders(kinds: Sequence[str]) -> Iterator[list[int]]:
@@ -205,10 +194,7 @@ def _orders(kinds: Sequence[str]) -> Iterator[list[int]]:
 
 
 def _reordered(course: Course, order: list[int]) -> Course:
-    return Course(
-        time=course.time, q=course.q[:, order], v=course.v[:, order], a=course.a[:, order], torque=course.torque[:, order],
-        kinds=course.kinds,
-    )  # fmt: skip  # a list of values
+    return replace(course, **{name: getattr(course, name)[:, order] for name in ("q", "v", "a", "torque")})
 
 
 def coupling(course: Course, moved: Array, joint: int) -> float:

@@ -10,7 +10,7 @@ from bristle.data.experiment.load import Experiment, Run
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.experiment.signals import Signal, Signals
 from bristle.data.record import Record
-from bristle.data.robot.motion import RobotMotion, read_motions, reader_of, runs_of, without_links
+from bristle.data.robot.motion import LinkTorques, RobotMotion, read_motions, reader_of, runs_of, without_links
 from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
@@ -107,11 +107,11 @@ def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
     reader = reader_of(robot)
     motions = read_motions(robot, reader)
     asked = [joint for joint in robot.joints if joint.identify]
-    read = {}
+    read, links = {}, None if body is None else LinkTorques(body, robot.names)
     for k, joint in enumerate(asked):
         if progress:
             progress(f"reading {joint.experiment.joint.name}", k, len(asked))
-        read[joint.experiment.joint.name] = runs_of(joint.experiment, motions, robot.names, body, reader)
+        read[joint.experiment.joint.name] = runs_of(joint.experiment, motions, links, reader)
     together = _of_all(robot, motions, read, body)
     parts = []
     for joint in asked:
@@ -184,7 +184,7 @@ def _with_constant(
         bare = tuple(_with(run, torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
         return _in_amperes(experiment, asked), bare
     constants = experiment.motor_constants
-    known = PlusMinus(value=K, standard_error=None if error is None else float(f"{error:.3g}"))
+    known = PlusMinus(value=K, standard_error=error)
     own = experiment.model_copy(
         update={"motor_constants": constants and constants.model_copy(update={"torque_constant": known})}
     )
@@ -276,23 +276,18 @@ def _of_all(
         return {}
     file = max(together, key=lambda f: (len(together[f]), next(iter(together[f].values())).time.size))
     own = together[file]
-    names = tuple(name for name in robot.names if name in own)
-    kinds = tuple(j.experiment.joint.kind for j in robot.joints if j.experiment.joint.name in own)
-    first = own[names[0]]
-    everyone = by_file[file].at(first.time, robot.names)
-    torque = np.column_stack([np.interp(first.time, own[n].time, np.asarray(own[n].torque)) for n in names])
-    decimation = robot.joints[0].experiment.fit.decimation
+    first = next(iter(own.values()))
+    q, v, a = by_file[file].at(first.time, robot.names)
+    torque = np.ones_like(q)  # of a joint that rests, or is not identified
+    for name, r in own.items():
+        torque[:, robot.names.index(name)] = np.interp(first.time, r.time, np.asarray(r.torque))
+    kinds = tuple(joint.experiment.joint.kind for joint in robot.joints)
+    whole = Course(time=first.time, q=q, v=v, a=a, torque=torque, kinds=kinds)
+    course, moved = thinned(whole, robot.joints[0].experiment.fit.decimation, file)
     if body is None:
-        q, v, a = everyone
-        padded = np.column_stack(
-            [torque[:, names.index(n)] if n in names else np.ones(len(torque)) for n in robot.names]
-        )
-        course, moved = thinned(Course(time=first.time, q=q, v=v, a=a, torque=padded, kinds=kinds), decimation, file)
-        shares = {name: coupling(course, moved, robot.names.index(name)) for name in names}
+        shares = {name: coupling(course, moved, robot.names.index(name)) for name in own}
         return {name: (Kind.LINKS_NOT_REMOVED(share=100 * x),) for name, x in shares.items() if x > _LEAST}
-    if names != robot.names:  # an order of joints that do not all move and have a torque cannot be told
+    if len(own) < len(robot.names):  # an order of joints that do not all move and have a torque cannot be told
         return {}
-    q, v, a = everyone
-    course, moved = thinned(Course(time=first.time, q=q, v=v, a=a, torque=torque, kinds=kinds), decimation, file)
-    found = order_warnings(course, moved, names, body, robot.gravity)
-    return dict.fromkeys(names, found)
+    found = order_warnings(course, moved, robot.names, body, robot.gravity)
+    return dict.fromkeys(robot.names, found)
