@@ -11,7 +11,7 @@ from bristle.diagnostics import Kind
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem
-from bristle.identification.dynamic.unknowns import solve_dynamic
+from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.fits import TrackingFit
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout

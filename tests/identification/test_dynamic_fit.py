@@ -28,6 +28,7 @@ from bristle.identification.dynamic.problem import (
     residuals,
     with_priors,
 )
+from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.fits import TrackingFit
@@ -566,13 +567,39 @@ def test_each_direction_found_alone_leads_to_both() -> None:
     good = values_of(Pair(GRIPPER, GRIPPER))
     far = {"v_s": 0.003}
     start = {n: x * far.get(n.name, 1.0) if n.direction == "-" else x for n, x in good.items()}
-    alone = unknowns.solve_dynamic(problem, start, 1, 0)
-    whole = unknowns.solve_dynamic(problem, start, 2, 0)
+    alone = solve_dynamic(problem, start, 1, 0)
+    whole = solve_dynamic(problem, start, 2, 0)
     assert whole.minimum.cost < 0.5 * alone.minimum.cost
     for name, true in good.items():
         assert whole.values[name] == pytest.approx(true, rel=0.02)
     warnings = fit_tracking(problem, start, "revolute", starts=2).fit.warnings  # few starts, but noise alone is left
     assert Kind.FEW_STARTS not in {d.kind for d in warnings}
+
+
+@pytest.mark.parametrize("v_s", [0.3, 0.5])
+def test_a_peak_that_the_start_lost_is_found(v_s: float) -> None:
+    """From a start without Stribeck terms, whose v_s lies beyond all speeds, one descent ends without them, several find both."""
+    problem = posed(record(Pair(GRIPPER, OTHER), 1e-5), ("+", "-"), 10)
+    truth = values_of(Pair(GRIPPER, OTHER))
+    start = {name: {"alpha_1": 0.0, "v_s": v_s}.get(name.name, x) for name, x in truth.items()}
+    alone = solve_dynamic(problem, start, 1, 0)
+    whole = solve_dynamic(problem, start, 2, 0)
+    assert all(x == 0 for name, x in alone.values.items() if name.name == "alpha_1")
+    assert whole.minimum.cost < 1e-3 * alone.minimum.cost
+    for name, true in truth.items():
+        assert whole.values[name] == pytest.approx(true, rel=0.01)
+
+
+def test_a_bend_that_noise_makes_hides_no_coulomb_friction() -> None:
+    """Of a joint without a Stribeck effect, in much noise, a term that is not significant leaves alpha_0 its value, and the doubt which sum it is."""
+    flat = Pair(GRIPPER._replace(alpha_1=0.0), OTHER._replace(alpha_1=0.0))
+    start = {name: 0.2 if name.name == "v_s" else x for name, x in values_of(Pair(GRIPPER, OTHER)).items()}
+    run = record(flat, 0.02, 15, velocity=0.5 * motion()[1])
+    found = fit_tracking(posed(run, ("+", "-"), 20), start, "revolute", starts=2).fit.parameters[parse("alpha_0-")]
+    assert found.value is not None
+    assert found.standard_error is not None
+    assert abs(found.value - OTHER.alpha_0) < 3 * found.standard_error < 0.3 * OTHER.alpha_0
+    assert Kind.ONLY_SUM_SEEN in [warning.kind for warning in found.warnings]
 
 
 @pytest.mark.parametrize(

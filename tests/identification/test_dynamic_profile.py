@@ -22,8 +22,9 @@ from bristle.identification.dynamic.problem import (
     dynamic_problem,
     with_priors,
 )
+from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import fit, solve_dynamic
+from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout

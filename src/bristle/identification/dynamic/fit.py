@@ -19,13 +19,13 @@ from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_dou
 from bristle.identification.dynamic.left_out_peak import absent_peaks, takes_up_peak
 from bristle.identification.dynamic.missing_terms import missing_terms, pattern_left
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
 from bristle.identification.dynamic.unknowns import (
     FEWEST,
     LOGARITHMIC,
     equations_left,
     fit,
-    solve_dynamic,
     with_deflections,
     without_deflections,
 )
@@ -217,19 +217,25 @@ def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) ->
 
 
 def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
-    """Stribeck terms whose v_s went to the upper end of its range: a bend over all speeds and no peak.
+    """Stribeck terms that bend the curve over all speeds and are no peak: what each is fixed at.
 
-    Beside each stands what to fix it at.
+    Their v_s went to the upper end of its range, or they are not significant and leave alpha_0 unknown.
     """
     if problem.stribeck == "stribeck":
         return {}
     values, upper = solution.values, solution.posed.unknowns.upper
+    errors, doubts = (
+        dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True)),
+        peak_doubts(problem, solution),
+    )
     bent: dict[ParameterName, float] = {}
     for name, most in zip(problem.names, upper.tolist(), strict=True):
         if not isinstance(name, ParameterName) or name.name != "v_s":
             continue
-        alpha_1 = name._replace(name="alpha_1")
-        if alpha_1 in values and not problem.with_prior & {name, alpha_1} and np.log(values[name]) > most - _EDGE:
+        alpha_0, alpha_1 = (name._replace(name=bare) for bare in ("alpha_0", "alpha_1"))
+        if alpha_1 not in values or problem.with_prior & {name, alpha_1}:
+            continue
+        if np.log(values[name]) > most - _EDGE or (alpha_1 in doubts and errors.get(alpha_0, 0.0) > WIDE):
             bent |= {alpha_1: 0.0, name: values[name]}
     return bent
 

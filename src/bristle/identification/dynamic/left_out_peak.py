@@ -1,6 +1,8 @@
 """Which Stribeck terms are left out of a fit of moving runs, and which parameters take one up that was."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtr
@@ -37,42 +39,67 @@ def absent_peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown])
     return absent
 
 
-def takes_up_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
-    """alpha_0 and alpha_2 of a direction without a Stribeck term that the residuals ask for, moved by it by more than a standard error.
+class AskedPeak(NamedTuple):
+    """A Stribeck term that the residuals of a minimum without it ask for, to first order in alpha_1."""
 
-    To first order in alpha_1, at the v_s that the residuals like best; a t test, Bonferroni over these.
-    """
+    alpha_1: float
+    """N*m, or the joint's unit of torque."""
+    v_s: float
+    """rad/s, or the joint's unit of velocity."""
+    moved: Mapping[Unknown, float]
+    """By how much each unknown, scaled, would move with it."""
+
+
+def takes_up_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
+    """alpha_0 and alpha_2 of a direction without a Stribeck term that the residuals ask for, moved by it by more than a standard error."""
+    errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
     names = list[ParameterName]()
-    without = [d for d in problem.directions if problem.fixed.get(problem.key("alpha_1", d)) == 0]
-    if problem.quantity != "torque" or not without:
-        return names
-    seen = np.flatnonzero(solution.scaled_errors < np.inf)
-    known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
-    inverse = inverse_gram(known)
-    for direction in without:
-        columns = _peaks(problem, solution, direction)
-        taken = inverse @ (known.T @ columns)
-        beside = columns - known @ taken
-        scores = -beside / np.maximum(np.einsum("nk,nk->k", beside, beside), 1e-300) * rest[:, None]
-        size = scores.sum(axis=0)
-        errors = np.sqrt([float(s @ s) * inflation(s) for s in scores.T])
-        best = int(np.argmax(size / np.maximum(errors, 1e-300)))
-        if size[best] > 0 and _SPEEDS * stdtr(solution.freedom, -size[best] / errors[best]) < _CHANCE:
-            moved = np.abs(taken[:, best] * size[best]) > solution.scaled_errors[seen]
-            asked = {problem.key(name, direction) for name in ("alpha_0", "alpha_2")}
-            names += [n for k, one in zip(seen, moved, strict=True) if one and (n := solution.names[int(k)]) in asked]
+    for direction in problem.directions:
+        without = problem.fixed.get(problem.key("alpha_1", direction)) == 0
+        asked = asked_peak(problem, solution, direction) if without else None
+        moved = {} if asked is None else asked.moved
+        mine = (problem.key(name, direction) for name in ("alpha_0", "alpha_2"))
+        names += [name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)]
     return names
 
 
-def _peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction) -> Array:
-    """The derivative of the residuals by an alpha_1 of a direction at zero, 1, for each v_s, (n, k)."""
+def asked_peak(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float = _CHANCE
+) -> AskedPeak | None:
+    """The Stribeck term of a direction that the residuals of a minimum without it ask for; None where they ask for none.
+
+    At the v_s that they like best; a t test of alpha_1 to first order, Bonferroni over the values of v_s, which finds a
+    term where there is none with this chance at most. Of a predicted torque alone.
+    """
+    if problem.quantity != "torque":
+        return None
+    own = {problem.key(name, direction) for name in ("alpha_1", "v_s")}
+    seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in own]
+    known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
+    speeds, columns = _peaks(problem, solution, direction)
+    taken = inverse_gram(known) @ (known.T @ columns)
+    beside = columns - known @ taken
+    scores = -beside / np.maximum(np.einsum("nk,nk->k", beside, beside), 1e-300) * rest[:, None]
+    size = scores.sum(axis=0)
+    errors = np.sqrt([float(s @ s) * inflation(s) for s in scores.T])
+    best = int(np.argmax(size / np.maximum(errors, 1e-300)))
+    if not (size[best] > 0 and _SPEEDS * stdtr(solution.freedom, -size[best] / errors[best]) < chance):
+        return None
+    moved = {solution.names[k]: -float(size[best] * share) for k, share in zip(seen, taken[:, best], strict=True)}
+    return AskedPeak(float(size[best]), float(speeds[best]), moved)
+
+
+def _peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction) -> tuple[Array, Array]:
+    """Values of v_s, (k,), and the derivative of the residuals by an alpha_1 of a direction at zero, for each, (n, k)."""
     alpha_1, v_s = (problem.key(name, direction) for name in ("alpha_1", "v_s"))
     fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
+    values = {name: value for name, value in solution.values.items() if name != v_s}
     weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+    speeds = np.geomspace(_SLOWEST, 1 / STRIBECK_REACH, _SPEEDS) * fastest
     columns = np.zeros((solution.minimum.residuals.size, _SPEEDS))
-    for k, speed in enumerate(np.geomspace(_SLOWEST, 1 / STRIBECK_REACH, _SPEEDS) * fastest):
-        posed = replace(problem, fixed={**fixed, v_s: float(speed)}, priors=())
-        _, slopes = residuals(posed, {**solution.values, alpha_1: 0.0})
+    for k, speed in enumerate(speeds.tolist()):
+        posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())
+        _, slopes = residuals(posed, {**values, alpha_1: 0.0})
         columns[: weight.size, k] = weight * slopes[:, posed.names.index(alpha_1)]
-    return columns
+    return speeds, columns

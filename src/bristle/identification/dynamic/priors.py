@@ -20,9 +20,10 @@ from bristle.identification.dynamic.encoder_bias import between_counts, without_
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
+from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.systematic import shifts_of
 from bristle.identification.dynamic.uncertainty import profile_until_stable, run_fits, with_three_ways
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, solve_dynamic, without_deflections
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import scatter_of, widened, with_priors_beside

@@ -23,7 +23,8 @@ from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.identification.dynamic.claims import WIDE
 from bristle.identification.dynamic.fit import SEED, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, solve_dynamic, without_deflections
+from bristle.identification.dynamic.starts import solve_dynamic
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, without_deflections
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.identification.repeats import RunFit
 from bristle.model.parameters import Lugre, ParameterName

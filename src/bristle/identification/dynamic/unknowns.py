@@ -1,17 +1,16 @@
-"""The descent over the scaled unknowns of moving data, from one start or from several.
+"""The descent over the scaled unknowns of moving data, from one start.
 
 alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
+from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, descend, minimise
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
@@ -23,9 +22,8 @@ from bristle.identification.dynamic.problem import (
     parameters,
     residuals,
 )
-from bristle.model.parameters import SIGNED, STRIBECK_REACH, Lugre, ParameterName
+from bristle.model.parameters import STRIBECK_REACH, Lugre, ParameterName
 from bristle.model.rollout import rollout
-from bristle.progress import Progress
 
 FEWEST = 2
 """Equations for each unknown, at the least: fewer estimate nothing."""
@@ -45,8 +43,6 @@ _MORE = 200
 """Steps more of a predicted torque, where the lowest of its ends ran out of them."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
-_APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
-"""How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
 
 
 def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Unknown, float], Minimum]:
@@ -109,7 +105,9 @@ def polished(
     start, lower, upper = near.unknowns.scaled(values), near.unknowns.lower, near.unknowns.upper
     by_torque = problem.quantity == "torque"
     better = minimise(near.evaluate, start, lower, upper, _MORE) if by_torque else descend(near, start, _POLISH)
-    return (near, better) if better.cost <= minimum.cost else (posed, minimum)
+    if better.cost > minimum.cost:
+        return posed, minimum
+    return near, better._replace(steps=minimum.steps + better.steps)
 
 
 def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
@@ -202,54 +200,11 @@ def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
     return {name for name in names if name.name in LOGARITHMIC}
 
 
-def solve_dynamic(
-    problem: DynamicProblem,
-    start: Values,
-    starts: int,
-    seed: int,
-    others: Sequence[Values] = (),
-    progress: Progress | None = None,
-) -> MultistartSolution[Unknown]:
-    """The lowest minimum from several starts, and the covariance there.
-
-    Where no more than half of several starts reached it, each direction's set there is tried for both: starts that are
-    drawn for both at once may each find one of them.
-    """
-    rng = np.random.default_rng(seed)
-    moved = [{name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1)]
-    first, random = with_deflections(problem, start), [with_deflections(problem, whole) for whole in moved]
-    solve, finish = partial(solved, problem), partial(polished, problem)
-    best = solve_from_starts(solve, (first, *others), random, finish, progress)
-    mirrored = _mirrored(problem, best.values) if starts > 1 and best.reached <= best.starts / 2 else []
-    while mirrored:
-        again = solve_from_starts(solve, (), mirrored, finish, known=(best.posed, best.minimum))
-        if again.minimum.cost > best.minimum.cost * (1 - SAME):
-            break
-        best = again._replace(starts=best.starts + len(mirrored))
-        mirrored = _mirrored(problem, best.values)
-    return best
-
-
-def _mirrored(problem: DynamicProblem, values: Values) -> list[dict[Unknown, float]]:
-    """Values with the friction of one direction in both, for each direction where there are two."""
-    known = without_deflections(values)
-    sets = [{n.name: x for n, x in known.items() if n.direction == d} for d in SIGNED if d in problem.directions]
-    if len(sets) < len(SIGNED):
-        return []
-    both = [{n: one.get(n.name, x) if n.direction in SIGNED else x for n, x in known.items()} for one in sets]
-    return [with_deflections(problem, start) for start in both]
-
-
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
     """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
     weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
     rows: Array = solution.minimum.residuals[: weight.size] / weight
     return rows
-
-
-def _factor(name: str, rng: np.random.Generator) -> float:
-    reach = np.log(_APART.get(name, 3.0))
-    return float(np.exp(rng.uniform(-reach, reach))) if name in Lugre._fields else 1.0
 
 
 def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
