@@ -3,6 +3,7 @@
 import platform
 from collections.abc import Callable, Mapping
 from importlib import metadata
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from bristle import __version__
+from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
 from bristle.page import wording
 from bristle.page.columns import to_csv
@@ -40,13 +42,30 @@ def figure_kind(path: Path) -> str:
 
 
 class Section(NamedTuple):
-    """What one question puts on the page of another, and the files that go with it."""
+    """What one question puts into the report of another as a page of its own, and the files that go with it."""
 
-    html: Markup
-    contents: Markup
-    """Its line in the list of contents."""
+    draw: Callable[[dict[str, bytes]], Mapping[str, Any]]
+    """Draws its figures into files by relative path, and gives what its template names."""
+    package: str
+    template: str
+    """Extends base.html."""
     files: Mapping[str, bytes]
-    """By relative POSIX path."""
+    """Its tables, by relative POSIX path."""
+    about: Mapping[str, str]
+    """What it says of each joint, by name, in half a line."""
+    adverse: tuple[Diagnostic, ...]
+    """What it found that speaks against it."""
+
+
+class Drawn(NamedTuple):
+    """A figure as a page has it; its SVG and PNG files lie in figures/ under its name."""
+
+    svg: Markup
+    name: str
+
+    def named_by(self, caption: str) -> Markup:
+        """Its SVG, which the element of that id describes to a reader who does not see it."""
+        return Markup(self.svg.replace("<svg ", f'<svg aria-describedby="{caption}" ', 1))  # noqa: S704  # an id of the template's
 
 
 @styled
@@ -84,7 +103,18 @@ def write_page(
     Raises InputError where the folder is a file, or holds files in the way that bristle did not make, and OSError where it cannot be written; nothing
     in it is then changed.
     """
-    replace_files(folder, {**files, "index.html": encoded(html(package, template, context))})
+    return write_pages(folder, {"index.html": (package, template, context)}, files)
+
+
+Pages = Mapping[str, tuple[str, str, Mapping[str, Any]]]
+"""By the name of the file: the package whose template it is, the template, and what that names."""
+
+
+def write_pages(folder: Path, pages: Pages, files: Mapping[str, bytes]) -> Path:
+    """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html. Raises as `write_page`."""
+    number = count(1).__next__
+    texts = {name: encoded(html(*page, number)) for name, page in pages.items()}
+    replace_files(folder, {**files, **texts})
     return folder / "index.html"
 
 
@@ -93,18 +123,21 @@ def tables_of(frames: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
     return {f"tables/{name}.csv": encoded(to_csv(frame)) for name, frame in frames.items()}
 
 
-def element(figure: Figure, name: str, label: str, files: dict[str, bytes]) -> Markup:
+def element(figure: Figure, name: str, label: str, files: dict[str, bytes]) -> Drawn:
     """A figure rendered into `files`, and as an element of the page; `label` names it for a reader who does not see it.
 
     Where joints are called so that another figure has the name already, it gets a number.
     """
     name = free(name, lambda tried: f"figures/{tried}.svg" in files)
     files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
-    return Markup(inline(files[f"figures/{name}.svg"], name, escape(wording.printable(label))))  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
+    return Drawn(Markup(inline(files[f"figures/{name}.svg"], name, escape(wording.printable(label)))), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
 
 
-def html(package: str, template: str, context: Mapping[str, Any]) -> str:
-    """A template of a package, or of the kit, filled in; it may include and extend those of the kit."""
+def html(package: str, template: str, context: Mapping[str, Any], number: Callable[[], int] | None = None) -> str:
+    """A template of a package, or of the kit, filled in; it may include and extend those of the kit.
+
+    `number` gives the number of the next figure; without it they count from 1.
+    """
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("bristle.page")]),
         autoescape=True,
@@ -113,9 +146,10 @@ def html(package: str, template: str, context: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {
-        "cell": _cell, "heading": _heading, "direction": wording.direction, "symbol": symbol_html,
+        "cell": _cell, "cell_kind": _cell_kind, "heading": _heading, "direction": wording.direction, "symbol": symbol_html,
         "warned": warned, "flagged": flagged, "entries": entries_linked,
     }  # fmt: skip  # a table of names
+    environment.globals["next_figure"] = number or count(1).__next__
     return environment.get_template(template).render(context)
 
 
@@ -145,6 +179,24 @@ _HEADINGS = {
 
 def _heading(column: str) -> str:
     return _HEADINGS.get(column, column)
+
+
+_KINDS = {
+    **dict.fromkeys(("warnings", "reasons", "notes", "verdict"), "t"),
+    **dict.fromkeys(
+        (
+            "parameter", "unit", "direction", "of", "scheme", "law", "controller", "method", "fit", "source", "stage", "stage_value",
+            "tracking_value", "joint_value", "model", "directions", "rows",
+        ),
+        "s",
+    ),
+    "file": "f",
+}  # fmt: skip  # a table of words
+"""Classes of the style sheet: long text, short text that stays on its line, and names of files."""
+
+
+def _cell_kind(column: str) -> str:
+    return _KINDS.get(column, "")
 
 
 _DIGITS = {

@@ -40,10 +40,12 @@ _STYLE: Any = {  # matplotlib types each key singly
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
 }
+ON_LIGHT, ON_DARK = "#010101", "#fefefe"
+"""Text on the cells of a map, which keep their colours on a dark page."""
 LINES = ("-", "--", ":")
 WIDTH = 5.8
 """Inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone."""
-DPI = 120
+DPI = 240
 _MOST_TICKS = 8
 _STEPS_OF_DECADE = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
 """Where a logarithmic axis may have its labels, the closest first."""
@@ -144,7 +146,18 @@ def render_as(figure: Figure, kind: str) -> bytes:
     encoder: Any = {} if kind == "svg" else {"pil_kwargs": {"compress_level": 4}}  # twice as fast, hardly larger
     figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata, **encoder)
     data = buffer.getvalue()
-    return data.replace(b"'DejaVu Sans'", b"'DejaVu Sans', Verdana, sans-serif") if kind == "svg" else data
+    return _slimmed(data) if kind == "svg" else data
+
+
+_PLACES = re.compile(r"(?<=[\s\"',(])-?\d+\.\d{3,}(?=[\s\"',)])")
+"""A coordinate with more places than a screen shows."""
+
+
+def _slimmed(svg: bytes) -> bytes:
+    """An SVG file with fonts that every system has, coordinates to a hundredth of a point, and no metadata."""
+    text = svg.decode("utf-8").replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
+    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    return _TAG.sub(lambda tag: _PLACES.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), tag[0]), text).encode("utf-8")
 
 
 _TAG = re.compile(r"<[^>]*>")
@@ -155,6 +168,11 @@ _ID = re.compile(r'\sid="([^"]*)"')
 _SIZED = re.compile(r'^<svg (.*?)width="[^"]*" height="[^"]*"')
 
 
+_VARIABLES = {"#000000": "ink", "#ffffff": "paper", "#dddddd": "line", "#666666": "quiet", "#999999": "mid"}
+"""What of a figure turns with a light or dark page: variables of the style sheet."""
+_INK = re.compile(rf"(fill|stroke): ({'|'.join(_VARIABLES)})")
+
+
 def inline(svg: bytes, prefix: str, label: str) -> str:
     """An SVG file as an element of an HTML page: no prologue, ids that no other figure has, width left to the page.
 
@@ -162,7 +180,7 @@ def inline(svg: bytes, prefix: str, label: str) -> str:
     """
     text = svg.decode("utf-8")
     text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = _TAG.sub(lambda tag: _INK.sub(lambda found: f"{found[1]}: var(--{_VARIABLES[found[2]]})", tag[0]), text)
     text = _TAG.sub(lambda tag: _NAMED.sub(lambda found: f"{found[0]}{prefix}-", tag[0]), text)
     given = Counter[str]()
 

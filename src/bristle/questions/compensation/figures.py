@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory
 from bristle.model.parameters import unit
-from bristle.page.style import new_figure, styled, thinned, title
+from bristle.page.style import ON_DARK, ON_LIGHT, new_figure, styled, thinned, title
 from bristle.page.wording import axis, number, pretty, symbol
 from bristle.questions.compensation.study import Study
 from bristle.simulation.edro import TABLE_2_ADAPTED
@@ -182,7 +182,7 @@ def _heat(ax: Axes, values: Array, across: Array, up: Array) -> None:
             ha="center",
             va="center",
             fontsize=8.5,
-            color="white" if dark else "black",
+            color=ON_DARK if dark else ON_LIGHT,
         )
 
 
@@ -248,7 +248,7 @@ def ablation_figure(study: Study) -> Figure:
                     else f"{100 * value:.0f}" + ("~" if x.limit_cycle else "") + ("+" if x.over_compensated else "")
                 )
                 ax.text(
-                    column, row, mark, ha="center", va="center", fontsize=7, color="black" if value > 0.35 else "white"
+                    column, row, mark, ha="center", va="center", fontsize=7, color=ON_LIGHT if value > 0.35 else ON_DARK
                 )
             ax.annotate(
                 f"{bits} bits, delay {delay}",

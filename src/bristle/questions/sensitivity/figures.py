@@ -14,7 +14,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from bristle.model.parameters import Kind, Lugre, ParameterName, unit
-from bristle.page.style import WIDTH, new_figure, styled, thinned, title
+from bristle.page.style import ON_DARK, ON_LIGHT, WIDTH, new_figure, styled, thinned, title
 from bristle.page.wording import axis, measured, number, pretty, printable, shortened, symbol
 from bristle.questions.sensitivity.local import Tornado
 from bristle.questions.sensitivity.sobol import Global, Indices, Output
@@ -138,7 +138,7 @@ def first_figure(study: SensitivityStudy) -> Figure:
     _cells(ax, first, cmap=ListedColormap(list(COLOUR.values())), vmin=-0.5, vmax=len(COLOUR) - 0.5)
     for (i, j), k in np.ndenumerate(first):
         name = Lugre._fields[k]
-        ink = "white" if name in _DARK else "black"
+        ink = ON_DARK if name in _DARK else ON_LIGHT
         ax.text(j, i + 0.13, symbol(name), ha="center", va="center", fontsize=9, color=ink)
         ax.text(j, i - 0.26, f"{study.map.shares[i, j, k]:.2f}", ha="center", va="center", fontsize=6.5, color=ink)
     _border(ax, study.map.claim)
@@ -291,7 +291,7 @@ def correlation_figure(study: SensitivityStudy, expected: Expected) -> Figure:
     ax.invert_yaxis()
     for i, j in np.ndindex(size, size):
         text = f"{shade[i, j]:.2f}".replace("-0.00", "0.00") if seen[i] and seen[j] else "×"
-        ink = "white" if abs(shade[i, j]) > 0.7 else "black"
+        ink = ON_DARK if abs(shade[i, j]) > 0.7 else ON_LIGHT
         ax.text(j, i, text.replace("-", "−"), ha="center", va="center", color=ink, fontsize=8.5 if size < 8 else 6.5)
     labels = [symbol(name).replace("gravity", "grav.") for name in info.names]
     ax.set_xticks(range(size), labels, rotation=90 if any(len(label) > 3 for label in labels) else 0)

@@ -1,0 +1,101 @@
+"""What the first screen of a report says: of each joint the values to use, whether to trust them, and why not."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from bristle.identification.fits import Estimate
+from bristle.identification.known_joint import Known, chosen
+from bristle.identification.results import Joint
+from bristle.identification.verdict import Trust, verdict
+from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName
+from bristle.page.page import Drawn
+from bristle.page.wording import FITS, MISSING, direction, in_symbols, measured, number, pretty, span
+
+_WORDS = {
+    Trust.USE: ("use", "use"),
+    Trust.CAUTION: ("use with caution", "caution"),
+    Trust.NO: ("do not use", "no"),
+}
+
+
+def answer(
+    joints: Sequence[Joint], slugs: Sequence[str], about: Mapping[str, str], curves: Mapping[str, Drawn]
+) -> dict[str, Any]:
+    """What the template names: columns (parameter, unit where all joints have one), and a row a joint with a line a direction.
+
+    Args:
+        joints: as the report has them.
+        slugs: one each.
+        about: what compensation is worth, by joint; none where it was not simulated.
+        curves: a small picture of each joint's curve, by joint.
+    """
+    known = {joint.name: {row.parameter: row for row in chosen(joint)} for joint in joints}
+    units = {
+        name: {pretty(row.estimate.unit) for rows in known.values() for p, row in rows.items() if p.name == name}
+        for name in Lugre._fields
+    }
+    shared = {name: next(iter(own)) for name, own in units.items() if len(own) == 1}
+    rows = [
+        {
+            "name": joint.name,
+            "slug": slug,
+            "simulated": joint.simulated,
+            "directions": _directions(known[joint.name], shared),
+            "held_out": _held_out(joint),
+            "about": about.get(joint.name),
+            "also": _also(known[joint.name]),
+            "curve": curves.get(joint.name),
+            **trusted(joint),
+        }
+        for joint, slug in zip(joints, slugs, strict=True)
+    ]
+    return {"columns": [(name, shared.get(name, "")) for name in Lugre._fields], "joints": rows}
+
+
+def trusted(joint: Joint) -> dict[str, Any]:
+    """Whether to trust a joint's values, in words and as a class of the style sheet, and the one reason why not."""
+    found = verdict(joint)
+    word, css = _WORDS[found.trust]
+    return {"trust": {"word": word, "css": css}, "reason": found.reason}
+
+
+def _directions(rows: Mapping[ParameterName, Known], shared: Mapping[str, str]) -> list[tuple[str, list[dict[str, str]]]]:
+    """A line a direction: the cells of the six parameters."""
+    found = [d for d in (*SIGNED, Direction.BOTH) if any(p.direction == d for p in rows if p.name in Lugre._fields)]
+    signed = [d for d in found if d in SIGNED] or found
+    return [
+        ("+/−" if d == Direction.BOTH else direction(d).strip("()"), [_cell(_of(rows, name, d), shared) for name in Lugre._fields])
+        for d in signed
+    ]
+
+
+def _of(rows: Mapping[ParameterName, Known], name: str, d: Direction) -> Known | None:
+    return next((rows[p] for way in (d, Direction.BOTH, Direction.SHARED) if (p := ParameterName(name, way)) in rows), None)
+
+
+def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
+    if row is None or row.estimate.value is None:
+        return {"value": MISSING, "unit": "", "ends": "", "source": ""}
+    e = row.estimate
+    unit = "" if shared.get(row.parameter.name) else pretty(e.unit)
+    return {"value": _value(e), "unit": unit, "ends": span(e.interval), "source": FITS.get(row.source, row.source)}
+
+
+def _value(e: Estimate) -> str:
+    return measured(e.value, float(np.hypot(e.standard_error or 0.0, e.systematic or 0.0)))
+
+
+def _held_out(joint: Joint) -> str:
+    """The relative error of what was held out: of the moving runs where they are the joint's fit, else by direction."""
+    if joint.moving is not None and joint.moving.hold_out:
+        return f"{number(joint.moving.hold_out[0].relative_error, 2)} %"
+    errors = {d: fit.hold_out[0].relative_error for d, fit in joint.static.items() if fit.hold_out and d != "shared"}
+    return ", ".join(f"{number(x, 2)} % {direction(d) if len(errors) > 1 else ''}".strip() for d, x in errors.items())
+
+
+def _also(rows: Mapping[ParameterName, Known]) -> str:
+    """What was identified beside friction, such as the inertia."""
+    told = [row for p, row in rows.items() if p.name not in Lugre._fields and row.estimate.value is not None]
+    return ", ".join(f"{in_symbols(str(row.parameter.name)).replace('_', ' ')} {_value(row.estimate)} {pretty(row.estimate.unit)}" for row in told)
