@@ -1,0 +1,104 @@
+"""Whether to use what was identified of a joint, decided by the kinds and severities of what is said about the values to use."""
+
+from collections.abc import Iterable, Iterator
+from enum import StrEnum
+from typing import NamedTuple
+
+from bristle.diagnostics import NOT_IDENTIFIABLE, REASONS, Diagnostic, Kind, Severity
+from bristle.identification.known_joint import Known, Source, chosen, moving_fits
+from bristle.identification.results import Joint
+
+
+class Trust(StrEnum):
+    """What to do with the values of a joint."""
+
+    USE = "use"
+    CAUTION = "use with caution"
+    DO_NOT_USE = "do not use"
+
+
+class Verdict(NamedTuple):
+    """Whether to use the values of a joint, and why not."""
+
+    trust: Trust
+    reason: Diagnostic | None
+    """The weightiest warning about them; None where there is none."""
+
+
+_WEIGHT = {Kind[name]: place for place, name in enumerate(" ".join(REASONS.values()).split())}
+"""Kind -> its place among the reasons, the critical ones first: the order in which warnings are named."""
+_REPEATED = {
+    Kind.UNSEEN, Kind.ONLY_SUM_SEEN, Kind.CONVERGED_AT_BOUND, Kind.STATIC_AT_BOUND, Kind.STATIC_AT_EDGE, Kind.STATIC_NO_STRIBECK,
+}  # fmt: skip  # a list of values
+"""Kinds about a whole fit that repeat what is said of a value or a direction, or the other way round."""
+
+
+def verdict(joint: Joint) -> Verdict:
+    """Whether to use the values that `chosen` names.
+
+    Not where anything critical is said about them, or none has a value; with caution where a caution is about one of
+    them, such as one that is not identifiable, or about a fit that they come from; else they can be used. Notes do not
+    count, and neither do warnings about a fit that none of them comes from.
+    """
+    found = value_warnings(joint)
+    if all(row.estimate.value is None for row in chosen(joint)):
+        ended = (fit.outcome for fit in (*joint.static.values(), *moving_fits(joint).values()))
+        why = _serious((*found, *joint.all_warnings(), *ended))
+        return Verdict(Trust.DO_NOT_USE, why[0] if why else None)
+    if not found:
+        return Verdict(Trust.USE, None)
+    critical = found[0].severity is Severity.CRITICAL
+    return Verdict(Trust.DO_NOT_USE if critical else Trust.CAUTION, found[0])
+
+
+def value_warnings(joint: Joint) -> tuple[Diagnostic, ...]:
+    """What is critical or calls for caution about the values that `chosen` names, each once, the weightiest first."""
+    return _serious(_about_values(joint))
+
+
+def other_warnings(joint: Joint) -> tuple[Diagnostic, ...]:
+    """The same about all else that was found: fits that no value comes from, and single segments."""
+    counted = value_warnings(joint)
+    return tuple(warning for warning in _serious(joint.all_warnings()) if warning not in counted)
+
+
+def _serious(warnings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    distinct = dict.fromkeys(x for x in warnings if x.severity is not Severity.NOTE)
+    return tuple(sorted(distinct, key=lambda x: _WEIGHT[x.kind]))
+
+
+def _about_values(joint: Joint) -> Iterator[Diagnostic]:
+    """About the joint as a whole, the fits that values come from, each value, and those that a motion does not show."""
+    rows = chosen(joint)
+    yield from joint.warnings
+    for part in dict.fromkeys(_fit_of(row) for row in rows if row.estimate.value is not None):
+        yield from (warning for warning in _about_fit(joint, *part) if warning.kind not in _REPEATED)
+    unseen = [row for row in rows if row.estimate.value is None and _kinds(row) & NOT_IDENTIFIABLE]
+    if unseen:
+        yield Kind.UNSEEN(names=tuple(str(row.parameter) for row in unseen))
+    for row in rows:
+        if row not in unseen:
+            yield from (warning for warning in row.estimate.warnings if warning.kind not in _REPEATED)
+
+
+def _kinds(row: Known) -> set[Kind]:
+    return {warning.kind for warning in row.estimate.warnings}
+
+
+def _fit_of(row: Known) -> tuple[Source, str]:
+    """Stage and direction of the fit that a value comes from; a fit of moving runs is of all directions."""
+    by_direction = row.source in {Source.STATIC, Source.PRESLIDING}
+    return row.source, str(row.parameter.direction) if by_direction else ""
+
+
+def _about_fit(joint: Joint, source: Source, direction: str) -> Iterator[Diagnostic]:
+    """How it ended, what is said of it as a whole, and whether a second route agrees."""
+    if source is Source.STATIC:
+        fit = joint.static[direction]
+        yield from (fit.outcome, *fit.warnings)
+        yield from (check.verdict for d, check in joint.crosscheck.items() if d == direction)
+    elif source is Source.PRESLIDING and joint.presliding is not None:
+        yield from (*joint.presliding.fits[direction].warnings, *joint.presliding.warnings)
+    elif (moving := moving_fits(joint).get(source)) is not None:
+        yield from (moving.outcome, *moving.warnings)
+        yield from () if moving.crosscheck is None else (moving.crosscheck.verdict,)

@@ -1,0 +1,81 @@
+"""Whether to use a joint's values: by the severity of what is said about them, and about the fits that they come from, alone."""
+
+from dataclasses import replace
+
+import pytest
+
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.results import Joint
+from bristle.identification.verdict import Trust, other_warnings, value_warnings, verdict
+from bristle.model.parameters import ParameterName
+
+from ..names import parse
+from ..simulation.joints import GRIPPER, joint, tracked, unseen, values_of
+
+CRITICAL = Kind.STAGES_DO_NOT_FIT(joint=9.0, alone=1.0)
+CAUTION = Kind.NOT_PASSIVE(direction="+", alpha_2=0.1, least=0.2)
+NOTE = Kind.CORRELATED(lag_one=0.5, widened=1.7)
+
+
+def whole(*warnings: Diagnostic) -> TrackingFit:
+    """A fit that knows every parameter, with warnings about it."""
+    return tracked(values_of(GRIPPER), warnings=warnings)
+
+
+def said(fit: TrackingFit, name: str, *warnings: Diagnostic) -> TrackingFit:
+    """The fit with warnings about one of its parameters."""
+    own = {parse(name): replace(fit.parameters[parse(name)], warnings=warnings)}
+    return replace(fit, parameters={**fit.parameters, **own})
+
+
+def static(*warnings: Diagnostic) -> StaticFit:
+    """A static fit of direction +, of which nothing is shown beside a moving fit that knows all."""
+    estimate = Estimate(value=1.0, unit="N*m")
+    return StaticFit(
+        direction="+", parameters={"alpha_0": estimate}, rms=None, relative_error=None, n=9, outcome=Kind.STATIC_CONVERGED(), warnings=warnings,
+    )  # fmt: skip  # a list of values
+
+
+@pytest.mark.parametrize(
+    ("own", "trust", "reason"),
+    [
+        pytest.param(joint(whole()), Trust.USE, None, id="nothing is said"),
+        pytest.param(joint(whole(NOTE)), Trust.USE, None, id="a note"),
+        pytest.param(joint(whole(CAUTION, NOTE)), Trust.CAUTION, CAUTION, id="a caution about the fit"),
+        pytest.param(joint(whole(), warnings=(CAUTION,)), Trust.CAUTION, CAUTION, id="a caution about the joint"),
+        pytest.param(joint(said(whole(), "v_s-", CAUTION)), Trust.CAUTION, CAUTION, id="a caution about a value"),
+        pytest.param(joint(whole(CAUTION, CRITICAL)), Trust.DO_NOT_USE, CRITICAL, id="something critical, behind a caution"),
+        pytest.param(joint(whole(), static={"+": static(CRITICAL)}), Trust.USE, None, id="a fit whose values are not shown"),
+        pytest.param(joint(whole(CRITICAL), joint_fit=whole()), Trust.USE, None, id="the moving runs alone, beside a joint fit"),
+        pytest.param(
+            joint(replace(whole(), outcome=Kind.OUT_OF_STEPS())), Trust.DO_NOT_USE, Kind.OUT_OF_STEPS(), id="how the fit ended",
+        ),
+    ],
+)  # fmt: skip  # a table
+def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trust, reason: Diagnostic | None) -> None:
+    """Critical: do not use; a caution: with caution; a note, or a warning about a fit that gives no value: use."""
+    assert verdict(own) == (trust, reason)
+    counted = (*value_warnings(own), *other_warnings(own))
+    assert len(counted) == len(set(counted))
+
+
+def test_values_that_are_not_identifiable_call_for_caution_and_are_named_once() -> None:
+    """What no stage shows is named in one warning; what another stage shows is not."""
+    fit = unseen(
+        whole(Kind.UNSEEN(names=("alpha_0+", "sigma_0+", "sigma_1+"))),
+        {"alpha_0+": 1.0, "sigma_0+": 1.0, "sigma_1+": 1.0},
+    )
+    for name in ("alpha_0+", "sigma_0+", "sigma_1+"):
+        fit = said(fit, name, Kind.AT_BOUND(), Kind.UNSEEN_FAR())
+    own = joint(fit, static={"+": static()})
+    assert verdict(own) == (Trust.CAUTION, Kind.UNSEEN(names=("sigma_0+", "sigma_1+")))
+    assert value_warnings(own) == (verdict(own).reason,)
+
+
+def test_a_joint_without_a_value_is_not_to_be_used() -> None:
+    """With the weightiest reason that there is, how its fit ended too; nothing known at all has none."""
+    nothing: dict[ParameterName, Estimate] = {n: replace(e, value=None) for n, e in whole().parameters.items()}
+    own = joint(replace(whole(), parameters=nothing, outcome=Kind.NOT_CONVERGED()))
+    assert verdict(replace(own, warnings=(CAUTION,))) == (Trust.DO_NOT_USE, Kind.NOT_CONVERGED())
+    assert verdict(replace(own, tracking=None)) == (Trust.DO_NOT_USE, None)
