@@ -2200,6 +2200,13 @@ class Kind(Enum):
             "{identified:.3g} {unit} ({percent:.2g} %)."
         ),
     )
+    ADAPTATION_WORSE = (
+        _CAUTION,
+        (
+            "Adaptation makes {joint} worse at {frequency:g} Hz: RMS error {identified:.3g} {unit} with the identified "
+            "model, {adaptive:.3g} {unit} adapted."
+        ),
+    )
     ADAPTED_TO = _NOTE, "{joint}, {law}: {name} from {initial:g} to {final:.3f} of its {reference} value."
     ABLATED = (
         _NOTE,
@@ -2332,7 +2339,7 @@ REASONS: Mapping[str, str] = {
         "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"
     ),
     "What was simulated shows a use of the model that does harm or fails.": (
-        "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES"
+        "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_WORSE ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES"
     ),
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (

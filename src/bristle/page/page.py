@@ -44,6 +44,7 @@ def figure_kind(path: Path) -> str:
 class Section(NamedTuple):
     """What one question puts into the report of another as a page of its own, and the files that go with it."""
 
+    file: str
     draw: Callable[[dict[str, bytes]], Mapping[str, Any]]
     """Draws its figures into files by relative path, and gives what its template names."""
     package: str
@@ -65,7 +66,7 @@ class Drawn(NamedTuple):
 
     def named_by(self, caption: str) -> Markup:
         """Its SVG, which the element of that id describes to a reader who does not see it."""
-        return Markup(self.svg.replace("<svg ", f'<svg aria-describedby="{caption}" ', 1))  # noqa: S704  # an id of the template's
+        return Markup(str(self.svg).replace("<svg ", f'<svg aria-describedby="{caption}" ', 1))  # noqa: S704  # an id of the template's
 
 
 @styled

@@ -157,7 +157,9 @@ def _slimmed(svg: bytes) -> bytes:
     """An SVG file with fonts that every system has, coordinates to a hundredth of a point, and no metadata."""
     text = svg.decode("utf-8").replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return _TAG.sub(lambda tag: _PLACES.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), tag[0]), text).encode("utf-8")
+    return _TAG.sub(
+        lambda tag: _PLACES.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), tag[0]), text
+    ).encode("utf-8")
 
 
 _TAG = re.compile(r"<[^>]*>")

@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
-from bristle.page.page import Section, element, html, tables_of, versions, write_page
+from bristle.page.page import Drawn, Section, element, tables_of, versions, write_page
 from bristle.page.style import styled
 from bristle.page.wording import in_print, number, pretty
 from bristle.questions.compensation import figures, tables
@@ -20,9 +19,6 @@ from bristle.questions.compensation.replay import Replay
 from bristle.questions.compensation.study import Study
 
 _PACKAGE = "bristle.questions.compensation"
-_CONTENTS = Markup(
-    '<li><a href="#compensation">Compensation of {} and the other joints: Figs 5 to 12, Table 2</a></li>'
-)
 _MOST_REPLAYS = 6
 """Replays drawn; the table has all."""
 
@@ -37,17 +33,39 @@ def write_adaptation(study: Study, folder: Path) -> Path:
 
 
 def section(study: Study) -> Section:
-    """The compensated joint as a section of the embedded report."""
-    files = tables_of(tables.all_tables(study))
-    text = html(_PACKAGE, "compensation.html", _compensation(study, files))
-    name = study.loops[0].name
-    return Section(Markup(text), _CONTENTS.format(name), files)  # noqa: S704  # rendered with autoescape
+    """The compensated joint as a page of the embedded report."""
+    return Section(
+        file="compensation.html",
+        draw=lambda files: {"simulated": study.loops[0].simulated, **_compensation(study, files)},
+        package=_PACKAGE,
+        template="adapt.html",
+        files=tables_of(tables.all_tables(study)),
+        about=dict(_worth_of_each(study)),
+        adverse=tuple(_adverse(study)),
+    )
+
+
+def _worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
+    """Per joint the RMS error of its slowest sine without and with the identified model."""
+    for row in reversed(study.errors):  # the first of a joint is its slowest, and stays
+        if not row.inertia:
+            without, fed, q = f"{1e3 * row.without:.3g}", f"{1e3 * row.identified:.3g}", _milli(study)
+            yield row.joint, f"Compensated (SIMULATED): RMS error {without} {q} without, {fed} {q} with"
+
+
+def _adverse(study: Study) -> Iterator[Diagnostic]:
+    """Where adaptation makes an error larger than the identified model alone leaves it."""
+    for row in study.errors:
+        if row.adaptive > row.identified and not row.inertia:
+            yield Kind.ADAPTATION_WORSE(
+                joint=row.joint, frequency=row.frequency, identified=1e3 * row.identified, adaptive=1e3 * row.adaptive, unit=_milli(study),
+            )  # fmt: skip  # a list of values
 
 
 @styled
 def _compensation(study: Study, files: dict[str, bytes]) -> dict[str, Any]:
     """What the template of the compensated joint names; its figures are drawn into the files."""
-    drawn: dict[str, Markup] = {}
+    drawn: dict[str, Drawn] = {}
     for kind, drawing in draw(study).items():
         figure = drawing(study)
         if figure is not None:

@@ -16,7 +16,7 @@ from bristle.page.wording import FITS, MISSING, direction, in_symbols, measured,
 _WORDS = {
     Trust.USE: ("use", "use"),
     Trust.CAUTION: ("use with caution", "caution"),
-    Trust.NO: ("do not use", "no"),
+    Trust.DO_NOT_USE: ("do not use", "no"),
 }
 
 
@@ -39,6 +39,7 @@ def answer(
     shared = {name: next(iter(own)) for name, own in units.items() if len(own) == 1}
     rows = [
         {
+            "source": _source(known[joint.name]),
             "name": joint.name,
             "slug": slug,
             "simulated": joint.simulated,
@@ -61,18 +62,33 @@ def trusted(joint: Joint) -> dict[str, Any]:
     return {"trust": {"word": word, "css": css}, "reason": found.reason}
 
 
-def _directions(rows: Mapping[ParameterName, Known], shared: Mapping[str, str]) -> list[tuple[str, list[dict[str, str]]]]:
+def _directions(
+    rows: Mapping[ParameterName, Known], shared: Mapping[str, str]
+) -> list[tuple[str, list[dict[str, str]]]]:
     """A line a direction: the cells of the six parameters."""
     found = [d for d in (*SIGNED, Direction.BOTH) if any(p.direction == d for p in rows if p.name in Lugre._fields)]
     signed = [d for d in found if d in SIGNED] or found
     return [
-        ("+/−" if d == Direction.BOTH else direction(d).strip("()"), [_cell(_of(rows, name, d), shared) for name in Lugre._fields])
+        (
+            "+/−" if d == Direction.BOTH else direction(d).strip("()"),
+            [_cell(_of(rows, name, d), shared) for name in Lugre._fields],
+        )
         for d in signed
     ]
 
 
+def _source(rows: Mapping[ParameterName, Known]) -> str:
+    """Where all values come from; empty where they come from several stages, and each cell says it."""
+    found = {
+        row.source for row in rows.values() if row.estimate.value is not None and row.parameter.name in Lugre._fields
+    }
+    return FITS.get(only, only) if len(found) == 1 and (only := found.pop()) else ""
+
+
 def _of(rows: Mapping[ParameterName, Known], name: str, d: Direction) -> Known | None:
-    return next((rows[p] for way in (d, Direction.BOTH, Direction.SHARED) if (p := ParameterName(name, way)) in rows), None)
+    return next(
+        (rows[p] for way in (d, Direction.BOTH, Direction.SHARED) if (p := ParameterName(name, way)) in rows), None
+    )
 
 
 def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
@@ -98,4 +114,7 @@ def _held_out(joint: Joint) -> str:
 def _also(rows: Mapping[ParameterName, Known]) -> str:
     """What was identified beside friction, such as the inertia."""
     told = [row for p, row in rows.items() if p.name not in Lugre._fields and row.estimate.value is not None]
-    return ", ".join(f"{in_symbols(str(row.parameter.name)).replace('_', ' ')} {_value(row.estimate)} {pretty(row.estimate.unit)}" for row in told)
+    return ", ".join(
+        f"{in_symbols(str(row.parameter.name)).replace('_', ' ')} {_value(row.estimate)} {pretty(row.estimate.unit)}"
+        for row in told
+    )

@@ -23,7 +23,9 @@ def captions(joint: Joint) -> dict[str, str]:
         "uncertainty": _uncertainty(joint),
         "comparison": _comparison(joint),
     }
-    return {name: f"{text[0].upper()}{text[1:]}." if text and name != "comparison" else text for name, text in found.items()}
+    return {
+        name: f"{text[0].upper()}{text[1:]}." if text and name != "comparison" else text for name, text in found.items()
+    }
 
 
 def _list(parts: Iterator[str]) -> str:
@@ -46,10 +48,11 @@ def _profile(joint: Joint) -> Iterator[str]:
 
 
 def _residuals(joint: Joint) -> Iterator[str]:
+    T = pretty(unit("torque", joint.kind))
     for d, fit in joint.static.items():
         if d != "shared" and fit.residuals.size:
-            rms = number(float(np.sqrt(np.mean(fit.residuals**2))), 2)
-            yield f"{direction(d)}: RMS residual {rms} {pretty(unit('torque', joint.kind))}, the largest {number(float(np.abs(fit.residuals).max()), 2)}"
+            rms, most = float(np.sqrt(np.mean(fit.residuals**2))), float(np.abs(fit.residuals).max())
+            yield f"{direction(d)}: RMS residual {number(rms, 2)} {T}, the largest {number(most, 2)}"
 
 
 def _presliding(joint: Joint) -> Iterator[str]:
@@ -76,9 +79,10 @@ def _tracking(joint: Joint) -> str:
 
 
 def _uncertainty(joint: Joint) -> str:
-    every = rows(joint)
+    every = list(rows(joint))
     apart = sum(any(w.kind is Kind.INTERVALS_DIFFER for w in x.three.warnings) for x in every)
-    return f"of {counted(len(every), 'parameter')} of this joint {apart or 'none'} {'has' if apart <= 1 else 'have'} bounds that differ by more than 1.5x"
+    of = f"of {counted(len(every), 'parameter')} of this joint {apart or 'none'}"
+    return f"{of} {'has' if apart <= 1 else 'have'} bounds that differ by more than 1.5x"
 
 
 def _comparison(joint: Joint) -> str:

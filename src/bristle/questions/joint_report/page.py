@@ -1,15 +1,15 @@
-"""The report as one self-contained HTML page with its results, figures and tables beside it."""
+"""The report as HTML pages, each whole by itself, with results, figures and tables beside them."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from bristle.identification.results import Joint, WrittenExperiment
 from bristle.page import wording
-from bristle.page.page import Section, element, encoded, tables_of, write_page
+from bristle.page.page import Drawn, Section, element, encoded, tables_of, write_pages
 from bristle.page.style import styled
 from bristle.progress import Progress
 from bristle.questions.joint_report import (
@@ -21,8 +21,10 @@ from bristle.questions.joint_report import (
     static_figures,
     tables,
 )
+from bristle.questions.joint_report.interval_tables import rows
 
 _DRAW: dict[str, Callable[[Joint], Figure | None]] = {
+    "small": lambda joint: static_figures.small_figure(joint) if joint.static else None,
     "curve": lambda joint: static_figures.curve_figure(joint) if joint.static else None,
     "profile": static_figures.profile_figure,
     "residuals": static_figures.residuals_figure,
@@ -31,6 +33,34 @@ _DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "tracking": dynamic_figures.course_figure,
     "tracking-velocity": dynamic_figures.velocity_figure,
 }
+
+
+class _Page(NamedTuple):
+    file: str
+    name: str
+    purpose: str
+    template: str = ""
+    wanted: Callable[[Joint], object] = lambda _: True
+    """Whether a joint has anything for it."""
+
+
+_PAGES = (
+    _Page("index.html", "Answer", "which values to use", "index.html"),
+    _Page("joints.html", "Joints", "per joint the parameters, the curve, the warnings, and what to measure next", "joints.html"),
+    _Page(
+        "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", "presliding_page.html",
+        lambda joint: joint.presliding,
+    ),
+    _Page("moving.html", "Moving runs", "all parameters at once", "moving_page.html", lambda joint: joint.tracking),
+    _Page("checks.html", "Cross-checks", "the same numbers by other routes, and other models", "checks.html"),
+    _Page("uncertainty.html", "Uncertainty", "each interval three ways", "uncertainty_page.html", rows),
+    _Page(
+        "compensation.html", "Compensation", "what the model is worth in a loop, and adaptation: the paper's Figs 2 and 5 to 12, Table 2", "",
+        lambda _: False,
+    ),
+    _Page("data.html", "Data", "files, segments and settings", "data.html"),
+    _Page("method.html", "Method", "equations, and what the paper leaves open", "method.html"),
+)  # fmt: skip  # a table
 
 
 def write_report(
@@ -44,7 +74,7 @@ def write_report(
     appended: Section | None = None,
     experiments: Sequence[WrittenExperiment] = (),
 ) -> Path:
-    """Write index.html, results.json, figures/ and tables/ into a folder; returns the path of index.html.
+    """Write index.html and its pages, results.json, figures/ and tables/ into a folder; returns the path of index.html.
 
     The same joints give the same bytes in every file but timings.json. Everything is written before anything is moved to its place; only what
     bristle made there before is replaced.
@@ -52,11 +82,11 @@ def write_report(
     Args:
         joints: at least one; names differ.
         folder: made where it does not exist.
-        title: of the page.
+        title: of the first page.
         seed: of whatever random numbers the results rest on; None where there are none.
         timings: seconds spent, by name, for timings.json; None: no such file.
         progress: called with what is being done, how many steps are done, and how many there are.
-        appended: what another question puts on the page, after the joints; None: nothing.
+        appended: the page of another question; None: there is none.
         experiments: files that the joints were identified from, as results.json in this folder names them.
 
     Raises:
@@ -75,31 +105,39 @@ def write_report(
         files["timings.json"] = encoded(json.dumps({k: round(v, 6) for k, v in timings.items()}, indent=1) + "\n")
     if progress:
         progress("writing the report", len(_DRAW) * len(joints) + 1, len(_DRAW) * len(joints) + 1)
-    context = sections.page(joints, title, seed, drawn) | {"appended": appended}
-    return write_page(folder, "bristle.questions.joint_report", "index.html", context, files)
+    menu = [x for x in _PAGES if any(map(x.wanted, joints)) or (appended and x.file == appended.file)]
+    context = sections.report(joints, title, seed, drawn, appended)
+    context |= {"pages": {x.file: x.name for x in menu}, "purposes": {x.file: x.purpose for x in menu}}
+    pages = {x.file: ("bristle.questions.joint_report", x.template, context | {"here": x.file}) for x in menu}
+    if appended:
+        pages[appended.file] = (
+            appended.package,
+            appended.template,
+            {**context, **appended.draw(files), "here": appended.file},
+        )
+    return write_pages(folder, pages, files)
 
 
 @styled
 def _figures(
     joints: Sequence[Joint], files: dict[str, bytes], progress: Progress | None
-) -> dict[str, dict[str, Markup]]:
+) -> dict[str, dict[str, Drawn]]:
     """Draw everything into `files`; returns the inline SVG by joint (`` for none) and figure."""
     slugs = wording.slugs([joint.name for joint in joints])
-    drawn: dict[str, dict[str, Markup]] = {"": {}}
+    drawn: dict[str, dict[str, Drawn]] = {
+        "": {"stribeck": element(static_figures.stribeck_figure(), "fig1-stribeck", "the steady-state curve", files)}
+    }
     total, done = len(_DRAW) * len(joints) + 1, 0
-    for joint, slug in [(None, "fig1"), *zip(joints, slugs, strict=True)]:
-        own = drawn.setdefault(joint.name if joint else "", {})
-        for kind in _DRAW if joint else ("stribeck",):
+    for joint, slug in zip(joints, slugs, strict=True):
+        own = drawn.setdefault(joint.name, {})
+        for kind, draw in _DRAW.items():
             if progress:
-                progress(f"drawing {kind} {joint.name if joint else ''}".rstrip(), done, total)
+                progress(f"drawing {kind} {joint.name}", done, total)
             done += 1
-            figure = _DRAW[kind](joint) if joint else static_figures.stribeck_figure()
-            if figure is None:
-                continue
-            label = f"{kind.replace('-', ' over ')} of {joint.name}" if joint else "the steady-state curve"
-            own[kind] = element(figure, f"{slug}-{kind}", label, files)
-        for kind, draw in interval_figures.figures(joint).items() if joint else ():
-            own[f"uncertainty-{kind}"] = element(
-                draw(), f"{slug}-uncertainty-{kind}", f"intervals of {joint.name}, {kind}" if joint else "", files
-            )
+            figure = draw(joint)
+            if figure is not None:
+                own[kind] = element(figure, f"{slug}-{kind}", f"{kind.replace('-', ' over ')} of {joint.name}", files)
+        for kind, draw_intervals in interval_figures.figures(joint).items():
+            name = f"uncertainty-{kind}"
+            own[name] = element(draw_intervals(), f"{slug}-{name}", f"intervals of {joint.name}, {kind}", files)
     return drawn

@@ -1,19 +1,19 @@
-"""What each section of the page shows: one function per section, results -> the values that its template names."""
+"""What each section of the pages shows: one function per section, results -> the values that its template names."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
-from markupsafe import Markup
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import band
+from bristle.identification.static.curve import band, curve
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
-from bristle.page.page import versions
+from bristle.page.page import Drawn, Section, versions
 from bristle.page.style import MOST_POINTS
-from bristle.page.wording import direction, in_print, number, pretty, slugs, span
+from bristle.page.wording import direction, in_print, number, pretty, slugs
 from bristle.questions.joint_report import (
     dynamic_section,
     interval_tables,
@@ -21,44 +21,57 @@ from bristle.questions.joint_report import (
     static_figures,
     tables,
 )
+from bristle.questions.joint_report.answer import answer, trusted
+from bristle.questions.joint_report.captions import captions
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.overview import overview, untold
-from bristle.questions.joint_report.sentences import agreement, critical, distinct, pair
+from bristle.questions.joint_report.sentences import agreement, critical
 
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
 
 
-def page(
-    joints: Sequence[Joint], title: str, seed: int | None, drawn: Mapping[str, Mapping[str, Markup]]
+def report(
+    joints: Sequence[Joint],
+    title: str,
+    seed: int | None,
+    drawn: Mapping[str, Mapping[str, Drawn]],
+    appended: Section | None,
 ) -> dict[str, Any]:
-    """Everything that the page's template names."""
+    """Everything that the templates of the report's pages name."""
+    names = slugs([joint.name for joint in joints])
+    small = {joint.name: drawn[joint.name]["small"] for joint in joints if "small" in drawn[joint.name]}
     return {
         "title": title,
-        "overview": _overview(joints) if len(joints) > 1 else None,
-        "untold": [in_print(name) for name in untold(joints)],
+        "answer": answer(joints, names, appended.about if appended else {}, small),
+        "critical": [(joint.name, *found) for joint in joints for found in _critical(joint)],
+        "adverse": appended.adverse if appended else (),
         "linked": any(joint.link_inertia is not None for joint in joints),
         "simulated": any(joint.simulated for joint in joints),
-        "presliding": any(joint.presliding is not None for joint in joints),
-        "tracking": any(joint.tracking is not None for joint in joints),
         "all_simulated": all(joint.simulated for joint in joints),
         "joints": [
-            _joint(joint, slug, drawn[joint.name])
-            for joint, slug in zip(joints, slugs([j.name for j in joints]), strict=True)
+            _joint(joint, slug, drawn[joint.name]) | {"first": k == 0}
+            for k, (joint, slug) in enumerate(zip(joints, names, strict=True))
         ],
         "stribeck": drawn[""]["stribeck"],
-        "fig_1": {"p": static_figures.FIG_1, "v_s": static_figures.FIG_1_V_S},
+        "fig_1": _fig_1(),
         **versions(seed),
     }
 
 
-def _overview(joints: Sequence[Joint]) -> Table:
-    """The table of all joints, with parameters as the paper writes them."""
-    frame = overview(joints)
-    names = [in_print(name) for name in frame.columns]
-    return Table(columns=tuple(names), rows=tuple(map(tuple, frame.to_numpy(dtype=object).tolist())))
+def _fig_1() -> dict[str, Any]:
+    """What Fig. 1 shows: friction at rest, and the lowest with its speed, of the middle curve."""
+    p = static_figures.FIG_1
+    v = np.linspace(1e-3, 0.5, 500)
+    T = curve(v, p.stribeck)
+    k = int(np.argmin(T))
+    return {
+        "p": p,
+        "v_s": static_figures.FIG_1_V_S,
+        "rest": number(p.alpha_0 + p.alpha_1, 3),
+        "least": (number(float(T[k]), 3), number(float(v[k]), 2)),
+    }
 
 
-def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, Any]:
+def _joint(joint: Joint, slug: str, drawn: Mapping[str, Drawn]) -> dict[str, Any]:
     return {
         "joint": joint,
         "slug": slug,
@@ -77,6 +90,8 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
         "complete": _complete(joint),
         "shared": _shared(joint),
         "warnings": _warnings(joint),
+        "captions": captions(joint),
+        **trusted(joint),
         "next": [(_about(x), x) for x in next_measurements(joint)],
         "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > MOST_POINTS,
         "most_points": MOST_POINTS,
@@ -85,24 +100,24 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Markup]) -> dict[str, An
 
 
 def _summary(joint: Joint) -> dict[str, Any]:
-    """The verdict: per direction the outcome and the static parameters; for simulated data how many intervals hold the truth."""
+    """How each fit ended; for simulated data how many intervals hold the truth."""
     fits = [
         {
             "direction": d,
             "outcome": str(fit.outcome),
             "n": f"{fit.n} points",
             "relative_error": fit.relative_error,
-            "warnings": len(distinct(fit.all_warnings())),
-            "estimates": [(name, pair(e), pretty(e.unit), span(e.interval)) for name, e in fit.parameters.items()],
         }
         for d, fit in joint.static.items()
     ]
     fits += [*presliding_section.presliding_summary(joint), *dynamic_section.dynamic_summary(joint)]
-    verdicts = [(d, c.verdict) for d, c in joint.crosscheck.items()]
     agreed = agreement(joint)
     return {
-        "fits": fits, "critical": _critical(joint), "covered": _covered(joint), "verdicts": verdicts, "agreement": in_print(agreed) if agreed else "",
-    }  # fmt: skip  # a list of values
+        "fits": fits,
+        "critical": _critical(joint),
+        "covered": _covered(joint),
+        "agreement": in_print(agreed) if agreed else "",
+    }
 
 
 def _critical(joint: Joint) -> list[tuple[str, Diagnostic]]:
@@ -132,9 +147,12 @@ def _segments(joint: Joint) -> dict[str, Any]:
     units = {name: f"{name} ({pretty(unit(name, joint.kind))})" for name in ("velocity", "torque")}
     units["standard_error"] = f"its standard error ({pretty(unit('torque', joint.kind))})"
     frame = tables.segments([joint]).rename(columns=units)
+    passing = np.array([any(reason.kind is Kind.TRANSIENT for reason in x.reasons) for x in joint.segments], dtype=bool)
     kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip", "start", "stop"])
-    rejected = frame[~frame["accepted"]][["file", "where", units["velocity"], units["torque"], "reasons"]]
-    return {"kept": shown(kept), "rejected": shown(rejected), "sticking": int(frame["stick_slip"].sum())}
+    rejected = frame[~frame["accepted"] & ~passing][["file", "where", units["velocity"], units["torque"], "reasons"]]
+    return {
+        "kept": shown(kept), "rejected": shown(rejected), "sticking": int(frame["stick_slip"].sum()), "passing": int(passing.sum()),
+    }  # fmt: skip  # a list of values
 
 
 def _parameters(joint: Joint) -> Table:
@@ -194,12 +212,17 @@ def _models(joint: Joint) -> list[dict[str, Any]]:
     return found
 
 
-def _warnings(joint: Joint) -> list[tuple[str, Diagnostic]]:
-    """Each warning once, with what it is about."""
+def _warnings(joint: Joint) -> list[tuple[str, list[tuple[str, Diagnostic]]]]:
+    """Cautions, then notes: each warning once, with what it is about. What is critical stands first on the page."""
     found: dict[str, tuple[Diagnostic, list[str]]] = {}
     for warning in joint.all_warnings():
         found.setdefault(str(warning), (warning, []))[1].append(_about(warning))
-    return [(", ".join(dict.fromkeys(where)), warning) for warning, where in found.values()]
+    every = [(", ".join(filter(None, dict.fromkeys(where))), warning) for warning, where in found.values()]
+    grouped = [
+        (str(severity), [x for x in every if x[1].severity is severity])
+        for severity in (Severity.CAUTION, Severity.NOTE)
+    ]
+    return [(severity, own) for severity, own in grouped if own]
 
 
 def _about(x: Diagnostic) -> str:

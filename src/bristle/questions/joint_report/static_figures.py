@@ -70,6 +70,23 @@ def curve_figure(joint: Joint) -> Figure:
     return figure
 
 
+@styled
+def small_figure(joint: Joint) -> Figure:
+    """The same in little, without scales: points and curve."""
+    figure = Figure(figsize=(1.9, 0.95))
+    ax = figure.add_axes((0.02, 0.04, 0.96, 0.92))
+    _frame(ax, joint)
+    for d, fit in _directions(joint):
+        look, k = DIRECTION[d], thinned(fit.velocity.size, 60)
+        ax.plot(fit.velocity[k], fit.torque[k], look.marker, color=look.colour, markersize=2.2)
+        for sign in _signs(fit):
+            _curve(ax, fit, look, sign, magnitude=False)
+    ax.axhline(0, color="#666666", linewidth=0.5)
+    ax.axvline(0, color="#666666", linewidth=0.5)
+    ax.set_axis_off()
+    return figure
+
+
 def _directions(joint: Joint) -> Iterator[tuple[str, StaticFit]]:
     return ((d, fit) for d, fit in joint.static.items() if d in DIRECTION)
 
