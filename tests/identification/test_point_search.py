@@ -99,13 +99,14 @@ def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     path = experiment(tmp_path / "a", SPEEDS, T, "fit: {stray: drop}\n")
     bare = experiment(tmp_path / "b", np.delete(SPEEDS, 6), np.delete(T, 6))
-    dropped, without = (bristle.identify(x).joints[0] for x in (path, bare))
+    found = [bristle.identify(x) for x in (path, bare)]
+    dropped, without = (x.joints[0] for x in found)
     for name, e in without.static["+"].parameters.items():
         assert dropped.static["+"].parameters[name].value == e.value
         assert dropped.static["+"].parameters[name].interval == e.interval
     assert dropped.crosscheck["+"].parameters == without.crosscheck["+"].parameters
     assert [m.rows for m in dropped.models] == [m.rows for m in without.models]
-    plans = [bristle.plan(x, velocities=4).velocities[0].problem.noise for x in (path, bare)]
+    plans = [bristle.plan(x, velocities=4).velocities[0].problem.noise for x in found]
     assert plans[0] == plans[1]
     (warning,) = of(ABOUT, dropped.static["+"])
     assert warning.kind is Kind.STRAYS_LEFT_OUT
@@ -122,10 +123,11 @@ def test_hubers_loss_reaches_every_later_step(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     path = experiment(tmp_path / "a", SPEEDS, T, "fit: {loss: huber}\n")
-    robust = bristle.identify(path).joints[0]
+    found = [bristle.identify(path)]
+    robust = found[0].joints[0]
     fit = robust.static["+"]
-    given = experiment(tmp_path / "b", fit.velocity, fit.torque - fit.pulled)
-    other = bristle.identify(given).joints[0]
+    found.append(bristle.identify(experiment(tmp_path / "b", fit.velocity, fit.torque - fit.pulled)))
+    other = found[1].joints[0]
     for name, e in other.static["+"].parameters.items():
         assert fit.parameters[name].value == pytest.approx(e.value, rel=1e-6)
         assert fit.parameters[name].interval == pytest.approx(e.interval, rel=1e-4)
@@ -136,7 +138,7 @@ def test_hubers_loss_reaches_every_later_step(tmp_path: Path) -> None:
     for a, b in zip(robust.models[0].rows, other.models[0].rows, strict=True):
         assert (a.model, a.recommended) == (b.model, b.recommended)
         assert a.rms == pytest.approx(b.rms, rel=1e-5)
-    known = [bristle.plan(x, velocities=4).velocities[0].problem.prior_information for x in (path, given)]
+    known = [bristle.plan(x, velocities=4).velocities[0].problem.prior_information for x in found]
     assert known[0] == pytest.approx(known[1], rel=1e-4)
     assert fit.torque == pytest.approx(T)
     assert fit.rms == pytest.approx(np.sqrt(np.mean((T - (fit.torque - fit.residuals)) ** 2)))
