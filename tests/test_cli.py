@@ -32,6 +32,7 @@ from bristle.questions.compensation import ablation, paper_experiments, paramete
 from bristle.simulation.edro import TABLE_1
 
 from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
+from .pages import page_text, report_text
 
 DOCS = Path(__file__).parents[1] / "docs"
 HOSTILE = '<script>alert("1")</script> ../../&x'
@@ -445,13 +446,13 @@ def test_one_direction_is_a_warning(hostile: tuple[Path, Ran]) -> None:
     assert list(joint["static"]) == ["+"]
     (warning,) = (x["text"] for x in joint["warnings"])
     assert "Direction - is not identified" in warning
-    assert warning in html.unescape((folder / "out" / "index.html").read_text(encoding="utf-8"))
+    assert warning in html.unescape(report_text(folder / "out"))
 
 
 def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
     """A name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name."""
     folder, ran = hostile
-    text = (folder / "out" / "index.html").read_text(encoding="utf-8")
+    text = report_text(folder / "out")
     page = Page(text)
     assert ran.code == 0
     assert "<script" not in text.lower()
@@ -529,8 +530,7 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
     assert "data.csv, partial law, initialised at the identified model: It changes nothing here" in ran.out
-    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    shown = Page(page)
+    shown = Page(page_text(tmp_path / "out" / "index.html"))
     assert not shown.elements & {"script", "link", "iframe"}
     for words in ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:"):
         assert words in shown.text

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
 
+from ..pages import page_text
 from .inputs import Case
 from .server import BYTES, SECONDS
 
@@ -100,8 +101,8 @@ def _hold(case: Case, folder: Path, answer: Mapping[str, float]) -> None:
         "-o" in case.arguments and case.arguments[0] != "validate"
     ):  # which makes no page where there is nothing to simulate
         assert made == {case.arguments[case.arguments.index("-o") + 1]}, made
-    if (folder / "out" / "index.html").exists():
-        _page_holds((folder / "out" / "index.html").read_text(encoding="utf-8"))
+    for path in (folder / "out").glob("*.html"):
+        _page_holds(page_text(path))
 
 
 class _Ids(HTMLParser):

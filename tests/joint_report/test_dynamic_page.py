@@ -12,6 +12,7 @@ from bristle.identification.results import Joint
 from bristle.questions.joint_report import page, sections
 from bristle.questions.joint_report.next_measurements import next_measurements
 
+from ..pages import page_text, report_text
 from ..sameness import of_kind
 from .conftest import HOSTILE
 from .moving import CORRELATED, DIFFER, IPOPT, NOT_SHOWN, UNSEEN, moving, tracked
@@ -24,32 +25,32 @@ def moved() -> Joint:
 
 
 def written(joint: Joint, folder: Path) -> str:
-    """The page of a report of one joint."""
-    return page.write_report([joint], folder, title="t", seed=0).read_text(encoding="utf-8")
+    """The pages of a report of one joint."""
+    page.write_report([joint], folder, title="t", seed=0)
+    return report_text(folder)
 
 
 def part(joint: Joint) -> dict[str, Any]:
     """What the page shows of the joint, without its figures."""
     drawn: Any = {"": {"stribeck": ""}, joint.name: {}}
-    found: dict[str, Any] = sections.page([joint], "t", 0, drawn)["joints"][0]
+    found: dict[str, Any] = sections.report([joint], "t", 0, drawn, None)["joints"][0]
     return found
 
 
 def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path) -> None:
-    """The section has each fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts, captions and a link."""
+    """The pages have each fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts and captions."""
     text = written(moved, tmp_path / "out")
     section = text[text.index('<section id="gripper-rotation--tracking">') :]
     section = section[: section.index("</section>")]
     for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "Initialised at the other stages",
-                  "1701 samples,\n2 segments",
-                  "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", str(IPOPT), str(DIFFER), str(NOT_SHOWN),
-                  "from 4.75 to 7.75 s", "segment 2 of 2", "thinned to 400 points"):  # fmt: skip  # words
+                  "1701 samples,\n2 segments", "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", str(IPOPT),
+                  "thinned to 400 points"):  # fmt: skip  # words
         assert words in section
+    for words in (str(DIFFER), str(NOT_SHOWN), "from 4.75 to 7.75 s", "segment 2 of 2", "parametric\nbootstrap"):
+        assert words in text
     assert "0.0001 N·m/rad" not in section
-    captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
-    assert [caption.startswith("<strong>SIMULATED") for caption in captions] == [True, True]
-    assert 'href="#gripper-rotation--tracking"' in text
-    assert "parametric\nbootstrap" in text
+    captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", section, flags=re.DOTALL)
+    assert ["<strong>SIMULATED" in caption for caption in captions] == [True]
     assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
 
 
@@ -72,14 +73,12 @@ def test_a_joint_without_moving_runs_has_no_section(slow: Joint, tmp_path: Path)
 
 
 def test_warnings_are_listed_and_counted(moved: Joint) -> None:
-    """Warnings of the fit, of a parameter, and stages that differ stand in the list with what they are about; the verdict counts those of the fit."""
+    """Warnings of the fit, of a parameter, and stages that differ stand in the list with what they are about."""
     shown = part(moved.with_subjects())
-    listed = {str(warning): where for where, warning in shown["warnings"]}
+    listed = {str(warning): where for _, own in shown["warnings"] for where, warning in own}
     assert listed[str(CORRELATED)] == "moving runs"
     assert listed[str(UNSEEN)] == "moving runs alpha_1-"
     assert listed[str(DIFFER)] == "static stage and moving runs alpha_0-"
-    counts = {fit["direction"]: (fit["warnings"], len(fit["estimates"])) for fit in shown["summary"]["fits"][-2:]}
-    assert counts == {"moving runs": (2, 0), "joint fit": (0, 13)}
 
 
 def test_moving_runs_alone_make_a_report(moved: Joint, tmp_path: Path) -> None:
@@ -109,11 +108,12 @@ def test_two_writes_give_the_same_bytes_and_names_stay_text(tmp_path: Path) -> N
         {p.relative_to(tmp_path / n): p.read_bytes() for p in (tmp_path / n).rglob("*") if p.is_file()} for n in "ab"
     ]
     assert trees[0] == trees[1]
-    text = trees[0][Path("index.html")].decode()
+    text = report_text(tmp_path / "a")
     assert "<script" not in text
     assert text.count("&lt;script&gt;") > 10
-    ids = re.findall(r'\sid="([^"]+)"', text)
-    assert len(ids) == len(set(ids))
+    for path in (tmp_path / "a").glob("*.html"):
+        ids = re.findall(r'\sid="([^"]+)"', page_text(path))
+        assert len(ids) == len(set(ids))
 
 
 def test_a_fit_that_predicts_the_position_says_so(moved: Joint, tmp_path: Path) -> None:

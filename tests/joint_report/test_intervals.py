@@ -23,6 +23,7 @@ from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
 from bristle.questions.joint_report.text import fit_report
 
+from ..pages import report_text
 from .conftest import TABLE_1
 
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
@@ -111,7 +112,7 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)
     page.write_report([joint], tmp_path, title="t", seed=0)
-    html = next(tmp_path.glob("*.html")).read_text(encoding="utf-8")
+    html = (tmp_path / "uncertainty.html").read_text(encoding="utf-8")
     (part,) = re.findall(r'<section id="[^"]*-uncertainty">.*?</section>', html, re.DOTALL)
     text = re.sub(r"<svg.*?</svg>|<img[^>]*>", "", part, flags=re.DOTALL)
     assert not re.search(r"\bnan\b|\bNone\b|\bNaN\b", text)
@@ -180,7 +181,8 @@ def test_the_scatter_of_runs_stands_in_text_table_and_page(good: Joint, tmp_path
     frame = interval_tables.repeats([joint])
     assert list(frame["file"]) == list(by_run)
     assert frame[["value", "before", "after", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 1.0, 2.34]
-    text = page.write_report([joint], tmp_path / "out", title="t", seed=0).read_text(encoding="utf-8")
+    page.write_report([joint], tmp_path / "out", title="t", seed=0)
+    text = report_text(tmp_path / "out")
     assert "Each run fitted apart" in text
     assert "2.34" in text
     (document,) = json.loads(results_file.to_json([joint]))["joints"].values()

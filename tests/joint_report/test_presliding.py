@@ -18,6 +18,7 @@ from bristle.questions.joint_report import page, results_file, sections, sentenc
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.text import fit_report
 
+from ..pages import report_text
 from ..sameness import of_kind
 from .conftest import (
     FEW,
@@ -46,7 +47,8 @@ def read(joint: Joint) -> dict[str, Any]:
 
 def written(joint: Joint, folder: Path) -> str:
     """The page of a report of one joint."""
-    return page.write_report([joint], folder, title="t", seed=0).read_text(encoding="utf-8")
+    page.write_report([joint], folder, title="t", seed=0)
+    return report_text(folder)
 
 
 # results.json
@@ -176,32 +178,29 @@ def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path:
                   "is an outlier", "differ because the loop is wide",
                   "loss per cycle (J)", "1 more are in the table"):  # fmt: skip  # words
         assert words in section
-    captions = re.findall(r"<figcaption>(.*?)</figcaption>", section, flags=re.DOTALL)
-    assert [caption.startswith("<strong>SIMULATED") for caption in captions] == [True, True]
-    assert 'href="#gripper-rotation--presliding"' in text
+    captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", section, flags=re.DOTALL)
+    assert ["<strong>SIMULATED" in caption for caption in captions] == [True, True]
 
 
 def test_a_joint_without_presliding_runs_has_no_section(joint: Joint, tmp_path: Path) -> None:
     """No section, no link to it, no figure; the first lines speak of static parameters only."""
     text = written(joint, tmp_path / "out")
     assert "-presliding" not in text
-    assert "static parameters" in text
     assert {p.name for p in (tmp_path / "out" / "figures").glob("*.svg")} == {
         "fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
+        "gripper-rotation-small.svg",
     }  # fmt: skip  # a list of names
 
 
 def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
-    """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about; the verdict counts them."""
+    """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about."""
     slow = slow.with_subjects()
-    part = sections.page([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}})["joints"][0]  # type: ignore[dict-item] # no drawing here
-    listed = {str(warning): where for where, warning in part["warnings"]}
+    part = sections.report([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}}, None)["joints"][0]  # type: ignore[dict-item] # no drawing here
+    listed = {str(warning): where for _, own in part["warnings"] for where, warning in own}
     assert listed[str(FEW)] == "presliding (+)"
     assert listed[str(outlier("slow_2.csv"))] == "presliding"
     assert listed[str(PRIOR)] == "presliding (+) sigma_1, presliding (−) sigma_1"
     assert "presliding (+) sigma_0 printed" in listed[str(UNKNOWN_REST)]
-    counts = {fit["direction"]: fit["warnings"] for fit in part["summary"]["fits"]}
-    assert counts == {"+": 1, "-": 0, "presliding (+)": 3, "presliding (−)": 2}
 
 
 def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:
@@ -209,7 +208,7 @@ def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> Non
     alone = replace(only(slow, fits={"+": nothing_seen()}), static={}, crosscheck={}, segments=())
     text = written(alone, tmp_path / "out")
     assert in_print(Kind.SIGMA_0_AT_LEAST(least=12.5, unit="N*m/rad")) in text
-    assert "Cross-check" not in text
+    assert "Full nonlinear fit" not in text
     assert not list((tmp_path / "out" / "figures").glob("*-curve.svg"))
     assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
     assert "no run at constant velocity was given" in text
@@ -221,5 +220,5 @@ def test_nothing_but_a_warning_still_makes_a_section(slow: Joint, tmp_path: Path
     missing = Kind.OPEN_CYCLES(open=1, cycles=1, most=0.3)
     empty = Presliding(fits={}, breakaway={}, warnings=(missing,))
     text = written(replace(slow, presliding=empty), tmp_path / "out")
-    assert text.count(str(missing)) == 3
-    assert "Breakaway</h3>" not in text
+    assert text.count(str(missing)) == 2
+    assert "Each breakaway" not in text

@@ -1,8 +1,11 @@
 """One way to a page: a template with its context, figures and tables becomes index.html and the files beside it, written whole or not at all."""
 
+import hashlib
 import platform
+from base64 import b64encode
 from collections.abc import Callable, Mapping
-from importlib import metadata
+from functools import cache
+from importlib import metadata, resources
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -151,7 +154,18 @@ def html(package: str, template: str, context: Mapping[str, Any], number: Callab
         "warned": warned, "flagged": flagged, "entries": entries_linked,
     }  # fmt: skip  # a table of names
     environment.globals["next_figure"] = number or count(1).__next__
+    environment.globals |= _script()
     return environment.get_template(template).render(context)
+
+
+@cache
+def _script() -> dict[str, object]:
+    """The one script of a page, and its hash, by which a browser runs it and no other."""
+    text = (
+        "\n" + (resources.files("bristle.page") / "templates" / "tables.js").read_text(encoding="utf-8").rstrip() + "\n"
+    )
+    digest = b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+    return {"script": Markup(text), "script_hash": f"sha256-{digest}"}  # noqa: S704  # a file of ours
 
 
 def symbol_html(name: str) -> Markup:

@@ -19,6 +19,7 @@ from bristle.questions.compensation.replay import Replay
 from bristle.questions.compensation.study import Study
 
 _PACKAGE = "bristle.questions.compensation"
+_WORSE = 1.1
 _MOST_REPLAYS = 6
 """Replays drawn; the table has all."""
 
@@ -54,9 +55,9 @@ def _worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def _adverse(study: Study) -> Iterator[Diagnostic]:
-    """Where adaptation makes an error larger than the identified model alone leaves it."""
+    """Where adaptation leaves a larger error than the identified model alone does, by a tenth or more."""
     for row in study.errors:
-        if row.adaptive > row.identified and not row.inertia:
+        if row.adaptive > _WORSE * row.identified and not row.inertia:
             yield Kind.ADAPTATION_WORSE(
                 joint=row.joint, frequency=row.frequency, identified=1e3 * row.identified, adaptive=1e3 * row.adaptive, unit=_milli(study),
             )  # fmt: skip  # a list of values

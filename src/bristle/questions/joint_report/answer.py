@@ -11,7 +11,7 @@ from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName
 from bristle.page.page import Drawn
-from bristle.page.wording import FITS, MISSING, direction, in_symbols, measured, number, pretty, span
+from bristle.page.wording import FITS, MISSING, direction, in_symbols, measured, number, pretty, span, symbol
 
 _WORDS = {
     Trust.USE: ("use", "use"),
@@ -52,7 +52,9 @@ def answer(
         }
         for joint, slug in zip(joints, slugs, strict=True)
     ]
-    return {"columns": [(name, shared.get(name, "")) for name in Lugre._fields], "joints": rows}
+    columns = [(name, shared.get(name, "")) for name in Lugre._fields]
+    labels = [f"{symbol(name)} ({unit})" if unit else symbol(name) for name, unit in columns]
+    return {"columns": columns, "labels": labels, "joints": rows}
 
 
 def trusted(joint: Joint) -> dict[str, Any]:

@@ -10,22 +10,17 @@ from bristle.page.columns import Table, shown
 from bristle.page.wording import FITS, MISSING, measured, number, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.dynamic_figures import MOST, SPAN, window
-from bristle.questions.joint_report.sentences import bias_text, biased, distinct, pair, reached
+from bristle.questions.joint_report.sentences import bias_text, biased, pair, reached
 
 
 def dynamic_summary(joint: Joint) -> list[dict[str, Any]]:
-    """As for a static fit: per fit its outcome and how many warnings there are; the estimates of the better one alone."""
+    """As for a static fit: per fit its outcome."""
     return [
         {
             "direction": FITS[kind],
             "outcome": fit.outcome,
             "n": f"{fit.n} equations",
             "relative_error": fit.relative_error,
-            "warnings": len(distinct(fit.all_warnings())),
-            "estimates": [
-                (name, pair(e), pretty(e.unit), span(e.interval))
-                for name, e in (fit.parameters if fit is joint.moving else {}).items()
-            ],
         }
         for kind, fit in moving_fits(joint).items()
     ]

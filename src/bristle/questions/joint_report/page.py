@@ -104,7 +104,7 @@ def write_report(
     if timings is not None:
         files["timings.json"] = encoded(json.dumps({k: round(v, 6) for k, v in timings.items()}, indent=1) + "\n")
     if progress:
-        progress("writing the report", len(_DRAW) * len(joints) + 1, len(_DRAW) * len(joints) + 1)
+        progress("writing the report", len(_DRAW) * len(joints), len(_DRAW) * len(joints))
     menu = [x for x in _PAGES if any(map(x.wanted, joints)) or (appended and x.file == appended.file)]
     context = sections.report(joints, title, seed, drawn, appended)
     context |= {"pages": {x.file: x.name for x in menu}, "purposes": {x.file: x.purpose for x in menu}}
@@ -127,7 +127,7 @@ def _figures(
     drawn: dict[str, dict[str, Drawn]] = {
         "": {"stribeck": element(static_figures.stribeck_figure(), "fig1-stribeck", "the steady-state curve", files)}
     }
-    total, done = len(_DRAW) * len(joints) + 1, 0
+    total, done = len(_DRAW) * len(joints), 0
     for joint, slug in zip(joints, slugs, strict=True):
         own = drawn.setdefault(joint.name, {})
         for kind, draw in _DRAW.items():

@@ -10,28 +10,20 @@ from bristle.identification.fits import PreslidingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import shown
-from bristle.page.wording import WORK, direction, in_print, pretty, span
+from bristle.page.wording import WORK, direction, in_print, pretty
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
-from bristle.questions.joint_report.sentences import bias, choice, distinct, level, median_breakaway, pair
+from bristle.questions.joint_report.sentences import bias, choice, level, median_breakaway, pair
 
 
 def presliding_summary(joint: Joint) -> list[dict[str, Any]]:
-    """As for a static fit: per direction which sigma_0 to use, the estimates, and how many warnings there are."""
+    """As for a static fit: per direction which sigma_0 to use."""
     slow = joint.presliding
     return [
         {
             "direction": f"presliding {direction(d)}",
             "outcome": in_print(choice(fit)),
             "relative_error": None,
-            "warnings": len(distinct(slow.warnings_of(d))),
-            "estimates": [
-                (name, pair(e), f"{pretty(e.unit)}{note}", span(e.interval))
-                for name, e, note in (
-                    ("sigma_0", fit.sigma_0, ""),
-                    ("sigma_1", fit.sigma_1, " (assumed damping ratio)"),
-                )
-            ],
         }
         for d, fit in (slow.fits if slow else {}).items()
         if slow

@@ -22,7 +22,7 @@ from bristle.questions.joint_report import (
     tables,
 )
 from bristle.questions.joint_report.answer import answer, trusted
-from bristle.questions.joint_report.captions import captions
+from bristle.questions.joint_report.captions_section import captions
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import agreement, critical
 
