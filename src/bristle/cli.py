@@ -1,5 +1,6 @@
 """The command line: its commands and options; what they print goes through `terminal`, and `__main__` ends the process."""
 
+from collections.abc import Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,7 +24,7 @@ from bristle.options import (
     write,
 )
 from bristle.progress import shown, workers
-from bristle.terminal import complain, print_lines
+from bristle.terminal import complain, print_found, print_lines
 
 if TYPE_CHECKING:
     from bristle.api import Results
@@ -79,7 +80,7 @@ def report(
             folder=folder,
             uncertainty=uncertainty,
             workers=workers(),
-            found=lambda results: print_lines(results.outcomes()),
+            found=lambda results: _tell(results.outcomes()),
             progress=progress,
         )
     print_lines([f"Report: {folder / 'index.html'}"], done=True)
@@ -88,13 +89,18 @@ def report(
 
 @app.command()
 def identify(
-    experiment: ExperimentFile,
+    experiment: Annotated[Path | None, optional("the embedded Ed-Ro (simulated)")] = None,
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Write results.json here as well.")] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Print each fit: statistics, correlations, cross-checks, every warning.")
+    ] = False,
     uncertainty: Uncertainty = False,
     strict: Strict = False,
 ) -> None:
-    """Identify one joint, or those of a robot, and print the fit report; write the JSON with -o.
+    """Print the values to use, and whether to trust them.
+
+    Of one joint, or those of a robot: each parameter with its standard error and 95 % interval, the hold-out error, and the warnings.
 
     Example: bristle identify wrist.yaml -o results.json
     """
@@ -102,14 +108,13 @@ def identify(
     with shown() as progress:
         from bristle import identify as run
 
-        results = run(experiment, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers())
-    print_lines([results.text()])
+        sources = [] if experiment is None else [experiment]
+        results = run(*sources, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers())
+    _tell([results.text(full=full)])
     if uncertainty:
-        frame = results.uncertainty()
-        print_lines([frame.drop(columns="warnings").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])
-        print_lines(
-            f"{x.fit} {x.parameter} {x.direction}: {x.warnings}" for x in frame[frame["warnings"] != ""].itertuples()
-        )
+        from bristle.questions.joint_report.console import interval_lines
+
+        _tell(interval_lines(results.joints))
     if output is not None:
         write(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
@@ -132,7 +137,7 @@ def inspect(
         if output is not None:
             figure_kind(output)
         measured = run(experiment, joint)
-    print_lines(segment_lines(measured))
+    _tell(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
 
@@ -172,7 +177,7 @@ def validate(
     results = _cross_checked(experiment, joint) if experiment else None
     with shown() as progress:
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-    print_lines([validated.text()])
+    _tell([validated.text()])
     if validated.cases:
         print_lines([f"Page: {validated.write(folder)}"], done=True)
     if results:
@@ -186,7 +191,7 @@ def _cross_checked(experiment: Path, joint: str | None) -> "Results":
 
         results = run(experiment, joint=joint, crosscheck=True, progress=progress)
         results.joint()
-    print_lines(results.checks())
+    _tell(results.checks())
     return results
 
 
@@ -202,7 +207,7 @@ def adapt(
         from bristle import adapt as run
 
         found = run(experiment, joint=joint, progress=progress)
-    print_lines([found.text()])
+    _tell([found.text()])
     print_lines([f"Page: {found.write(folder)}"], done=True)
 
 
@@ -229,7 +234,7 @@ def compare(
         from bristle import compare as run
 
         compared = run(first, second)
-    print_lines([compared.text()])
+    _tell([compared.text()])
     if output is not None:
         print_lines([f"Page: {compared.write(output)}"], done=True)
 
@@ -271,7 +276,7 @@ def sensitivity(
         study = run(
             experiment, joint=joint, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress
         )
-    print_lines([study.text()])
+    _tell([study.text()])
     print_lines([f"Page: {study.write(folder)}"], done=True)
 
 
@@ -306,7 +311,7 @@ def plan(
         from bristle import plan as run
 
         planned = run(experiment, joint=joint, velocities=velocities, aim=aim, progress=progress)
-    print_lines([planned.text()])
+    _tell([planned.text()])
     with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
         written = None if page is None else planned.write(page)
     if output is not None:
@@ -387,7 +392,14 @@ def explain(
     """
     from bristle.page.entries import by_code, explanation
 
-    print_lines(explanation(by_code(code)))
+    _tell(explanation(by_code(code)))
+
+
+def _tell(texts: Iterable[str]) -> None:
+    """Print what was found, in lines of 80 columns that break no number, in colour on a terminal."""
+    from bristle.page.plain import wrapped
+
+    print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
 def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:

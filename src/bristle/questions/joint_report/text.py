@@ -21,7 +21,8 @@ from bristle.identification.fits import (
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, shortened, span
+from bristle.page.plain import interval, pair, wrapped
+from bristle.page.wording import FITS, WORK, counted, percent, printable, shortened
 from bristle.questions.joint_report.sentences import (
     bias,
     bias_text,
@@ -47,7 +48,13 @@ def fit_report(joints: Sequence[Joint]) -> str:
     lines = [line for joint in joints for line in _joint(joint)]
     if any(joint.all_warnings() for joint in joints):
         lines.append("What a code in brackets means: bristle explain CODE")
-    return "\n".join(lines) + "\n"
+    return "\n".join(wrapped(lines)) + "\n"
+
+
+def total_error(e: Estimate) -> float | None:
+    """Standard error of both kinds, statistical and systematic; None where there is none."""
+    parts = [x for x in (e.standard_error, e.systematic) if x is not None]
+    return math.hypot(*parts) if parts else None
 
 
 def _joint(joint: Joint) -> Iterator[str]:
@@ -127,9 +134,9 @@ def _estimate(e: Estimate) -> str:
         return "not estimated"
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f" ({share:.2g} %)" if share < 99.5 else f" ({share:.0f} %)"
-    interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
+    ends = "no interval" if e.interval is None else interval(e.interval)
     beside = systematic(e, ", systematic +/- {}")
-    return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}{beside}, 95 %: {interval}"
+    return f"{pair(e.value, e.standard_error):<22} {e.unit}{relative}{beside}, 95 %: {ends}"
 
 
 def _repeats(repeats: Mapping[Any, RunScatter]) -> Iterator[str]:
@@ -196,7 +203,7 @@ def _amplitudes(joint: Joint, fit: PreslidingFit) -> Iterator[str]:
         yield "    [[stiffness vs amplitude]]"
     for x in fit.amplitudes:
         where = f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position}"
-        yield f"      {f'{x.kind}:':<13}{_pair(x.value, x.standard_error):<22} {stiffness} {where}; LuGre {_number(x.lugre)}"
+        yield f"      {f'{x.kind}:':<13}{pair(x.value, x.standard_error):<22} {stiffness} {where}; LuGre {_number(x.lugre)}"
 
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iterator[str]:
@@ -228,15 +235,11 @@ def _consistency(joint: Joint) -> Iterator[str]:
     """Each parameter from its own stage, the moving runs alone, and all at once."""
     yield "  [[consistency]] Each parameter from a stage of its own, beside the moving runs."
     for x in joint.consistency:
-        own = f"{x.stage} {_pair(x.stage_value, x.stage_error)}"
-        moving = f"moving runs {_pair(x.tracking_value, x.tracking_error)}"
+        own = f"{x.stage} {pair(x.stage_value, x.stage_error)}"
+        moving = f"moving runs {pair(x.tracking_value, x.tracking_error)}"
         apart = "" if x.difference_in_se is None else f"; {x.difference_in_se:+.2f} standard errors apart"
-        both = f"joint fit {_pair(x.joint_value, x.joint_error)}"
+        both = f"joint fit {pair(x.joint_value, x.joint_error)}"
         yield f"    {f'{x.parameter}:':<13}{own}; {moving}{apart}; {both}. {printable(str(x.verdict))}"
-
-
-def _pair(value: float | None, error: float | None) -> str:
-    return "none" if value is None else measured(value, error).replace("±", "+/-")
 
 
 def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
