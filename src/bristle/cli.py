@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="bristle",
-    help="Identify the friction of a joint from logs of simple experiments, with honest uncertainty, and report it.",
+    help=(
+        "Identify the friction of a joint from logs of simple experiments, with honest uncertainty, and report it.\n\n"
+        "Example: bristle identify wrist.yaml"
+    ),
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -57,7 +60,7 @@ def report(
     experiments: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[EXPERIMENT]...",
+            metavar="EXPERIMENT",
             help="Experiment files, of one joint or a robot each; none: the embedded Ed-Ro (simulated).",
             show_default=False,
         ),
@@ -66,7 +69,9 @@ def report(
     uncertainty: Uncertainty = False,
     strict: Strict = False,
 ) -> None:
-    """Identify and write the report: index.html, results.json, figures, tables.
+    """Identify, and write the report: a page and its data.
+
+    Of each joint: index.html, results.json, figures (SVG and PNG) and tables (CSV).
 
     Example: bristle report wrist.yaml --uncertainty -o reports/wrist
     """
@@ -112,7 +117,7 @@ def identify(
         results = run(*sources, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers())
     _tell([results.text(full=full)])
     if uncertainty:
-        from bristle.questions.joint_report.console import interval_lines
+        from bristle.questions.joint_report.interval_tables import interval_lines
 
         _tell(interval_lines(results.joints))
     if output is not None:
@@ -127,7 +132,12 @@ def inspect(
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Draw the segments into this .png or .svg file.")] = None,
 ) -> None:
-    """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
+    """Show the segments of each run, kept and rejected.
+
+    With the notes on each file, and the reasons for what is rejected; -o draws them.
+
+    Example: bristle inspect wrist.yaml -o segments.png
+    """
     check_output(output)
     with shown():
         from bristle import inspect as run
@@ -162,9 +172,10 @@ def validate(
     ] = None,
     strict: Strict = False,
 ) -> None:
-    """Check each fit against a full nonlinear one (CasADi + IPOPT), then validate the grid search where the truth is known.
+    """Validate the fits against full nonlinear ones.
 
-    The validation simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
+    Each fit is checked by CasADi and IPOPT on the same data, then the grid search where the truth is known. The validation
+    simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
 
     Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
@@ -201,7 +212,12 @@ def adapt(
     joint: OfRobot = None,
     output: Annotated[Path | None, lands("-adapt")] = None,
 ) -> None:
-    """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
+    """Simulate compensation and adaptation in closed loop.
+
+    With the identified joint as the plant, its model adapted on line, and the adaptation replayed on the measured runs.
+
+    Example: bristle adapt wrist.yaml -o reports/wrist-adapt
+    """
     folder = output_folder(output, experiment, "-adapt")
     with shown() as progress:
         from bristle import adapt as run
@@ -219,7 +235,9 @@ def compare(
     ],
     output: Annotated[Path | None, to("DIR", "Write a page with a figure and tables here.")] = None,
 ) -> None:
-    """Compare two sessions: which parameters changed beyond their joint uncertainty.
+    """Compare two sessions: which parameters changed.
+
+    A parameter changed where both values differ by more than their joint uncertainty.
 
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
@@ -260,7 +278,9 @@ def sensitivity(
         bool, typer.Option("--symbolic", help="Print the derivatives as formulas and as LaTeX, and nothing else.")
     ] = False,
 ) -> None:
-    """Show which parameters matter and when: along a motion, over amplitude and frequency, over their intervals.
+    """Show which parameters matter, and when.
+
+    Along a motion, over amplitude and frequency, and over their intervals.
 
     Example: bristle sensitivity wrist.yaml --amplitude "0.5 rad" --frequency "1 Hz" -o reports/wrist-sensitivity
     """
@@ -296,7 +316,9 @@ def plan(
         str, typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0.")
     ] = "all",
 ) -> None:
-    """Plan what to measure next: constant velocities, slow loading, a tracking motion, and the intervals to expect.
+    """Plan what to measure next.
+
+    Constant velocities, slow loading and a tracking motion, with the intervals to expect.
 
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
@@ -344,7 +366,9 @@ def new(
         str | None, typer.Option(metavar="QUANTITY", help="Of the motor, as 2.1 ohm, where voltage is logged.")
     ] = None,
 ) -> None:
-    """Draft an experiment file that runs as it is, from logs; complete a half-filled one by what its runs ask for.
+    """Draft an experiment file from logs.
+
+    It runs as it is; a half-filled file is completed by what its runs ask for.
 
     Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """
@@ -386,7 +410,9 @@ def explain(
         str, typer.Argument(metavar="CODE", help="What stands in brackets behind a warning.", show_default=False)
     ],
 ) -> None:
-    """Say what a warning means, why it has its severity, and what to do.
+    """Explain a warning, and say what to do.
+
+    What it means, and why it has its severity.
 
     Example: bristle explain lacks-a-term
     """

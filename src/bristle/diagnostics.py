@@ -1415,7 +1415,7 @@ class Kind(Enum):
         _NOTE,
         (
             "the smallest of the grids tried that stays below {most:.3g} % has {values} values "
-            "(a step divided by √12 predicts {predicted})"
+            "(a step divided by the root of 12 predicts {predicted})"
         ),
     )
     NO_FINE_GRID = _NOTE, "to stay below {most:.3g} % it would need about {predicted} values"
@@ -1632,20 +1632,20 @@ class Kind(Enum):
     PAPER_REFERENCE = (
         _CAUTION,
         (
-            "Reference: 1 rad sin(2 π f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
+            "Reference: 1 rad sin(2 pi f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
             "the paper gives neither amplitude nor frequency."
         ),
     )
     PAPER_CONTROL = (
         _CAUTION,
         (
-            "Control in torque: the PID's output is taken in N·m and its error in rad; "
+            "Control in torque: the PID's output is taken in N*m and its error in rad; "
             "the paper gives no unit of its control signal and no motor."
         ),
     )
     PAPER_INERTIA = (
         _CAUTION,
-        "Inertia: (15) inverted, J = (σ₁ / 0.2)² / σ₀, the mean of the two directions; the paper gives none.",
+        "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions; the paper gives none.",
     )
     PAPER_RATES = (
         _CAUTION,
@@ -2099,14 +2099,14 @@ class Kind(Enum):
         _NOTE,
         (
             "The paper's claim that alpha_0 and alpha_2 matter most holds for {amplitude:.3g} {unit} at "
-            "{frequency:.3g} Hz: RMS of p · dT/dp relative to that of T: {largest!x} (total).{settled}"
+            "{frequency:.3g} Hz: RMS of p dT/dp relative to that of T: {largest!x} (total).{settled}"
         ),
     )
     CLAIM_FAILS = (
         _NOTE,
         (
             "The paper's claim that alpha_0 and alpha_2 matter most does not hold for {amplitude:.3g} {unit} at "
-            "{frequency:.3g} Hz: RMS of p · dT/dp relative to that of T: {largest!x} (total).{settled}"
+            "{frequency:.3g} Hz: RMS of p dT/dp relative to that of T: {largest!x} (total).{settled}"
         ),
     )
     ONCE_SETTLED = _NOTE, " In its last period, after the bristle's first deflection: {largest!x}."

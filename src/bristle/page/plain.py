@@ -33,7 +33,8 @@ def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
 
     What goes on stands two columns further in; a word that is longer than a line, as a path, stays whole.
     """
-    for line in lines:
+    for given in lines:
+        line = given.replace("±", "+/-")
         if len(line) <= width:
             yield line
             continue

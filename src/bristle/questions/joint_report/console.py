@@ -8,11 +8,10 @@ from bristle.identification.fits import Crosscheck
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, ParameterName, unit
-from bristle.page.plain import columns, interval, pair
-from bristle.page.wording import FITS, counted, printable
+from bristle.model.parameters import unit
+from bristle.page.plain import pair
+from bristle.page.wording import FITS, counted
 from bristle.questions.joint_report.brief import verdicts
-from bristle.questions.joint_report.interval_tables import WAYS, Row, rows
 from bristle.questions.joint_report.sentences import choice, cost_change, critical_titles, distinct
 
 
@@ -42,24 +41,6 @@ def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic]) -> str:
     """One fit, and that what is critical about it stands above."""
     above = "Critical, see above. " * any(warning.severity is Severity.CRITICAL for warning in warnings)
     return f"{what}: {above}{ended} {counted(len(warnings), 'warning')}."
-
-
-def interval_lines(joints: Sequence[Joint]) -> Iterator[str]:
-    """Each parameter's 95 % interval three ways, fit by fit, and the warnings about them, each once."""
-    for joint in joints:
-        by_fit: dict[str, list[Row]] = {}
-        for row in rows(joint):
-            by_fit.setdefault(row.fit, []).append(row)
-        for fit, own in by_fit.items():
-            yield f"{printable(joint.name)}, {FITS.get(fit, fit)}: 95 % intervals"
-            yield from columns([("parameter", "unit", *WAYS), *map(_three_ways, own)])
-            said = {w: ParameterName(x.parameter, Direction(x.direction)) for x in own for w in x.three.warnings}
-            yield from (f"  {name}: {printable(warning.flagged)}" for warning, name in said.items())
-
-
-def _three_ways(row: Row) -> tuple[str, ...]:
-    ends = (interval(getattr(row.three, way)) for way in WAYS)
-    return str(ParameterName(row.parameter, Direction(row.direction))), row.estimate.unit, *ends
 
 
 def checks(joint: Joint) -> Iterator[str]:
