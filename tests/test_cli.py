@@ -327,7 +327,7 @@ BAD = [
         "period longer than the loop bears", [ADAPT], "got a control period of 0.01 s",
         whole_joint("period: 10 ms, gains: {K_p: 100 N*m/rad, K_d: 10 N*m*s/rad}"),
     ),
-    *bad("nothing known of the bristle", [ADAPT], "wrist: nothing is known of the friction over velocity"),
+    *bad("nothing known of the bristle", [ADAPT], "wrist: nothing is known of the friction vs velocity"),
     *bad("output is a file", [(*ADAPT[:3], "data.csv")], "data.csv: is a file", whole_joint("period: 1 ms")),
     *bad("unknown option", [(*c, "--colour") for c in ALL], "--colour"),
     *bad("unknown option", [(*c, "--stric") for c in FIT], "--stric"),

@@ -588,7 +588,7 @@ class Kind(Enum):
     HOLDS_SWING = (
         _CAUTION,
         (
-            "In {count} of {points} holds the velocity swings by up to {swing:.0%} of its mean (rms) where friction bends over speed: the mean "
+            "In {count} of {points} holds the velocity swings by up to {swing:.0%} of its mean (rms) where friction bends with speed: the mean "
             "torque is then not the friction at the mean speed, and is off by up to {ratio:.2g} times the residuals of the fit ({file} {where}). "
             "Tune the speed loop, or hold these speeds again."
         ),
@@ -980,7 +980,7 @@ class Kind(Enum):
         _CAUTION,
         (
             "Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g} by which the bristle "
-            "would bend; move to and fro."
+            "would bend; move back and forth."
         ),
     )
     UNSEEN_FAST = (
@@ -1130,7 +1130,7 @@ class Kind(Enum):
         ),
     )
     BELIEVE_MOVING = _NOTE, ": believe that one"
-    MOVING_IN_DOUBT = _NOTE, "; but that fit is in doubt itself, as its warnings say: believe neither"
+    MOVING_IN_DOUBT = _NOTE, "; but that fit is questionable itself, as its warnings say: believe neither"
     STATIC_SUPERSEDED = (
         _NOTE,
         (
@@ -2498,11 +2498,11 @@ OWN_ADVICE: Mapping[str, str] = {
     "Start from rest, load by less than breakaway, and rise slowly; or call the run `tracking` if it is a motion.": "YIELDS NOT_POSITIVE",
     "Check unit, scale and rate of position and velocity. Leave the velocity out if it is filtered.": "POSITION_DIFFERS POSITIONS_DISAGREE",
     "Hold longer, over whole turns of motor and gear, after warming up.": "TORQUE_DRIFTS",
-    "Over time: warm up before logging, check the torque's zero. Over velocity: try `regressors: [quadratic]`. Over position: try `gravity`.": (
+    "With time: warm up before logging, check the torque's zero. With velocity: try `regressors: [quadratic]`. With position: try `gravity`.": (
         "RESIDUAL_TREND"
     ),
     "Compare the period with that of motor poles, gear teeth and one turn, and hold each speed over whole periods.": "RESIDUAL_RIPPLE",
-    "Look at the residuals over time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
+    "Look at the residuals vs time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
     "Nothing where they are few. Many point to the logger; `cleaning` in the experiment file says what is done with such rows.": (
         "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS"
     ),
