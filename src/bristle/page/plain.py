@@ -12,10 +12,10 @@ WIDTH = 80
 _SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "\N{NO-BREAK SPACE}": " "})
 _INTERVAL = re.compile(r"\[[^\[\]]{1,60}\]")
 _NUMBER = re.compile(
-    r"(?<=[\d.]) (?=\+/-)|(?<=\+/-) (?=[\d.])|(?<=[=<>~]) (?=[-\d.])"
+    r"(?<=[\d.]) (?=\+/-)|(?<=\+/-) (?=[\d.])|(?<=\w) (?=[=<>] [-\d.])|(?<=[=<>~]) (?=[-\d.])"
     r"|(?<=[\d.\]]) (?=%|1/|(?:N|A|V|J|C|s|m|ms|mm|Hz|kHz|rad|mrad|deg|kg|ohm|counts?)(?![\w-]))"
 )
-"""Blanks inside a number: about its sign of error, after a sign of comparison, and before its unit."""
+"""Blanks inside a number: about its sign of error, about a sign of comparison, and before its unit."""
 
 
 def pair(value: float | None, error: float | None) -> str:

@@ -18,7 +18,9 @@ LINES = 40
 """Of one joint with two directions at most."""
 _SOURCES = {Source.STATIC: "static fit", Source.PRESLIDING: "presliding"}
 _HEAD = ("parameter", "value +/- standard error", "95 % interval", "from")
-_END = "What a code in brackets means: bristle explain CODE. All fits: bristle identify --full, or text(full=True)."
+_END = "What a code in brackets means: bristle explain CODE. Every fit: --full."
+_LONGEST = 6
+"""Lines of the reason."""
 
 
 def brief_report(joints: Sequence[Joint]) -> str:
@@ -26,7 +28,7 @@ def brief_report(joints: Sequence[Joint]) -> str:
     lines = list(verdicts(joints)) if len(joints) > 1 else []
     for joint in joints:
         lines += [*([""] if lines else []), *_joint(joint)]
-    return "\n".join([*lines, "", *wrapped([_END])]) + "\n"
+    return "\n".join([*lines, "", _END]) + "\n"
 
 
 def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
@@ -45,12 +47,13 @@ def _code(reason: Diagnostic | None) -> str:
 
 def _joint(joint: Joint) -> Iterator[str]:
     found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
-    head = [f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}"]
+    lines = list(wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}"]))
     if found.reason is not None:
-        head += [f"  {found.reason.severity}: {printable(found.reason.coded)}"]
-    lines = [*wrapped(head), *wrapped(_errors(joint)), *_values(joint)]
+        reason = f"  {found.reason.severity} {_code(found.reason)}: {printable(str(found.reason))}"
+        lines += shortened_lines(list(wrapped([reason])), _LONGEST)
+    lines += [*shortened_lines(list(wrapped(_errors(joint))), _LONGEST), *_values(joint), *wrapped([_count(joint)])]
     yield from lines
-    yield from _warnings(joint, found.reason, LINES - len(lines) - 3)
+    yield from _rest(joint, found.reason, LINES - len(lines) - 2)
 
 
 def _fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
@@ -164,18 +167,20 @@ def _mixed(joint: Joint, rows: Mapping[ParameterName, Known]) -> Iterator[str]:
             yield f"  The friction curve{where} mixes two fits, which are not one law: take it from one of them (--full)."
 
 
-def _warnings(joint: Joint, reason: Diagnostic | None, room: int) -> Iterator[str]:
-    """All but the reason, which stands above; in whole sentences where these fit, else their beginnings."""
+def _count(joint: Joint) -> str:
+    """How many warnings are about the values, by severity, and how many about all else."""
     found, others = value_warnings(joint), len(other_warnings(joint))
-    count = ", ".join(
-        counted(n, str(s)) if s is Severity.CAUTION else f"{n} {s}"
-        for s in (Severity.CRITICAL, Severity.CAUTION)
-        if (n := sum(warning.severity is s for warning in found))
-    )
+    number = {severity: sum(warning.severity is severity for warning in found) for severity in Severity}
+    critical, cautions = number[Severity.CRITICAL], number[Severity.CAUTION]
+    told = [f"{critical} critical"] * bool(critical) + [counted(cautions, "caution")] * bool(cautions)
     more = f"; {counted(others, 'warning')} about other fits and segments" if others else ""
-    yield from wrapped([f"Warnings about these values: {count or 'none'}{more}"])
-    rest = [warning for warning in found if warning != reason]
-    sentences = [list(wrapped([f"  {x.severity} [{x.kind.code}]: {printable(str(x))}"])) for x in rest]
+    return f"Warnings about these values: {', '.join(told) or 'none'}{more}"
+
+
+def _rest(joint: Joint, reason: Diagnostic | None, room: int) -> Iterator[str]:
+    """All warnings but the reason, which stands above; in whole sentences where these fit, else their beginnings."""
+    rest = [warning for warning in value_warnings(joint) if warning != reason]
+    sentences = [list(wrapped([f"  {x.severity} {_code(x)}: {printable(str(x))}"])) for x in rest]
     most = next((n for n in (9, 2) if sum(min(len(s), n) for s in sentences) <= room), 1)
     listed = sentences if most > 1 or len(sentences) <= room else sentences[: max(room - 1, 0)]
     for sentence in listed:
