@@ -511,9 +511,7 @@ def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
     for sign, fit in results["joints"]["wrist"]["static"].items():
         for name, ways in fit["uncertainty"].items():
             ends = [interval(ways[way]) for way in ("covariance", "profile", "bootstrap")]
-            assert re.search(
-                rf"^  {name}{re.escape(sign)} +\S+ +{' +'.join(map(re.escape, ends))}$", ran.out, re.MULTILINE
-            )
+            assert re.search(rf"^{name}{re.escape(sign)} +{' +'.join(map(re.escape, ends))}$", ran.out, re.MULTILINE)
             assert ways["profile"] == fit["parameters"][name]["interval"]
 
 
@@ -708,9 +706,63 @@ def test_bristle_alone_shows_its_help() -> None:
     alone = run()
     assert alone == run("--help")
     assert alone.code == 0
-    for name in ("report", "identify", "inspect", "validate", "new"):
-        assert re.search(rf"^  {name} ", alone.out, re.MULTILINE)
-        assert "Usage: " in run(name, "--help").out
+    shown = re.findall(r"^  ([a-z]+)  +\S.*\.$", alone.out, re.MULTILINE)
+    assert {
+        "report",
+        "identify",
+        "inspect",
+        "validate",
+        "adapt",
+        "compare",
+        "sensitivity",
+        "plan",
+        "new",
+        "explain",
+    } == set(shown)
+    for name in shown:
+        text = run(name, "--help").out
+        assert "Usage: " in text
+        assert f"Example: bristle {name}" in text
+
+
+def test_summaries_of_commands_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal of 80 columns no summary of a command is cut, and no line is longer."""
+    monkeypatch.setenv("COLUMNS", "80")
+    text = run("--help").out
+    assert not [line for line in text.splitlines() if line.startswith("  ") and line.endswith("...")]
+    assert max(map(len, text.splitlines())) <= 80
+
+
+class Tty(io.StringIO):
+    """A standard output that is a terminal."""
+
+    def isatty(self) -> bool:
+        """It is."""
+        return True
+
+
+@pytest.mark.parametrize(
+    ("variables", "coloured"),
+    [
+        pytest.param({"TERM": "xterm-256color"}, True, id="terminal"),
+        pytest.param({"TERM": "xterm-256color", "NO_COLOR": "1"}, False, id="NO_COLOR"),
+        pytest.param({"TERM": "dumb"}, False, id="dumb"),
+    ],
+)
+def test_colour_is_the_terminals(
+    variables: Mapping[str, str], *, coloured: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a terminal the severity has a colour, elsewhere and with NO_COLOR there is none; the text is the same, brackets included."""
+    for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM", "TTY_COMPATIBLE"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    plain, shown = run("explain", "lacks-a-term").out, Tty()
+    assert run("explain", "lacks-a-term", stdout=shown).code == 0
+    assert ("\x1b[33mcaution\x1b[0m" in shown.getvalue()) == coloured
+    assert ("\x1b" in shown.getvalue()) == coloured
+    assert "\x1b" not in plain
+    assert re.sub(r"\x1b\[[0-9;]*m", "", shown.getvalue()) == plain
 
 
 def test_help_waits_for_no_library() -> None:

@@ -14,8 +14,9 @@ from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import chosen
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings, verdict
-from bristle.page.plain import WIDTH, interval, pair
+from bristle.page.plain import WIDTH, interval, pair, wrapped
 from bristle.questions.joint_report.brief import LINES, brief_report
+from bristle.questions.joint_report.interval_tables import interval_lines
 from bristle.questions.joint_report.text import fit_report
 
 from .conftest import HOSTILE, gripper, loaded
@@ -56,6 +57,22 @@ def test_each_value_to_use_stands_in_the_table_with_its_source(edro: Results) ->
                 re.M,
             )
         assert f"{joint.name.split()[0]}_held_out.csv" in block
+
+
+def test_no_row_of_a_table_is_broken(edro: Results) -> None:
+    """In the full report, and in the intervals three ways, each parameter stands in one line with its interval, none of them above 80 columns."""
+    full, three = edro.text(full=True).splitlines(), list(interval_lines(edro.joints))
+    assert max(map(len, [*full, *three, *wrapped(edro.outcomes())])) <= WIDTH
+    for joint in edro.joints:
+        assert joint.joint_fit is not None
+        for name, e in joint.joint_fit.parameters.items():
+            assert e.interval is not None
+            assert any(
+                line.split()[0] == f"{name}:" and line.endswith(interval(e.interval)) for line in full if line.strip()
+            )
+    rows = [line for line in three if re.match(r"[a-z]+_[a-z0-9]+[+-]? +\[", line)]
+    assert len(rows) > 30
+    assert all(len(re.findall(r"\[.+?\]", row)) == 3 for row in rows)
 
 
 @pytest.mark.parametrize("make", [gripper, loaded, moving], ids=["points", "slow", "moving"])

@@ -60,14 +60,15 @@ def interval_lines(joints: Sequence[Joint]) -> Iterator[str]:
             by_fit.setdefault(row.fit, []).append(row)
         for fit, own in by_fit.items():
             yield f"{printable(joint.name)}, {FITS.get(fit, fit)}: 95 % intervals"
-            yield from columns([("parameter", "unit", *WAYS), *map(_three_ways, own)])
+            for si in dict.fromkeys(x.estimate.unit for x in own):
+                yield from columns([(si, *WAYS), *(_three_ways(x) for x in own if x.estimate.unit == si)], indent=0)
             said = {w: ParameterName(x.parameter, Direction(x.direction)) for x in own for w in x.three.warnings}
             yield from (f"  {name}: {printable(warning.flagged)}" for warning, name in said.items())
 
 
 def _three_ways(row: Row) -> tuple[str, ...]:
     ends = (interval(getattr(row.three, way)) for way in WAYS)
-    return str(ParameterName(row.parameter, Direction(row.direction))), row.estimate.unit, *ends
+    return str(ParameterName(row.parameter, Direction(row.direction))), *ends
 
 
 def repeats(joints: Sequence[Joint]) -> pd.DataFrame:

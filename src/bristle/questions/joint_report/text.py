@@ -124,7 +124,7 @@ def _parameters(title: str, parameters: Mapping[Any, Estimate], said: set[str]) 
     if not parameters:
         return
     yield f"    [[{title}]]{' with 95 % intervals' * any(e.interval is not None for e in parameters.values())}"
-    yield from columns([(f"{name}:", *_cells(e)) for name, e in parameters.items()], indent=6)
+    yield from columns([(f"{name}:", *_cells(e)) for name, e in parameters.items()], indent=5)
     for name, e in parameters.items():
         yield from (f"        ({name}: {_once(warning, said)})" for warning in e.warnings)
 
@@ -134,7 +134,7 @@ def _cells(e: Estimate) -> tuple[str, ...]:
     if e.value is None:
         return "not estimated", "", "" if e.interval is None else f"{interval(e.interval)} {e.unit}"
     share = percent(e.value, e.standard_error)
-    relative = "" if share is None else f"({share:.2g} %)" if share < 99.5 else f"({share:.0f} %)"
+    relative = "" if share is None else f"{share:.2g} %" if share < 99.5 else f"{share:.0f} %"
     beside = systematic(e, "systematic +/- {}")
     ends = "no interval" if e.interval is None else interval(e.interval)
     return f"{pair(e.value, e.standard_error)} {e.unit}", relative, *([beside] if beside else []), ends
