@@ -33,6 +33,11 @@ class Ran(NamedTuple):
         """The lines on stderr that are not empty."""
         return [line for line in self.err.splitlines() if line.strip()]
 
+    @property
+    def words(self) -> str:
+        """Standard output in one line, wherever its lines were broken."""
+        return " ".join(self.out.split())
+
 
 def run(*arguments: object, stdout: io.StringIO | None = None) -> Ran:
     """Run `bristle` with these arguments in this process, with a standard output of one's own if need be."""

@@ -57,7 +57,8 @@ def test_joints_keep_their_order(tmp_path: Path) -> None:
     assert [joint.name for joint in results.joints] == names
     assert list(json.loads(results.to_json())["joints"]) == names
     assert list(results.to_frame()["joint"].unique()) == names
-    assert re.findall(r"^\[\[(\w+)\]\]", results.text(), re.MULTILINE) == names
+    assert re.findall(r"^\[\[(\w+)\]\]", results.text(full=True), re.MULTILINE) == names
+    assert re.findall(r"^(\w+) \(revolute\)", str(results), re.MULTILINE) == names
     assert list(dict.fromkeys(warning.subject[0] for warning in results.warnings)) == names
 
 

@@ -27,6 +27,7 @@ from bristle.errors import InputError
 from bristle.identification.measured import measure
 from bristle.model.rollout import rollout
 from bristle.page import output_folder as report_files
+from bristle.page.plain import interval
 from bristle.page.wording import measured
 from bristle.questions.compensation import ablation, paper_experiments, parameter_studies
 from bristle.simulation.edro import TABLE_1
@@ -327,14 +328,14 @@ BAD = [
         "period longer than the loop bears", [ADAPT], "got a control period of 0.01 s",
         whole_joint("period: 10 ms, gains: {K_p: 100 N*m/rad, K_d: 10 N*m*s/rad}"),
     ),
-    *bad("nothing known of the bristle", [ADAPT], "wrist: nothing is known of the friction over velocity"),
+    *bad("nothing known of the bristle", [ADAPT], "wrist: nothing is known of the friction vs velocity"),
     *bad("output is a file", [(*ADAPT[:3], "data.csv")], "data.csv: is a file", whole_joint("period: 1 ms")),
     *bad("unknown option", [(*c, "--colour") for c in ALL], "--colour"),
     *bad("unknown option", [(*c, "--stric") for c in FIT], "--stric"),
     *bad("unknown option", [("--colour",)], "--colour"),
     *bad("option without its value", [("report", "e.yaml", "-o")], "-o"),
     *bad("unknown command", [("fit", "e.yaml")], "'fit'"),
-    *bad("missing argument", [("identify",), ("inspect",)], "EXPERIMENT"),
+    *bad("missing argument", [("plan",), ("inspect",)], "EXPERIMENT"),
     *bad("missing argument", [("new",)], "LOG..."),
     *bad("argument too many", [("identify", "e.yaml", "data.csv")], "data.csv"),
 ]  # fmt: skip  # a table
@@ -499,20 +500,19 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
         for name, p in fit["parameters"].items():
             assert abs(p["value"] - getattr(TRUTH, name)) < 5 * p["standard_error"]
             shown = re.escape(measured(p["value"], p["standard_error"]).replace("±", "+/-"))
-            assert re.search(rf"{name}: +{shown} ", ran.out)
+            assert re.search(rf"{name}{re.escape(fit['direction'])} +{shown} {re.escape(p['unit'])} ", ran.out)
 
 
 def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
-    """With --uncertainty the table that `Results.uncertainty` gives is printed, a line per parameter with its six ends; results.json has the same."""
+    """With --uncertainty a line per parameter has its three intervals, as results.json has them, to the second digit of their error."""
     file = write(tmp_path, speeds())
     ran = run("identify", file, "--uncertainty", "-o", tmp_path / "out.json")
     assert ran.code == 0
     results = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
     for sign, fit in results["joints"]["wrist"]["static"].items():
         for name, ways in fit["uncertainty"].items():
-            ends = [f"{end:.5g}" for way in ("covariance", "profile", "bootstrap") for end in ways[way]]
-            (line,) = re.findall(rf"^.*static +{re.escape(sign)} +{name} .*$", ran.out, re.MULTILINE)
-            assert [float(x) for x in line.split()[-6:]] == pytest.approx([float(x) for x in ends], rel=1e-4)
+            ends = [interval(ways[way]) for way in ("covariance", "profile", "bootstrap")]
+            assert re.search(rf"^{name}{re.escape(sign)} +{' +'.join(map(re.escape, ends))}$", ran.out, re.MULTILINE)
             assert ways["profile"] == fit["parameters"][name]["interval"]
 
 
@@ -529,7 +529,7 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
     ran = run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out")
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
-    assert "data.csv, partial law, initialised at the identified model: It changes nothing here" in ran.out
+    assert "data.csv, partial law, initialised at the identified model: It changes nothing here" in ran.words
     shown = Page(page_text(tmp_path / "out" / "index.html"))
     assert not shown.elements & {"script", "link", "iframe"}
     for words in ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:"):
@@ -706,9 +706,63 @@ def test_bristle_alone_shows_its_help() -> None:
     alone = run()
     assert alone == run("--help")
     assert alone.code == 0
-    for name in ("report", "identify", "inspect", "validate", "new"):
-        assert re.search(rf"^  {name} ", alone.out, re.MULTILINE)
-        assert "Usage: " in run(name, "--help").out
+    shown = re.findall(r"^  ([a-z]+)  +\S.*\.$", alone.out, re.MULTILINE)
+    assert {
+        "report",
+        "identify",
+        "inspect",
+        "validate",
+        "adapt",
+        "compare",
+        "sensitivity",
+        "plan",
+        "new",
+        "explain",
+    } == set(shown)
+    for name in shown:
+        text = run(name, "--help").out
+        assert "Usage: " in text
+        assert f"Example: bristle {name}" in text
+
+
+def test_summaries_of_commands_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal of 80 columns no summary of a command is cut, and no line is longer."""
+    monkeypatch.setenv("COLUMNS", "80")
+    text = run("--help").out
+    assert not [line for line in text.splitlines() if line.startswith("  ") and line.endswith("...")]
+    assert max(map(len, text.splitlines())) <= 80
+
+
+class Tty(io.StringIO):
+    """A standard output that is a terminal."""
+
+    def isatty(self) -> bool:
+        """It is."""
+        return True
+
+
+@pytest.mark.parametrize(
+    ("variables", "coloured"),
+    [
+        pytest.param({"TERM": "xterm-256color"}, True, id="terminal"),
+        pytest.param({"TERM": "xterm-256color", "NO_COLOR": "1"}, False, id="NO_COLOR"),
+        pytest.param({"TERM": "dumb"}, False, id="dumb"),
+    ],
+)
+def test_colour_is_the_terminals(
+    variables: Mapping[str, str], *, coloured: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a terminal the severity has a colour, elsewhere and with NO_COLOR there is none; the text is the same, brackets included."""
+    for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM", "TTY_COMPATIBLE"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    plain, shown = run("explain", "lacks-a-term").out, Tty()
+    assert run("explain", "lacks-a-term", stdout=shown).code == 0
+    assert ("\x1b[33mcaution\x1b[0m" in shown.getvalue()) == coloured
+    assert ("\x1b" in shown.getvalue()) == coloured
+    assert "\x1b" not in plain
+    assert re.sub(r"\x1b\[[0-9;]*m", "", shown.getvalue()) == plain
 
 
 def test_help_waits_for_no_library() -> None:
@@ -740,8 +794,8 @@ def test_warnings_about_signals_count(tmp_path: Path) -> None:
     )
     ran = run("identify", tmp_path / "e.yaml", "--strict")
     assert ran.code == 3
-    assert "critical: The position of log.csv moves 0.105 times as far as its logged velocity says" in ran.out
-    assert "`unit: rpm` under signals.velocity" in ran.out
+    assert "critical: The position of log.csv moves 0.105 times as far as its logged velocity says" in ran.words
+    assert "`unit: rpm` under signals.velocity" in ran.words
 
 
 def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:
@@ -844,7 +898,7 @@ def test_an_encoding_without_greek_stops_nothing(tmp_path: Path) -> None:
     path = write(tmp_path, speeds(), joint="αρθρο")
     ran = process("identify", path, "-o", tmp_path / "out.json", PYTHONIOENCODING="ascii")
     assert (ran.returncode, ran.stderr) == (0, "")
-    assert "[[\\u03b1\\u03c1" in ran.stdout
+    assert ran.stdout.startswith("\\u03b1\\u03c1")
     assert "αρθρο" in json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
     ran = process("identify", tmp_path / "ά.yaml", PYTHONIOENCODING="ascii:strict")
     assert ran.returncode == 2

@@ -49,7 +49,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("command", "steps"),
     [
-        (("identify", "e.yaml"), ("starting", "identifying wrist", "fitting friction over velocity")),
+        (("identify", "e.yaml"), ("starting", "identifying wrist", "fitting friction vs velocity")),
         (("new", "data.csv", "-o", "n.yaml"), ("starting", "regressors and directions")),
     ],
 )

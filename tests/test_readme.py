@@ -71,7 +71,7 @@ def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -
         exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README, run as a user would
     results = names["results"]
     frame = results.to_frame()
-    assert out.getvalue().startswith(f"{frame}\nwrist: what to measure next")
+    assert out.getvalue().startswith(f"{results}\nwrist: what to measure next")
     assert set(zip(frame["joint"], frame["direction"], strict=True)) == {("wrist", "+"), ("wrist", "-")}
     for _, row in frame.iterrows():
         assert row["value"] == pytest.approx(getattr(TRUTH, row["parameter"]), rel=0.1)

@@ -1,5 +1,6 @@
 """The command line: its commands and options; what they print goes through `terminal`, and `__main__` ends the process."""
 
+from collections.abc import Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,14 +24,17 @@ from bristle.options import (
     write,
 )
 from bristle.progress import shown, workers
-from bristle.terminal import complain, print_lines
+from bristle.terminal import complain, print_found, print_lines
 
 if TYPE_CHECKING:
     from bristle.api import Results
 
 app = typer.Typer(
     name="bristle",
-    help="Identify the friction of a joint from logs of simple experiments, with honest uncertainty, and report it.",
+    help=(
+        "Identify the friction of a joint from logs of simple experiments, with honest uncertainty, and report it.\n\n"
+        "Example: bristle identify wrist.yaml"
+    ),
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -56,7 +60,7 @@ def report(
     experiments: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[EXPERIMENT]...",
+            metavar="EXPERIMENT",
             help="Experiment files, of one joint or a robot each; none: the embedded Ed-Ro (simulated).",
             show_default=False,
         ),
@@ -65,7 +69,9 @@ def report(
     uncertainty: Uncertainty = False,
     strict: Strict = False,
 ) -> None:
-    """Identify and write the report: index.html, results.json, figures, tables.
+    """Identify, and write the report: a page and its data.
+
+    Of each joint: index.html, results.json, figures (SVG and PNG) and tables (CSV).
 
     Example: bristle report wrist.yaml --uncertainty -o reports/wrist
     """
@@ -79,7 +85,7 @@ def report(
             folder=folder,
             uncertainty=uncertainty,
             workers=workers(),
-            found=lambda results: print_lines(results.outcomes()),
+            found=lambda results: _tell(results.outcomes()),
             progress=progress,
         )
     print_lines([f"Report: {folder / 'index.html'}"], done=True)
@@ -88,13 +94,18 @@ def report(
 
 @app.command()
 def identify(
-    experiment: ExperimentFile,
+    experiment: Annotated[Path | None, optional("the embedded Ed-Ro (simulated)")] = None,
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Write results.json here as well.")] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Print each fit: statistics, correlations, cross-checks, every warning.")
+    ] = False,
     uncertainty: Uncertainty = False,
     strict: Strict = False,
 ) -> None:
-    """Identify one joint, or those of a robot, and print the fit report; write the JSON with -o.
+    """Print the values to use, and whether to trust them.
+
+    Of one joint, or those of a robot: each parameter with its standard error and 95 % interval, the hold-out error, and the warnings.
 
     Example: bristle identify wrist.yaml -o results.json
     """
@@ -102,14 +113,13 @@ def identify(
     with shown() as progress:
         from bristle import identify as run
 
-        results = run(experiment, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers())
-    print_lines([results.text()])
+        sources = [] if experiment is None else [experiment]
+        results = run(*sources, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers())
+    _tell([results.text(full=full)])
     if uncertainty:
-        frame = results.uncertainty()
-        print_lines([frame.drop(columns="warnings").to_string(index=False, float_format="{:.5g}".format, na_rep="-")])
-        print_lines(
-            f"{x.fit} {x.parameter} {x.direction}: {x.warnings}" for x in frame[frame["warnings"] != ""].itertuples()
-        )
+        from bristle.questions.joint_report.interval_tables import interval_lines
+
+        _tell(interval_lines(results.joints))
     if output is not None:
         write(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
@@ -122,7 +132,12 @@ def inspect(
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Draw the segments into this .png or .svg file.")] = None,
 ) -> None:
-    """Show what the runs hold: notes, segments kept and rejected with their reasons; draw them with -o."""
+    """Show the segments of each run, kept and rejected.
+
+    With the notes on each file, and the reasons for what is rejected; -o draws them.
+
+    Example: bristle inspect wrist.yaml -o segments.png
+    """
     check_output(output)
     with shown():
         from bristle import inspect as run
@@ -132,7 +147,7 @@ def inspect(
         if output is not None:
             figure_kind(output)
         measured = run(experiment, joint)
-    print_lines(segment_lines(measured))
+    _tell(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
 
@@ -157,9 +172,10 @@ def validate(
     ] = None,
     strict: Strict = False,
 ) -> None:
-    """Check each fit against a full nonlinear one (CasADi + IPOPT), then validate the grid search where the truth is known.
+    """Validate the fits against full nonlinear ones.
 
-    The validation simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
+    Each fit is checked by CasADi and IPOPT on the same data, then the grid search where the truth is known. The validation
+    simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
 
     Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
@@ -172,7 +188,7 @@ def validate(
     results = _cross_checked(experiment, joint) if experiment else None
     with shown() as progress:
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-    print_lines([validated.text()])
+    _tell([validated.text()])
     if validated.cases:
         print_lines([f"Page: {validated.write(folder)}"], done=True)
     if results:
@@ -186,7 +202,7 @@ def _cross_checked(experiment: Path, joint: str | None) -> "Results":
 
         results = run(experiment, joint=joint, crosscheck=True, progress=progress)
         results.joint()
-    print_lines(results.checks())
+    _tell(results.checks())
     return results
 
 
@@ -196,13 +212,18 @@ def adapt(
     joint: OfRobot = None,
     output: Annotated[Path | None, lands("-adapt")] = None,
 ) -> None:
-    """Compensate the identified joint in simulation, adapt its model on line, and replay that on the measured runs."""
+    """Simulate compensation and adaptation in closed loop.
+
+    With the identified joint as the plant, its model adapted on line, and the adaptation replayed on the measured runs.
+
+    Example: bristle adapt wrist.yaml -o reports/wrist-adapt
+    """
     folder = output_folder(output, experiment, "-adapt")
     with shown() as progress:
         from bristle import adapt as run
 
         found = run(experiment, joint=joint, progress=progress)
-    print_lines([found.text()])
+    _tell([found.text()])
     print_lines([f"Page: {found.write(folder)}"], done=True)
 
 
@@ -214,7 +235,9 @@ def compare(
     ],
     output: Annotated[Path | None, to("DIR", "Write a page with a figure and tables here.")] = None,
 ) -> None:
-    """Compare two sessions: which parameters changed beyond their joint uncertainty.
+    """Compare two sessions: which parameters changed.
+
+    A parameter changed where both values differ by more than their joint uncertainty.
 
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
@@ -229,7 +252,7 @@ def compare(
         from bristle import compare as run
 
         compared = run(first, second)
-    print_lines([compared.text()])
+    _tell([compared.text()])
     if output is not None:
         print_lines([f"Page: {compared.write(output)}"], done=True)
 
@@ -255,7 +278,9 @@ def sensitivity(
         bool, typer.Option("--symbolic", help="Print the derivatives as formulas and as LaTeX, and nothing else.")
     ] = False,
 ) -> None:
-    """Show which parameters matter and when: along a motion, over amplitude and frequency, over their intervals.
+    """Show which parameters matter, and when.
+
+    Along a motion, over amplitude and frequency, and over their intervals.
 
     Example: bristle sensitivity wrist.yaml --amplitude "0.5 rad" --frequency "1 Hz" -o reports/wrist-sensitivity
     """
@@ -271,7 +296,7 @@ def sensitivity(
         study = run(
             experiment, joint=joint, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress
         )
-    print_lines([study.text()])
+    _tell([study.text()])
     print_lines([f"Page: {study.write(folder)}"], done=True)
 
 
@@ -291,7 +316,9 @@ def plan(
         str, typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0.")
     ] = "all",
 ) -> None:
-    """Plan what to measure next: constant velocities, slow loading, a tracking motion, and the intervals to expect.
+    """Plan what to measure next.
+
+    Constant velocities, slow loading and a tracking motion, with the intervals to expect.
 
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
@@ -306,7 +333,7 @@ def plan(
         from bristle import plan as run
 
         planned = run(experiment, joint=joint, velocities=velocities, aim=aim, progress=progress)
-    print_lines([planned.text()])
+    _tell([planned.text()])
     with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
         written = None if page is None else planned.write(page)
     if output is not None:
@@ -339,7 +366,9 @@ def new(
         str | None, typer.Option(metavar="QUANTITY", help="Of the motor, as 2.1 ohm, where voltage is logged.")
     ] = None,
 ) -> None:
-    """Draft an experiment file that runs as it is, from logs; complete a half-filled one by what its runs ask for.
+    """Draft an experiment file from logs.
+
+    It runs as it is; a half-filled file is completed by what its runs ask for.
 
     Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """
@@ -381,13 +410,22 @@ def explain(
         str, typer.Argument(metavar="CODE", help="What stands in brackets behind a warning.", show_default=False)
     ],
 ) -> None:
-    """Say what a warning means, why it has its severity, and what to do.
+    """Explain a warning, and say what to do.
+
+    What it means, and why it has its severity.
 
     Example: bristle explain lacks-a-term
     """
     from bristle.page.entries import by_code, explanation
 
-    print_lines(explanation(by_code(code)))
+    _tell(explanation(by_code(code)))
+
+
+def _tell(texts: Iterable[str]) -> None:
+    """Print what was found, in lines of 80 columns that break no number, in colour on a terminal."""
+    from bristle.page.plain import wrapped
+
+    print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
 def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:

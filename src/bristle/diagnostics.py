@@ -588,7 +588,7 @@ class Kind(Enum):
     HOLDS_SWING = (
         _CAUTION,
         (
-            "In {count} of {points} holds the velocity swings by up to {swing:.0%} of its mean (rms) where friction bends over speed: the mean "
+            "In {count} of {points} holds the velocity swings by up to {swing:.0%} of its mean (rms) where friction bends with speed: the mean "
             "torque is then not the friction at the mean speed, and is off by up to {ratio:.2g} times the residuals of the fit ({file} {where}). "
             "Tune the speed loop, or hold these speeds again."
         ),
@@ -980,7 +980,7 @@ class Kind(Enum):
         _CAUTION,
         (
             "Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g} by which the bristle "
-            "would bend; move to and fro."
+            "would bend; move back and forth."
         ),
     )
     UNSEEN_FAST = (
@@ -1130,7 +1130,7 @@ class Kind(Enum):
         ),
     )
     BELIEVE_MOVING = _NOTE, ": believe that one"
-    MOVING_IN_DOUBT = _NOTE, "; but that fit is in doubt itself, as its warnings say: believe neither"
+    MOVING_IN_DOUBT = _NOTE, "; but that fit is questionable itself, as its warnings say: believe neither"
     STATIC_SUPERSEDED = (
         _NOTE,
         (
@@ -1415,7 +1415,7 @@ class Kind(Enum):
         _NOTE,
         (
             "the smallest of the grids tried that stays below {most:.3g} % has {values} values "
-            "(a step divided by √12 predicts {predicted})"
+            "(a step divided by the root of 12 predicts {predicted})"
         ),
     )
     NO_FINE_GRID = _NOTE, "to stay below {most:.3g} % it would need about {predicted} values"
@@ -1632,20 +1632,20 @@ class Kind(Enum):
     PAPER_REFERENCE = (
         _CAUTION,
         (
-            "Reference: 1 rad sin(2 π f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
+            "Reference: 1 rad sin(2 pi f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
             "the paper gives neither amplitude nor frequency."
         ),
     )
     PAPER_CONTROL = (
         _CAUTION,
         (
-            "Control in torque: the PID's output is taken in N·m and its error in rad; "
+            "Control in torque: the PID's output is taken in N*m and its error in rad; "
             "the paper gives no unit of its control signal and no motor."
         ),
     )
     PAPER_INERTIA = (
         _CAUTION,
-        "Inertia: (15) inverted, J = (σ₁ / 0.2)² / σ₀, the mean of the two directions; the paper gives none.",
+        "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions; the paper gives none.",
     )
     PAPER_RATES = (
         _CAUTION,
@@ -2099,14 +2099,14 @@ class Kind(Enum):
         _NOTE,
         (
             "The paper's claim that alpha_0 and alpha_2 matter most holds for {amplitude:.3g} {unit} at "
-            "{frequency:.3g} Hz: RMS of p · dT/dp relative to that of T: {largest!x} (total).{settled}"
+            "{frequency:.3g} Hz: RMS of p dT/dp relative to that of T: {largest!x} (total).{settled}"
         ),
     )
     CLAIM_FAILS = (
         _NOTE,
         (
             "The paper's claim that alpha_0 and alpha_2 matter most does not hold for {amplitude:.3g} {unit} at "
-            "{frequency:.3g} Hz: RMS of p · dT/dp relative to that of T: {largest!x} (total).{settled}"
+            "{frequency:.3g} Hz: RMS of p dT/dp relative to that of T: {largest!x} (total).{settled}"
         ),
     )
     ONCE_SETTLED = _NOTE, " In its last period, after the bristle's first deflection: {largest!x}."
@@ -2505,11 +2505,11 @@ OWN_ADVICE: Mapping[str, str] = {
     "Start from rest, load by less than breakaway, and rise slowly; or call the run `tracking` if it is a motion.": "YIELDS NOT_POSITIVE",
     "Check unit, scale and rate of position and velocity. Leave the velocity out if it is filtered.": "POSITION_DIFFERS POSITIONS_DISAGREE",
     "Hold longer, over whole turns of motor and gear, after warming up.": "TORQUE_DRIFTS",
-    "Over time: warm up before logging, check the torque's zero. Over velocity: try `regressors: [quadratic]`. Over position: try `gravity`.": (
+    "With time: warm up before logging, check the torque's zero. With velocity: try `regressors: [quadratic]`. With position: try `gravity`.": (
         "RESIDUAL_TREND"
     ),
     "Compare the period with that of motor poles, gear teeth and one turn, and hold each speed over whole periods.": "RESIDUAL_RIPPLE",
-    "Look at the residuals over time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
+    "Look at the residuals vs time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
     "Nothing where they are few. Many point to the logger; `cleaning` in the experiment file says what is done with such rows.": (
         "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS"
     ),

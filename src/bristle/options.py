@@ -8,7 +8,7 @@ import typer
 
 def optional(none: str) -> Any:
     """The argument that is an experiment file, or none, which means what is said."""
-    return typer.Argument(metavar="[EXPERIMENT]", help=f"The experiment file; none: {none}.", show_default=False)
+    return typer.Argument(metavar="EXPERIMENT", help=f"The experiment file; none: {none}.", show_default=False)
 
 
 def output_path(text: str) -> Path:

@@ -49,6 +49,33 @@ def print_lines(lines: Iterable[str], *, done: bool = False) -> None:
             raise OSError(error.errno, error.strerror or str(error), "standard output") from error
 
 
+def print_found(lines: Iterable[str]) -> None:
+    """Print what was found, in colour on a terminal, as `NO_COLOR` and `TERM` allow; plain text elsewhere."""
+    if not sys.stdout.isatty():
+        print_lines(lines)
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    text = Text("\n".join(lines))
+    for words, style in _COLOURS.items():
+        text.highlight_regex(words, style)
+    console = Console(file=sys.stdout, highlight=False, soft_wrap=True)
+    with console.capture() as capture:
+        console.print(text, end="")
+    print_lines(capture.get().splitlines())
+
+
+_COLOURS = {
+    r"(?m)(?<=: )use$|(?<=  )use(?=$|  )": "green",
+    r"use with caution|\bcautions?\b": "yellow",
+    r"do not use|\bcritical\b|Critical": "red",
+    r"(?<=\[)[a-z][a-z0-9]*(-[a-z0-9]+)*(?=\])": "cyan",
+    r"SIMULATED": "magenta",
+}
+"""What stands out on a terminal: whether to use a number, severities, codes of warnings, data that are simulated."""
+
+
 def complain(line: str) -> None:
     """Print a line on standard error, where that can be."""
     try:

@@ -164,11 +164,11 @@ def test_stages_show_themselves(fits: tuple[bristle.Fit, bristle.Fit, bristle.Fi
 
 
 def test_what_is_not_known_is_not_simulated() -> None:
-    """Points show no bristle, and slow loading no friction over velocity: a sentence each."""
+    """Points show no bristle, and slow loading no friction vs velocity: a sentence each."""
     static, slow = bristle.fit(*points()), bristle.fit_presliding(*loading())
     with pytest.raises(InputError, match="simulate: sigma_0, sigma_1 of direction"):
         bristle.simulate([0.1, 0.2], 0.01, static)
-    with pytest.raises(InputError, match="nothing is known of friction over velocity"):
+    with pytest.raises(InputError, match="nothing is known of friction vs velocity"):
         slow.predict([0.1])
     with pytest.raises(InputError, match="dt: got 0"):
         bristle.simulate([0.1, 0.2], 0, P)

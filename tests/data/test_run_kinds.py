@@ -27,7 +27,7 @@ def log(rate: float, v: Array, q: Array | None = None, T: Array | None = None, *
 
 
 def held(rate: float, speeds: Array) -> Array:
-    """Each speed forth and back for 2 s, with a rest and a tenth of a second to speed up."""
+    """Each speed back and forth for 2 s, with a rest and a tenth of a second to speed up."""
     rise = np.linspace(0, 1, int(0.1 * rate))
     shape = np.concatenate([rise, np.ones(int(2 * rate)), rise[::-1], np.zeros(int(0.3 * rate))])
     return np.concatenate([sign * v * shape for v in speeds for sign in (1, -1)])

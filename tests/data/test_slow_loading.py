@@ -193,7 +193,7 @@ def test_what_is_no_stiffness_is_absent(seed: int, quantum: float, noise: float)
 
 
 def test_a_run_that_slides_is_refused() -> None:
-    """Sliding to and fro is no presliding: the torque is there at once and the joint travels; one sentence says so."""
+    """Sliding back and forth is no presliding: the torque is there at once and the joint travels; one sentence says so."""
     time = np.arange(0, 10, STEP)
     velocity = 0.2 * np.sin(2 * np.pi * 0.2 * time)
     position = np.cumsum(velocity) * STEP

@@ -95,7 +95,7 @@ def test_without_coulomb_friction_there_is_no_law() -> None:
     """At alpha_0 = 0 no bristle could carry a torque: the direction counts as not known, and what needs it is refused in a sentence."""
     own = joint(tracked(values_of(GRIPPER) | {"alpha_0-": 0.0}))
     assert known_joint(own).directions == (Direction.POSITIVE,)
-    with pytest.raises(InputError, match="nothing is known of the friction over velocity in direction -"):
+    with pytest.raises(InputError, match="nothing is known of the friction vs velocity in direction -"):
         whole(own)
-    with pytest.raises(InputError, match="nothing is known of the friction over velocity in direction -"):
+    with pytest.raises(InputError, match="nothing is known of the friction vs velocity in direction -"):
         known_joint(own).filled(Direction.NEGATIVE, WAY, J)

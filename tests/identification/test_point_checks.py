@@ -110,7 +110,7 @@ def as_points(v: Array, T: Array) -> tuple[Segment, ...]:
 
 
 def rows(folder: Path, order: Array, drift: float, seed: int) -> list[Diagnostic]:
-    """What is said of the rows of given points, forth and back at each of these speeds, while friction drifts by a share of itself."""
+    """What is said of the rows of given points, back and forth at each of these speeds, while friction drifts by a share of itself."""
     v = np.stack([order, -order], axis=1).ravel()
     (torque,) = steady_points(TRUTH, v, NOISE, np.random.default_rng(seed), 1)
     torque *= 1 + drift * np.arange(v.size) / (v.size - 1)

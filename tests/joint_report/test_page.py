@@ -236,10 +236,11 @@ def test_save_figure(tmp_path: Path, record: Record) -> None:
 
 
 def test_a_critical_sentence_stands_once_on_the_terminal(joint: Joint) -> None:
-    """What is critical about the one solve of both directions is printed once, above all else of the joint, and counted with each."""
+    """What is critical about the one solve of both directions is printed once, below the verdict, and counted with each."""
     warning = Kind.UNEXPLAINED(error=40.0, noise=3.0, advice=())
     static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
-    lines = list(outcomes([replace(joint, static=static).with_subjects()]))
+    verdict, *lines = list(outcomes([replace(joint, static=static).with_subjects()]))[1:]
+    assert verdict.split("  ")[:2] == [joint.name, "do not use"]
     assert [line for line in lines if str(warning) in line] == lines[:1]
     assert lines[0] == f"{joint.name}, critical (static +, static -): {warning.coded}"
     assert lines[1].startswith(f"{joint.name} +: Critical, see above.")

@@ -529,7 +529,7 @@ def test_the_command_with_nothing_fitted_is_refused(tmp_path: Path, monkeypatch:
     before = tree(tmp_path)
     ran = run("validate", path)
     assert (ran.code, len(ran.said), ran.out) == (2, 1, "")
-    assert "wrist: nothing to check: got no fit of friction over velocity (Too few points" in ran.said[0]
+    assert "wrist: nothing to check: got no fit of friction vs velocity (Too few points" in ran.said[0]
     assert "add ramp, points or tracking runs" in ran.said[0]
     assert tree(tmp_path) == before
     with pytest.raises(ValueError, match="nothing to check"):
@@ -541,7 +541,7 @@ def test_a_joint_without_points_or_moving_runs_is_refused() -> None:
     few = static_fit("-", None)
     with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
         joint_cases(joint_of({}))
-    with pytest.raises(ValueError, match=r"friction over velocity \(Too few points"):
+    with pytest.raises(ValueError, match=r"friction vs velocity \(Too few points"):
         joint_cases(joint_of({"-": few}))
     case_set = joint_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
     assert not case_set.cases

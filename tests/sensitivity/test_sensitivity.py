@@ -348,7 +348,7 @@ def test_no_sentence_decides_on_a_study(
 def test_nothing_known_is_refused(tmp_path: Path) -> None:
     """A joint of which no friction was fitted has no sensitivity."""
     measured = measure(write(tmp_path, TOO_FEW))
-    with pytest.raises(ValueError, match="nothing is known of its friction over velocity"):
+    with pytest.raises(ValueError, match="nothing is known of its friction vs velocity"):
         of_joint(measured, identify_joint(measured))
 
 

@@ -203,7 +203,7 @@ def test_without_inertia_there_is_no_loop(tmp_path: Path) -> None:
 def test_without_a_whole_model_there_is_no_compensator(tmp_path: Path) -> None:
     """A joint of which nothing was identified is refused with what is missing and which runs show it."""
     with pytest.raises(
-        ValueError, match=r"^wrist: nothing is known of the friction over velocity in direction \+; .* tracking run"
+        ValueError, match=r"^wrist: nothing is known of the friction vs velocity in direction \+; .* tracking run"
     ):
         of_experiment(experiment(tmp_path), replace(joint(), tracking=None))
 

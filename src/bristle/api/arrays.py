@@ -196,7 +196,7 @@ def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:
     >>> bristle.friction([0.0, 0.5, -0.5], law).round(3)
     array([ 0.  ,  0.04, -0.04])
 
-    Raises InputError where a fit knows nothing of friction over velocity.
+    Raises InputError where a fit knows nothing of friction vs velocity.
     """
     return of.friction(velocity) if isinstance(of, Fit) else steady(velocity, of)
 

@@ -266,7 +266,7 @@ def sensitivity(
         samples: of the Sobol indices, a power of two, at least 32; 0: none.
         progress: told of every step.
 
-    Raises InputError in one sentence where a file cannot be used, nothing is known of its friction over velocity, or the motion or the samples
+    Raises InputError in one sentence where a file cannot be used, nothing is known of its friction vs velocity, or the motion or the samples
     cannot be.
     """
     check_samples(samples)

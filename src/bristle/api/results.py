@@ -70,11 +70,18 @@ class Results:
         """`measured_joint` of each joint."""
         return tuple(self.logs.of(joint) for joint in self.joints)
 
-    def text(self) -> str:
-        """The fit report, as the command line prints it."""
+    def text(self, *, full: bool = False) -> str:
+        """Of each joint the values to use, whether to trust them, and its warnings; with `full` every fit. 80 columns wide.
+
+        As `bristle identify` and `bristle identify --full` print it.
+        """
+        from bristle.questions.joint_report.brief import brief_report
         from bristle.questions.joint_report.text import fit_report
 
-        return fit_report(self._whole_joints())
+        return fit_report(self._whole_joints()) if full else brief_report(self.joints)
+
+    def __str__(self) -> str:
+        return self.text()
 
     def outcomes(self) -> tuple[str, ...]:
         """How each fit ended, and the number of its warnings, a line each."""

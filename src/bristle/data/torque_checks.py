@@ -78,7 +78,7 @@ def _clipped(record: Record) -> Diagnostic | None:
 
 
 def _constant(record: Record) -> Diagnostic | None:
-    """Points of a direction most of which have the very same torque, their largest: a limit, and no friction over velocity."""
+    """Points of a direction most of which have the very same torque, their largest: a limit, and no friction vs velocity."""
     if record.torque is None or record.velocity is None:
         return None
     for sign in (1, -1):

@@ -71,7 +71,7 @@ def identify_joint(
     experiment = measured.experiment
     training = _training(measured)
     points = measured.points(hold_out=False)
-    step(progress, "fitting friction over velocity")
+    step(progress, "fitting friction vs velocity")
     static, checks, left_out = _static(measured, points, timings)
     points = pulled_points(points, static)
     stages = DynamicStages()

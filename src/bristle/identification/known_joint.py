@@ -153,7 +153,7 @@ class KnownJoint:
         return tuple(d for d in ways if self.has_law(d))
 
     def has_law(self, direction: Direction) -> bool:
-        """Whether the friction over velocity is known in a direction.
+        """Whether the friction vs velocity is known in a direction.
 
         None without Coulomb friction is a law for a bristle.
         """
@@ -185,11 +185,11 @@ class KnownJoint:
         """A direction's whole set, with a bristle where none was seen.
 
         Bent by `DEFLECTION` of `travel` (rad) in slow sliding, damped by (15). `J` is the inertia, kg*m**2. Raises
-        InputError where nothing is known of the friction over velocity.
+        InputError where nothing is known of the friction vs velocity.
         """
         values, missing = self.values(direction), self.missing(direction)
         if not self.has_law(direction):
-            raise InputError(f"{self.name}: nothing is known of the friction over velocity in direction {direction}")
+            raise InputError(f"{self.name}: nothing is known of the friction vs velocity in direction {direction}")
         if "sigma_0" in missing:
             values["sigma_0"] = assumed_stiffness(values["alpha_0"], travel)
         if "sigma_1" in missing:
@@ -218,12 +218,12 @@ def known_joint(joint: Joint) -> KnownJoint:
 def whole(joint: Joint) -> KnownJoint:
     """What is known of a joint that can be compensated.
 
-    Raises InputError where nothing is known of the friction over velocity in a direction, or of the bristle without a
+    Raises InputError where nothing is known of the friction vs velocity in a direction, or of the bristle without a
     moving run.
     """
     known = known_joint(joint)
     for d in SIGNED:
-        lacking = "" if known.has_law(d) else "friction over velocity"
+        lacking = "" if known.has_law(d) else "friction vs velocity"
         if joint.moving is None and "sigma_0" in known.missing(d):
             lacking = lacking or "bristle stiffness (sigma_0)"
         if lacking:

@@ -42,8 +42,8 @@ def verdict(joint: Joint) -> Verdict:
     """
     found = value_warnings(joint)
     if all(row.estimate.value is None for row in chosen(joint)):
-        ended = (fit.outcome for fit in (*joint.static.values(), *moving_fits(joint).values()))
-        why = _serious((*found, *joint.all_warnings(), *ended))
+        static, moving = (x.outcome for x in joint.static.values()), (x.outcome for x in moving_fits(joint).values())
+        why = _serious((*found, *joint.all_warnings(), *static, *moving))
         return Verdict(Trust.DO_NOT_USE, why[0] if why else None)
     if not found:
         return Verdict(Trust.USE, None)

@@ -116,7 +116,7 @@ ASSUMPTIONS: tuple[str, ...] = (
     f"Sampling: control at {1 / CLOCK.period:g} Hz; position and the mean voltage since, logged at {1 / (CLOCK.period * CLOCK.decimation):g} Hz.",
     f"Noise: white on the logged voltage, such that a 4 s plateau's mean torque has a standard error of {100 * NOISE:g} % of the larger alpha_0; "
     f"white torque noise on the plant, {100 * DISTURBANCE:g} % of it per control period.",
-    "Speeds: 22 of our choice, the same forth and back, from a quarter of the smaller v_s to 1.0 rad/s (pitch) or 1.2 rad/s (rotation).",
+    "Speeds: 22 of our choice, the same back and forth, from a quarter of the smaller v_s to 1.0 rad/s (pitch) or 1.2 rad/s (rotation).",
     f"Presliding: voltage along slow open-loop ramps to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, twice, no torque noise: "
     "LuGre creeps under vibration, and the ramps' noise would halve the sigma_0 that is found.",
     "Moving runs: six sines of the angle of our choice, from a slow wide one to a few bristle deflections at 13 Hz, no torque noise; control and "
@@ -133,7 +133,7 @@ PAPER_PID_ASSUMPTIONS: tuple[str, ...] = tuple(
     if sentence.startswith("Ramp controller")
     else "Speeds: "
     + ", ".join(f"{k:g}" for k in PAPER_PID_SPEEDS)
-    + " times 0.062 rad/s, forth and back, eight seconds each."
+    + " times 0.062 rad/s, back and forth, eight seconds each."
     if sentence.startswith("Speeds")
     else sentence
     for sentence in ASSUMPTIONS

@@ -1,4 +1,4 @@
-"""The fitted curve of friction over velocity, and how far it is known."""
+"""The fitted curve of friction vs velocity, and how far it is known."""
 
 import numpy as np
 from scipy.special import stdtrit

@@ -26,7 +26,7 @@ def draw(fit: Fit, ax: Axes | None = None) -> Axes:
 
 
 def draw_joint(joint: Joint, ax: Axes | None = None) -> Axes:
-    """The same of a joint: its friction over velocity where it has points, else its moving runs, else its slow loading."""
+    """The same of a joint: its friction vs velocity where it has points, else its moving runs, else its slow loading."""
     points = any(static.velocity.size for static in joint.static.values())
     return draw_stage(joint, "static" if points else "dynamic" if joint.moving else "presliding", ax)
 
@@ -99,7 +99,7 @@ def html(fit: Fit) -> str:
     """The same with the curve, for a notebook; text that may be anybody's is escaped."""
     figure = new_figure(3.6)
     draw(fit, figure.subplots())
-    curve_of = inline(render_as(figure, "svg"), "fit", "friction over velocity, measured and fitted")
+    curve_of = inline(render_as(figure, "svg"), "fit", "friction vs velocity, measured and fitted")
     paragraphs = "".join(f"<p>{escape(line)}</p>" for line in outcomes(fit))
     points = "".join(f"<li>{escape(line)}</li>" for line in serious(fit))
     table = fit.to_frame().drop(columns="warnings").to_html(float_format="{:.5g}".format, na_rep="-")

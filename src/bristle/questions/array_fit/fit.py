@@ -103,12 +103,12 @@ class Fit:
     def friction(self, velocity: ArrayLike) -> Array:
         """Friction (9) of steady sliding, N*m, in the shape of `velocity`, rad/s: 0 at rest, nan in a direction that is not known.
 
-        Raises InputError where the fit knows nothing of friction over velocity.
+        Raises InputError where the fit knows nothing of friction vs velocity.
         """
         v = np.asarray(velocity, dtype=float)
         torque, known = np.where(v == 0, 0.0, np.nan), known_joint(self.joint)
         if not known.directions:
-            raise InputError("friction: nothing is known of friction over velocity; fit points or a motion")
+            raise InputError("friction: nothing is known of friction vs velocity; fit points or a motion")
         for d, sign in zip(SIGNED, (1.0, -1.0), strict=True):
             if known.has_law(d):
                 values = known.values(d)
@@ -119,7 +119,7 @@ class Fit:
         """The torque of steady motion at some velocities, N*m, in the shape of `velocity`, rad/s: friction, and what else was fitted.
 
         `position`, rad, is needed where gravity was fitted. Raises InputError where it is missing, or nothing is known of
-        friction over velocity.
+        friction vs velocity.
         """
         v = np.asarray(velocity, dtype=float)
         fitted = {row.name: row.estimate.value or 0.0 for row in self._rows()}
@@ -313,7 +313,7 @@ def simulated_torque(velocity: ArrayLike, dt: float, fit: Fit) -> Array:
     missing = {d: known.missing(d) for d in SIGNED}
     for d, names in missing.items():
         if not known.has_law(d) or "sigma_0" in names or "sigma_1" in names:
-            what = ", ".join(names) or "friction over velocity"
+            what = ", ".join(names) or "friction vs velocity"
             raise InputError(
                 f"simulate: {what} of direction {d} is not known; fit a motion that shows it, or give a Lugre"
             )

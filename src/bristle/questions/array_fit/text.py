@@ -1,9 +1,11 @@
 """A fit of arrays as text, for which no figure is imported."""
 
 from collections.abc import Iterator
+from math import isnan
 from typing import TYPE_CHECKING
 
 from bristle.diagnostics import Severity
+from bristle.page.plain import columns, interval, pair, wrapped
 from bristle.page.wording import direction
 
 if TYPE_CHECKING:
@@ -11,9 +13,17 @@ if TYPE_CHECKING:
 
 
 def text(fit: "Fit") -> str:
-    """How the fit ended, its parameters, and what to be careful about."""
-    frame = fit.to_frame().drop(columns="warnings")
-    return "\n".join([*outcomes(fit), frame.to_string(float_format="{:.5g}".format, na_rep="-"), *serious(fit)])
+    """How the fit ended, its parameters with their errors and 95 % intervals, and what to be careful about; 80 columns wide."""
+    return "\n".join(wrapped([*outcomes(fit), *columns(list(_rows(fit))), *serious(fit)]))
+
+
+def _rows(fit: "Fit") -> Iterator[tuple[str, ...]]:
+    yield "parameter", "value +/- standard error", "95 % interval"
+    ends = fit.conf_int()
+    for name, value in fit.params.items():
+        unit, known = fit.to_frame().unit[name], tuple(map(float, ends.loc[name]))
+        shown = "not identifiable" if isnan(value) else f"{pair(value, fit.stderr[name])} {unit}"
+        yield name, shown, "none" if isnan(sum(known)) else interval((known[0], known[1]))
 
 
 def outcomes(fit: "Fit") -> Iterator[str]:

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from bristle.model.parameters import Direction, Kind, Stribeck, effort, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
-from bristle.page.wording import measured, number, pretty, symbol
+from bristle.page.plain import columns, pair
+from bristle.page.wording import number, pretty, symbol
 from bristle.questions.experiment_design import figures, tables
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
@@ -135,23 +136,27 @@ def text(plan: Plan) -> str:
 
 def _interval_lines(plan: Plan) -> Iterator[str]:
     """Half of each 95 % interval by stage, as rows."""
-    yield "  half of each 95 % interval, in percent of the value: now as fitted; then predicted, at the least (Cramer-Rao bound)."
+    yield (
+        "  half of each 95 % interval, in percent of the value: now as fitted; then predicted with each part of the plan added, "
+        "at the least (Cramer-Rao bound); open: not identifiable."
+    )
     yield "  Statistical errors only: those of constants, as of the torque's scale, come on top, and no run lowers them."
-    yield f"    {'':<12}{'estimate +/- standard error':<34}" + "".join(f"{stage:>17}" for stage in plan.standard_errors)
-    now = plan.standard_errors["now"]
+    now, rows = (
+        plan.standard_errors["now"],
+        [("", "estimate", *(x.removeprefix("with ") for x in plan.standard_errors))],
+    )
     for k in plan.free:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
         relative = [errors[k] / abs(value) for errors in plan.standard_errors.values()]
-        cells = "".join(f"{_half(x):>17}" for x in relative)
-        error = float(now[k]) if relative[0] < 1 else None
-        estimate = f"{measured(value, error).replace('±', '+/-')} {unit(name.name, plan.joint.kind)}"
-        yield f"    {name!s:<12}{estimate:<34}{cells}{'  (the estimate is a guess)' if name in plan.start.guessed else ''}"
+        estimate = f"{pair(value, float(now[k]) if relative[0] < 1 else None)} {unit(name.name, plan.joint.kind)}"
+        rows.append((str(name), f"{estimate}{' (a guess)' * (name in plan.start.guessed)}", *map(_half, relative)))
+    yield from columns(rows, indent=2)
 
 
 def _half(relative: float) -> str:
-    """Half of a 95 % interval in percent of the value, from its relative standard error."""
+    """Half of a 95 % interval in percent of the value, from its relative standard error; open where that is not identifiable."""
     percent = 100 * tables.NORMAL * relative
-    return "not identifiable" if not relative < 1 else f"{percent:.0f} %" if percent >= 10 else f"{percent:#.2g} %"
+    return "open" if not relative < 1 else f"{percent:.0f} %" if percent >= 10 else f"{percent:#.2g} %"
 
 
 def _limits(plan: Plan) -> list[tuple[str, str]]:

@@ -140,7 +140,7 @@ def plan(
         aim: the parameter whose interval is to shrink, one of `AIMS`, or `all`.
         progress: called with what is being done, how many steps are done, and how many there are.
 
-    Raises InputError where the aim is no parameter, nothing is known of friction over velocity, or the limits leave
+    Raises InputError where the aim is no parameter, nothing is known of friction vs velocity, or the limits leave
     nothing to plan.
     """
     check_plan(velocities, aim)

@@ -87,7 +87,7 @@ class Start:
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     """What is known of an identified joint; what is not is guessed, and each guess is among the assumptions.
 
-    Raises InputError where nothing is known of its friction over velocity.
+    Raises InputError where nothing is known of its friction vs velocity.
     """
     one_law = known_joint(joint).directions == (Direction.BOTH,)
     directions = (Direction.BOTH,) if one_law else SIGNED
@@ -95,7 +95,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     estimates = {d: _estimates(joint, d) for d in directions}
     if not any("alpha_0" in seen for seen in estimates.values()):
         raise InputError(
-            f"{joint.name}: nothing is known of its friction over velocity, from which a plan starts; add ramp, points or tracking runs"
+            f"{joint.name}: nothing is known of its friction vs velocity, from which a plan starts; add ramp, points or tracking runs"
         )
     for d, other in zip(directions, reversed(directions), strict=True):
         if "alpha_0" not in estimates[d]:

@@ -9,16 +9,15 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
+from bristle.page.plain import pair
 from bristle.page.wording import FITS, counted
-from bristle.questions.joint_report.overview import overview
+from bristle.questions.joint_report.brief import verdicts
 from bristle.questions.joint_report.sentences import choice, cost_change, critical_titles, distinct
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """All joints in one table; then what is critical about each, how each fit of it ended, and how many warnings it has."""
-    if len(joints) > 1:
-        table = overview(joints).set_index("joint").T
-        yield from (line.rstrip() for line in table.to_string().splitlines())
+    """Whether to use each joint's values; then what is critical about it, how each fit ended, and how many warnings it has."""
+    yield from verdicts(joints)
     for joint in joints:
         yield from (f"{joint.name}, {title}: {warning.coded}" for warning, title in critical_titles(joint).items())
         for direction, fit in joint.static.items():
@@ -84,6 +83,5 @@ def _passes_through(s: Segment) -> bool:
 
 
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
-    error = "" if s.standard_error is None else f" +/- {s.standard_error:.2g}"
-    yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {s.velocity:.4g} {v}, {s.torque:.4g}{error} {T}"
+    yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {s.velocity:.4g} {v}, {pair(s.torque, s.standard_error)} {T}"
     yield from (f"           {reason.coded}" for reason in (*s.reasons, *s.warnings))

@@ -10,7 +10,8 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.columns import Table, shown
-from bristle.page.wording import FITS, number, span
+from bristle.page.plain import columns, interval
+from bristle.page.wording import FITS, number, printable, span
 
 WAYS = ("covariance", "profile", "bootstrap")
 
@@ -49,6 +50,25 @@ def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
     ]  # fmt: skip  # one row, one line
     columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "warnings"]
     return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
+
+
+def interval_lines(joints: Sequence[Joint]) -> Iterator[str]:
+    """Each parameter's 95 % interval three ways, fit by fit, and the warnings about them, each once."""
+    for joint in joints:
+        by_fit: dict[str, list[Row]] = {}
+        for row in rows(joint):
+            by_fit.setdefault(row.fit, []).append(row)
+        for fit, own in by_fit.items():
+            yield f"{printable(joint.name)}, {FITS.get(fit, fit)}: 95 % intervals"
+            for si in dict.fromkeys(x.estimate.unit for x in own):
+                yield from columns([(si, *WAYS), *(_three_ways(x) for x in own if x.estimate.unit == si)], indent=0)
+            said = {w: ParameterName(x.parameter, Direction(x.direction)) for x in own for w in x.three.warnings}
+            yield from (f"  {name}: {printable(warning.flagged)}" for warning, name in said.items())
+
+
+def _three_ways(row: Row) -> tuple[str, ...]:
+    ends = (interval(getattr(row.three, way)) for way in WAYS)
+    return str(ParameterName(row.parameter, Direction(row.direction))), *ends
 
 
 def repeats(joints: Sequence[Joint]) -> pd.DataFrame:

@@ -21,7 +21,8 @@ from bristle.identification.fits import (
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.wording import FITS, WORK, counted, measured, percent, printable, shortened, span
+from bristle.page.plain import columns, interval, pair, wrapped
+from bristle.page.wording import FITS, WORK, counted, percent, printable, shortened
 from bristle.questions.joint_report.sentences import (
     bias,
     bias_text,
@@ -47,7 +48,13 @@ def fit_report(joints: Sequence[Joint]) -> str:
     lines = [line for joint in joints for line in _joint(joint)]
     if any(joint.all_warnings() for joint in joints):
         lines.append("What a code in brackets means: bristle explain CODE")
-    return "\n".join(lines) + "\n"
+    return "\n".join(wrapped(lines)) + "\n"
+
+
+def total_error(e: Estimate) -> float | None:
+    """Standard error of both kinds, statistical and systematic; None where there is none."""
+    parts = [x for x in (e.standard_error, e.systematic) if x is not None]
+    return math.hypot(*parts) if parts else None
 
 
 def _joint(joint: Joint) -> Iterator[str]:
@@ -88,7 +95,7 @@ def _fit(direction: str, fit: StaticFit, said: set[str]) -> Iterator[str]:
     points = f"{counted(fit.n, 'point' if fit.segments else 'sample')}, {counted(fit.degrees_of_freedom, 'degree')} of freedom"
     yield _heading(direction, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {points}"
-    yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit)}".rstrip()
+    yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit) * (fit.rms is not None)}".rstrip()
     yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
@@ -116,20 +123,21 @@ def _other_points(fit: StaticFit, said: set[str]) -> Iterator[str]:
 def _parameters(title: str, parameters: Mapping[Any, Estimate], said: set[str]) -> Iterator[str]:
     if not parameters:
         return
-    yield f"    [[{title}]]"
+    yield f"    [[{title}]]{' with 95 % intervals' * any(e.interval is not None for e in parameters.values())}"
+    yield from columns([(f"{name}:", *_cells(e)) for name, e in parameters.items()], indent=5)
     for name, e in parameters.items():
-        yield f"      {f'{name}:':<13}{_estimate(e)}"
-        yield from (f"        ({_once(warning, said)})" for warning in e.warnings)
+        yield from (f"        ({name}: {_once(warning, said)})" for warning in e.warnings)
 
 
-def _estimate(e: Estimate) -> str:
+def _cells(e: Estimate) -> tuple[str, ...]:
+    """Value with its error and unit, the error in percent, the part that constants have in it, and the interval."""
     if e.value is None:
-        return "not estimated"
+        return "not estimated", "", "" if e.interval is None else f"{interval(e.interval)} {e.unit}"
     share = percent(e.value, e.standard_error)
-    relative = "" if share is None else f" ({share:.2g} %)" if share < 99.5 else f" ({share:.0f} %)"
-    interval = "no interval" if e.interval is None else span(e.interval).replace("∞", "inf")
-    beside = systematic(e, ", systematic +/- {}")
-    return f"{_pair(e.value, e.standard_error):<22} {e.unit}{relative}{beside}, 95 %: {interval}"
+    relative = "" if share is None else f"{share:.2g} %" if share < 99.5 else f"{share:.0f} %"
+    beside = systematic(e, "systematic +/- {}")
+    ends = "no interval" if e.interval is None else interval(e.interval)
+    return f"{pair(e.value, e.standard_error)} {e.unit}", relative, *([beside] if beside else []), ends
 
 
 def _repeats(repeats: Mapping[Any, RunScatter]) -> Iterator[str]:
@@ -179,7 +187,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: se
     yield f"    {'level g0':<15}= {level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
     yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
     if breakaway:
-        yield f"    {'breakaway':<15}= {_estimate(breakaway)}"
+        yield f"    {'breakaway':<15}= {', '.join(filter(None, _cells(breakaway)))}"
         yield from (f"        ({_once(warning, said)})" for warning in breakaway.warnings)
     by_method = {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
     yield from _parameters("sigma_0", by_method, said)
@@ -194,9 +202,18 @@ def _amplitudes(joint: Joint, fit: PreslidingFit) -> Iterator[str]:
     torque, position, stiffness = (unit(name, joint.kind) for name in ("torque", "position", "sigma_0"))
     if fit.amplitudes:
         yield "    [[stiffness vs amplitude]]"
-    for x in fit.amplitudes:
-        where = f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position}"
-        yield f"      {f'{x.kind}:':<13}{_pair(x.value, x.standard_error):<22} {stiffness} {where}; LuGre {_number(x.lugre)}"
+    yield from columns(
+        [
+            (
+                f"{x.kind}:",
+                f"{pair(x.value, x.standard_error)} {stiffness}",
+                f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position};",
+                f"LuGre {_number(x.lugre)}",
+            )
+            for x in fit.amplitudes
+        ],
+        indent=6,
+    )
 
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iterator[str]:
@@ -228,15 +245,16 @@ def _consistency(joint: Joint) -> Iterator[str]:
     """Each parameter from its own stage, the moving runs alone, and all at once."""
     yield "  [[consistency]] Each parameter from a stage of its own, beside the moving runs."
     for x in joint.consistency:
-        own = f"{x.stage} {_pair(x.stage_value, x.stage_error)}"
-        moving = f"moving runs {_pair(x.tracking_value, x.tracking_error)}"
+        si = unit(x.parameter.name, joint.kind)
+        own = f"{x.stage} {_with_unit(x.stage_value, x.stage_error, si)}"
+        moving = f"moving runs {_with_unit(x.tracking_value, x.tracking_error, si)}"
         apart = "" if x.difference_in_se is None else f"; {x.difference_in_se:+.2f} standard errors apart"
-        both = f"joint fit {_pair(x.joint_value, x.joint_error)}"
+        both = f"joint fit {_with_unit(x.joint_value, x.joint_error, si)}"
         yield f"    {f'{x.parameter}:':<13}{own}; {moving}{apart}; {both}. {printable(str(x.verdict))}"
 
 
-def _pair(value: float | None, error: float | None) -> str:
-    return "none" if value is None else measured(value, error).replace("±", "+/-")
+def _with_unit(value: float | None, error: float | None, si: str) -> str:
+    return pair(value, error) + f" {si}" * (value is not None)
 
 
 def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
@@ -265,7 +283,7 @@ def _sentences(warnings: Sequence[Diagnostic], said: set[str]) -> Iterator[str]:
 def _once(warning: Diagnostic, said: set[str]) -> str:
     """Its sentence, or only the beginning where the joint's text has it above."""
     sentence = printable(str(warning))
-    beginning = f"{shortened(sentence)} (as above)"
+    beginning = f"{shortened(sentence, 48)} (as above)"
     if sentence in said and len(beginning) < len(sentence):
         return beginning
     said.add(sentence)

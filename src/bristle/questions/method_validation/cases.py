@@ -103,9 +103,7 @@ def check_fitted(joint: Joint) -> None:
         return
     outcomes = "; ".join(dict.fromkeys(str(fit.outcome).rstrip(".") for fit in joint.static.values()))
     got = (
-        f"no fit of friction over velocity ({outcomes})"
-        if outcomes
-        else "no ramp, points or tracking run that is fitted"
+        f"no fit of friction vs velocity ({outcomes})" if outcomes else "no ramp, points or tracking run that is fitted"
     )
     raise InputError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
 

@@ -92,12 +92,12 @@ def of_joint(
 ) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
     """A user's joint, as identified from `measured`: what is known of it, the motion, and its loop, or the sentence why there is none.
 
-    Raises InputError where nothing is known of its friction over velocity, or the motion cannot be.
+    Raises InputError where nothing is known of its friction vs velocity, or the motion cannot be.
     """
     experiment, known = measured.experiment, known_joint(joint)
     if not known.directions:
         raise InputError(
-            f"{joint.name}: nothing is known of its friction over velocity; sensitivity needs ramp, points or tracking runs that were fitted"
+            f"{joint.name}: nothing is known of its friction vs velocity; sensitivity needs ramp, points or tracking runs that were fitted"
         )
     limits = _limits(measured)
     default = requested_motion(experiment.adapt, fastest_measured(joint))

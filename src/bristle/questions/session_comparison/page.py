@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from bristle.identification.fits import Estimate
 from bristle.page.columns import shown
 from bristle.page.page import write_part
+from bristle.page.plain import pair
 from bristle.page.wording import measured, number, printable, shortened, slugs
 from bristle.questions.session_comparison.figures import forest_figure
 from bristle.questions.session_comparison.results import Change, Comparison
@@ -152,8 +153,8 @@ def _line(c: Change) -> str:
     name = f"  {shortened(str(c.parameter), 12):<12}"
     if c.changed is None or c.first is None or c.second is None:
         return f"{name} {c.verdict}"
-    a, b = (measured(e.value, e.standard_error) for e in (c.first, c.second))
-    return f"{name} {a} -> {b} {c.unit} ({c.source}): {number(c.z, 3)} standard errors, p {_p(c.adjusted)} (Holm). {c.verdict}"
+    a, b = (f"{pair(e.value, e.standard_error)} {c.unit}" for e in (c.first, c.second))
+    return f"{name} {a} -> {b} ({c.source}): {number(c.z, 3)} standard errors, p {_p(c.adjusted)} (Holm). {c.verdict}"
 
 
 def _p(p: float | None) -> str:

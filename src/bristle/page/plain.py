@@ -1,0 +1,73 @@
+"""Plain text for a terminal: 80 columns, in which no number is broken and what belongs to it stays beside it."""
+
+import re
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import zip_longest
+
+from bristle.page.wording import measured, span
+
+WIDTH = 80
+"""Columns of a terminal that nobody has made wider."""
+_SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "\N{NO-BREAK SPACE}": " "})
+_INTERVAL = re.compile(r"\[[^\[\]]{1,60}\]")
+_NUMBER = re.compile(
+    r"(?<=[\d.]) (?=\+/-)|(?<=\+/-) (?=[\d.])|(?<=\w) (?=[=<>] [-\d.])|(?<=[=<>~]) (?=[-\d.])"
+    r"|(?<=[\d.\]]) (?=%|1/|(?:N|A|V|J|C|s|m|ms|mm|Hz|kHz|rad|mrad|deg|kg|ohm|counts?)(?![\w-]))"
+)
+"""Blanks inside a number: about its sign of error, about a sign of comparison, and before its unit."""
+
+
+def pair(value: float | None, error: float | None) -> str:
+    """Value +/- standard error, both to the second digit of the error: 0.01942 +/- 0.00016; `none` where there is no value."""
+    return "none" if value is None else measured(value, error).translate(_SIGNS)
+
+
+def interval(ends: tuple[float, float] | None) -> str:
+    """A 95 % interval: [0.01910, 0.01974], [12.5, inf]."""
+    return "none" if ends is None else span(ends).translate(_SIGNS)
+
+
+def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
+    """Each line, broken where it is too long for the terminal: never inside a number, an interval or a word.
+
+    What goes on stands two columns further in; a word that is longer than a line, as a path, stays whole.
+    """
+    for given in lines:
+        line = given.replace("±", "+/-")
+        if len(line) <= width:
+            yield line
+            continue
+        held = _NUMBER.sub("\N{NO-BREAK SPACE}", line)
+        held = _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), held)
+        further = " " * (len(line) - len(line.lstrip()) + 2)
+        parts = textwrap.wrap(
+            held, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False, expand_tabs=False
+        )
+        yield from (part.replace("\N{NO-BREAK SPACE}", " ") for part in parts)
+
+
+def shortened_lines(lines: Sequence[str], most: int) -> list[str]:
+    """At most so many lines, the last of which ends in dots where more followed; no word of it is cut."""
+    if len(lines) <= most:
+        return list(lines)
+    last = lines[most - 1]
+    while len(last) > WIDTH - 4:
+        last = last.rpartition(" ")[0]
+    return [*lines[: most - 1], f"{last} ..."]
+
+
+def columns(rows: Sequence[Sequence[str]], indent: int = 2, width: int = WIDTH) -> Iterator[str]:
+    """Rows of cells under one another; cells that do not fit into the width stand on a line of their own, whole.
+
+    Two blanks part the columns; a row may have fewer cells than others.
+    """
+    widths = [max(map(len, cells)) for cells in zip_longest(*rows, fillvalue="")]
+    for row in rows:
+        line = " " * indent
+        for cell, wide in zip(row, widths, strict=False):
+            if len(line) + len(cell) > width and line.strip():
+                yield line.rstrip()
+                line = " " * (2 * indent + 2)
+            line += f"{cell:<{wide}}  "
+        yield line.rstrip()

@@ -1,0 +1,130 @@
+"""The short report: the values to use first, a verdict with one reason, warnings counted once, in 40 lines of 80 columns."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import bristle
+from bristle.api.results import Results
+from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.identification.fits import Estimate
+from bristle.identification.known_joint import chosen
+from bristle.identification.results import Joint
+from bristle.identification.verdict import value_warnings, verdict
+from bristle.page.plain import WIDTH, interval, pair, wrapped
+from bristle.questions.joint_report.brief import LINES, brief_report
+from bristle.questions.joint_report.interval_tables import interval_lines
+from bristle.questions.joint_report.text import fit_report
+
+from .conftest import HOSTILE, gripper, loaded
+from .moving import moving
+
+EDRO = Path(__file__).parents[2] / "reports" / "edro" / "results.json"
+CRITICAL = Kind.STAGES_DO_NOT_FIT(joint=9.0, alone=1.0)
+LONG = tuple(
+    Kind.UNIT_DIFFERS(signal=f"signal {k}", files=("a_long_name_of_a_file.csv",), stated="deg", declared="rad", remedy="`unit: deg`")
+    for k in range(20)
+)  # fmt: skip  # a list of values
+
+
+@pytest.fixture(scope="module")
+def edro() -> Results:
+    """The embedded joints, as the report that ships has them."""
+    return bristle.read_results(EDRO)
+
+
+def words(text: str) -> str:
+    """In one line."""
+    return " ".join(text.split())
+
+
+def test_each_value_to_use_stands_in_the_table_with_its_source(edro: Results) -> None:
+    """Of every joint each parameter that `chosen` names: value, error, unit and interval in one line, and the fit that it comes from."""
+    blocks = str(edro).split("\n\n")
+    assert len(blocks) == len(edro.joints) + 2
+    for joint, block in zip(edro.joints, blocks[1:], strict=False):
+        assert block.startswith(f"{joint.name} (revolute, SIMULATED data): {verdict(joint).trust}\n")
+        for row in chosen(joint):
+            e = row.estimate
+            assert e.interval is not None
+            shown = f"{pair(e.value, e.standard_error)} {e.unit}"
+            assert re.search(
+                rf"^  {re.escape(str(row.parameter))} +{re.escape(shown)} +{re.escape(interval(e.interval))} +joint fit$",
+                block,
+                re.M,
+            )
+        assert f"{joint.name.split()[0]}_held_out.csv" in block
+
+
+def test_no_row_of_a_table_is_broken(edro: Results) -> None:
+    """In the full report, and in the intervals three ways, each parameter stands in one line with its interval, none of them above 80 columns."""
+    full, three = edro.text(full=True).splitlines(), list(interval_lines(edro.joints))
+    assert max(map(len, [*full, *three, *wrapped(edro.outcomes())])) <= WIDTH
+    for joint in edro.joints:
+        assert joint.joint_fit is not None
+        for name, e in joint.joint_fit.parameters.items():
+            assert e.interval is not None
+            assert any(
+                line.split()[0] == f"{name}:" and line.endswith(interval(e.interval)) for line in full if line.strip()
+            )
+    rows = [line for line in three if re.match(r"[a-z]+_[a-z0-9]+[+-]? +\[", line)]
+    assert len(rows) > 30
+    assert all(len(re.findall(r"\[.+?\]", row)) == 3 for row in rows)
+
+
+@pytest.mark.parametrize("make", [gripper, loaded, moving], ids=["points", "slow", "moving"])
+@pytest.mark.parametrize("warnings", [(), LONG, (CRITICAL, *LONG)], ids=["as it is", "cautions", "critical"])
+def test_forty_lines_of_eighty_columns(make: Callable[[], Joint], warnings: tuple[Diagnostic, ...]) -> None:
+    """However much is warned of, a joint with two directions has at most 40 lines; what is critical is the reason, first of all."""
+    joint = replace(make(), warnings=warnings)
+    lines = brief_report([joint]).splitlines()
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, fit_report([joint]).splitlines())) <= WIDTH
+    text, found = "\n".join(lines), verdict(joint)
+    assert lines[0].endswith(f": {found.trust}")
+    if found.reason is not None:
+        assert words("\n".join(lines[1:])).startswith(
+            f"{found.reason.severity} [{found.reason.kind.code}]: {found.reason}"
+        )
+    assert (found.reason == CRITICAL) == (CRITICAL in warnings)
+    critical = [x for x in value_warnings(joint) if x.severity is Severity.CRITICAL]
+    assert (f"{len(critical)} critical" in text) == bool(critical)
+    for code in {x.kind.code for x in value_warnings(joint)[:8]}:
+        assert f"[{code}]" in text
+
+
+def test_what_has_no_value_is_named_with_the_reason() -> None:
+    """Of what no run is about the table says what would show it; of what is not identifiable, that, and its bound where there is one."""
+    text = words(brief_report([gripper()]))
+    assert "sigma_0+, sigma_1+: not measured; tracking or presliding runs would show them" in text
+    joint = gripper()
+    none = Estimate(value=None, unit="rad/s", warnings=(Kind.V_S_OPEN_ABOVE(),))
+    bound = Estimate(value=None, unit="N*m", interval=(0.0, 0.05), warnings=(Kind.V_S_OPEN_ABOVE(),))
+    fit = joint.static["+"]
+    own = replace(fit, parameters={**fit.parameters, "v_s": none, "alpha_1": bound})
+    text = words(brief_report([replace(joint, static={**joint.static, "+": own})]))
+    assert "v_s+: not identifiable" in text
+    assert f"alpha_1+ not identifiable {interval((0.0, 0.05))} N*m static fit" in text
+
+
+def test_the_error_of_a_constant_is_in_the_error() -> None:
+    """Statistical and systematic error are one number in the table, and a sentence says so."""
+    joint = gripper()
+    fit = joint.static["+"]
+    wide = replace(fit.parameters["alpha_0"], value=1.0, standard_error=0.03, systematic=0.04)
+    told = Kind.TORQUE_UNCERTAIN(constants=("torque_constant 9.8 +/- 0.2 N*m/A",), rest="")
+    own = replace(fit, parameters={**fit.parameters, "alpha_0": wide})
+    text = words(brief_report([replace(joint, static={"+": own}, torque_scale=told)]))
+    assert "alpha_0+ 1.000 +/- 0.050 N*m" in text
+    assert "Standard errors include that of torque_constant 9.8 +/- 0.2 N*m/A." in text
+
+
+def test_hostile_names_stay_in_their_line(joint: Joint) -> None:
+    """A name with control characters or of many words takes no line of its own and no colour."""
+    text = brief_report([replace(joint, name=f"a\x1b[31m\nuse {HOSTILE}"), joint])
+    assert "\x1b" not in text
+    assert max(map(len, text.splitlines())) <= max(WIDTH, len(HOSTILE) + 4)
