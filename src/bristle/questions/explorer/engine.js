@@ -16,8 +16,19 @@
 //     the joint slides
 // bristle.hysteresis(pair, amplitude, rate, cycles, points) -> {y, torque}: y = amplitude sin(2 pi rate t), rate in Hz,
 //     from an unbent bristle, so many points a cycle
-
-const FIELDS = ["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"];
+// bristle.closedLoop(options)            -> {time, reference, position, velocity, deflection, error, torque, friction,
+//     compensation, factors, theta_1, theta_2, diverged, rms, ...}: the joint in its loop, from rest
+//   options are those of `engine.loop_options`, any number of which may be changed: law (a key of laws: none, fixed, or
+//     one that adapts), gamma (of the law gamma_law; others get comparable rates), start (the model begins with these
+//     shares of its parameters), amplitude, frequency (Hz), gains, period, duration, settle (s), plant and model
+//     (pairs), J. {reference: {position, velocity, acceleration}} replaces the sine: arrays with a value for every
+//     period from 0 to the duration.
+//   error is reference - position. factors has, by parameter, share of the model's own value at each period: where
+//     start is 0.3 it begins with 0.3; theta_1 and theta_2 are those of alpha_0 and alpha_2, null where they do not adapt.
+//   A loop that diverges is cut: all arrays end there, diverged is the time (else null), and an RMS is null.
+//   rms is that of the error from settle on. With {compare: true} there are beside it rmsWithout (law none), rmsFixed
+//     (the model as it is), and rmsStart (the model at its start, not adapted), which takes three more runs.
+//   The agreed `voltage` is null: the drive of a JointLoop takes a torque.
 
 // The twelve numbers of a pair, the positive set first.
 function numbers(pair) {
@@ -192,8 +203,83 @@ function hysteresis(pair, amplitude, rate, cycles, points) {
   return { y, torque: rollout(v, dt, pair, 0).torque };
 }
 
+// A run in the closed loop, cut where it diverges, of a law of options.laws from these shares of the model's parameters.
+function run(options, law, start) {
+  const { rest, period, size } = LOOPS[options.laws[law]], adapts = law !== "none" && law !== "fixed";
+  const begun = numbers(options.model), plant = numbers(options.plant);
+  FIELDS.forEach((name, k) => {
+    begun[k] *= start[name] ?? 1;
+    begun[6 + k] *= start[name] ?? 1;
+  });
+  const names = adapts ? options.parameters : [];
+  // rates as compensation's `comparable_rates`: one law has the parameter once more in its gradient than the others
+  const power = (options.gamma_law === "partial-theta") - (law === "partial-theta");
+  const gamma = names.map((name, k) => options.gamma[k] * (begun[FIELDS.indexOf(name)] || 1) ** power);
+  const settings = Float64Array.from(SETTINGS.flatMap((name) => (name === "gamma" ? gamma : options[name])));
+  const gains = GAINS.map((name) => options.gains[name]), h = options.period;
+  const n = Math.round(options.duration / h) + 1, own = options.reference;
+  const at = own
+    ? (k, out) => { out[0] = own.position[k]; out[1] = own.velocity[k]; out[2] = own.acceleration[k]; }
+    : (k, out) => sine(k * h, options.amplitude, options.frequency, out);
+  const logs = Object.fromEntries(["time", "reference", ...LOGGED].map((name) => [name, new Float64Array(n)]));
+  const theta = names.map(() => new Float64Array(n)), rows = LOGGED.map((name) => logs[name]);
+  let memory = new Float64Array(size + rows.length + names.length), out = new Float64Array(memory.length);
+  const r = new Float64Array(3), most = limit(options, n, at, [plant, begun]);
+  at(0, r);
+  rest(r[0], settings, memory);
+  let k = 0;
+  for (; k < n; k++) {
+    at(k, r);
+    period(memory, r[0], r[1], r[2], plant, begun, options.J, gains, settings, h, out);
+    let sum = 0;
+    for (let i = 0; i < rows.length; i++) sum += out[size + i];
+    if (!(Math.abs(r[0] - out[size]) <= most && Number.isFinite(sum))) break;
+    logs.time[k] = h * k;
+    logs.reference[k] = r[0];
+    for (let i = 0; i < rows.length; i++) rows[i][k] = out[size + i];
+    for (let i = 0; i < names.length; i++) theta[i][k] = (start[names[i]] ?? 1) * out[size + rows.length + i];
+    [memory, out] = [out, memory];
+  }
+  for (const name in logs) logs[name] = logs[name].subarray(0, k);
+  const error = logs.reference.map((y, i) => y - logs.position[i]);
+  const factors = Object.fromEntries(names.map((name, i) => [name, theta[i].subarray(0, k)]));
+  return { ...logs, error, factors, diverged: k < n ? h * k : null };
+}
+
+// The position error beyond which a loop diverges: ten times what is to be followed, or than what its friction makes.
+function limit(options, n, at, sets) {
+  const r = new Float64Array(3);
+  let most = Math.max(...sets.flatMap((q) => [q[0] + q[1], q[6] + q[7]])) / options.gains.K_p;
+  for (let k = 0; k < n; k++) {
+    at(k, r);
+    most = Math.max(most, Math.abs(r[0]));
+  }
+  return 10 * most;
+}
+
+// Root mean square of the error since a time; null where the loop diverges, or ends before.
+function rms(trajectory, since) {
+  let sum = 0, count = 0;
+  trajectory.time.forEach((t, k) => {
+    if (t >= since) {
+      sum += trajectory.error[k] ** 2;
+      count += 1;
+    }
+  });
+  return trajectory.diverged === null && count ? Math.sqrt(sum / count) : null;
+}
+
 function closedLoop(options) {
-  throw new Error("not yet");
+  const own = run(options, options.law, options.start), since = options.settle;
+  const others = options.compare
+    ? {
+        rmsWithout: rms(run(options, "none", {}), since),
+        rmsFixed: rms(run(options, "fixed", {}), since),
+        rmsStart: rms(run(options, "fixed", options.start), since),
+      }
+    : {};
+  const { alpha_0 = null, alpha_2 = null } = own.factors;
+  return { ...own, theta_1: alpha_0, theta_2: alpha_2, voltage: null, rms: rms(own, since), ...others };
 }
 
 return { steady, steadySlopes, refit, cost, rollout, loading, hysteresis, closedLoop };
