@@ -134,7 +134,8 @@ function bristleOf(q) {
   let alike = true;
   for (let k = 0; k < 6; k++) alike = alike && q[k] === q[6 + k];
 
-  // Over a step in which v keeps its sign; where z changes its own, sigma_0 changes, and the step is cut there.
+  // Over a step in which v keeps its sign; where z changes its own, sigma_0 changes, and the step is cut there. A step
+  // so coarse that z stays on its side once it is cut remains whole, as the passes of Python's scan leave it.
   function piece(z, v0, v1, h) {
     const ahead = Math.sign(v0 + v1), side = z === 0 ? ahead : Math.sign(z);
     bristleStep(side, v0, v1, h, q, ab);
@@ -148,7 +149,8 @@ function bristleOf(q) {
     bristleStep(side, v0, middle, h * part, q, ab);
     const there = ab[0] * z + ab[1];
     bristleStep(ahead, middle, v1, h * (1 - part), q, ab);
-    return ab[0] * there + ab[1];
+    const last = ab[0] * there + ab[1];
+    return side * last < 0 ? last : next;
   }
 
   return (z, v0, v1, h) => {
