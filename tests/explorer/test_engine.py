@@ -217,9 +217,9 @@ def test_the_refit_is_the_bounded_least_squares_of_python(true: tuple[float, ...
         got = js("refit", v, T, weight, v_s)
         ours = np.array([got[name] for name in ("alpha_0", "alpha_1", "alpha_2")])
         np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-14)
-        p = Lugre(*ours, v_s, 1.0, 0.0)
+        p = {**got, "v_s": v_s, "sigma_0": 1.0, "sigma_1": 0.0}
         cost = float((((T - design @ ours) * weight) ** 2).sum())
-        assert (got["cost"], js("cost", v, T, weight, of(both(p)))) == pytest.approx((cost, cost), rel=1e-12)
+        assert (got["cost"], js("cost", v, T, weight, {"+": p, "-": p})) == pytest.approx((cost, cost), rel=1e-12)
 
 
 TIME = 1e-3 * np.arange(20_001)

@@ -105,8 +105,8 @@ function solve(columns, b) {
   return { x, cost: dot(rest, rest) };
 }
 
-// Of three unknowns that may not be negative, the least cost stands where some are zero and the others free: all eight
-// choices are tried.
+// Of three unknowns that may not be negative, the least cost stands where some are zero and the others free: where all
+// three free ones are not good, the other seven choices are tried.
 function refit(v, T, weight, v_s) {
   const n = v.length, out = new Float64Array(3), columns = [0, 1, 2].map(() => new Float64Array(n));
   const b = new Float64Array(n);
@@ -123,6 +123,7 @@ function refit(v, T, weight, v_s) {
     if (found && found.cost < best.cost && found.x.every((x) => x >= 0)) {
       best = { alpha_0: 0, alpha_1: 0, alpha_2: 0, cost: found.cost };
       free.forEach((j, i) => { best[FIELDS[j]] = found.x[i]; });
+      if (choice === 7) break;
     }
   }
   return best;
