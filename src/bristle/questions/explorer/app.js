@@ -202,7 +202,7 @@ const explorer = (() => {
     const note = element("passivity");
     note.hidden = !bad.length;
     text("passivity", bad.length
-      ? `Not passive in direction ${bad.join(" and ")}: with these values LuGre can generate energy in some motions.`
+      ? `Not passive in direction ${bad.map((d) => (d === "-" ? "−" : d)).join(" and ")}: with these values LuGre can generate energy in some motions.`
       : "");
   }
 
@@ -246,7 +246,7 @@ const explorer = (() => {
   }
 
   function chooseView(name, focus) {
-    state.view = name in views ? name : "friction";
+    state.view = Object.hasOwn(views, name) ? name : "friction";
     for (const key of Object.keys(views)) {
       const tab = element(`tab-${key}`), on = key === state.view;
       tab.setAttribute("aria-selected", String(on));

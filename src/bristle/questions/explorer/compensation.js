@@ -5,6 +5,7 @@ explorer.views.compensation = (() => {
   const DRAWN = 2500; // samples of a run, at the most
   const NUMBERS = { "loop-amplitude-": "amplitude", "loop-frequency": "frequency", "loop-duration": "duration" };
   const GAINS = { "gain-p": "K_p", "gain-i": "K_i", "gain-d": "K_d" };
+  const paper = Object.entries(settings.paper); // to which the factors of its Table 2 converge
   const PLACES = [0, 1]; // adapted parameters that have entries here; further ones stay as they are
 
   const plan = () => {
@@ -33,7 +34,7 @@ explorer.views.compensation = (() => {
       options.start[own.parameters[k]] = option(`start-${k}`);
     }
     const law = option("law");
-    options.law = law in own.laws ? law : own.law;
+    options.law = Object.hasOwn(own.laws, law) ? law : own.law;
     options.gamma_law = options.law === "none" || options.law === "fixed" ? own.gamma_law : options.law;
     options.settle = Math.min(own.settle, options.duration / 2);
     return options;
@@ -63,6 +64,7 @@ explorer.views.compensation = (() => {
     fill("loop_error.fixed", thinned(runs.fixed.time, runs.fixed.error));
     fill("loop_error.adaptive", adapts ? thinned(own.time, own.error) : none);
     fill("loop_torque.now", thinned(own.time, own.torque));
+    for (const [name] of paper) named(name).visible = plan().one_way;
     const cut = Object.values(runs).map((run) => run.diverged).filter((t) => t !== null);
     named("cut").setv({ location: cut.length ? Math.min(...cut) : 0, visible: cut.length > 0 });
     told(options, runs, adapts);
@@ -88,7 +90,7 @@ explorer.views.compensation = (() => {
     for (const [name, x] of ends) said.dataset[name.replace("_", "")] = String(x);
     const parts = [];
     if (adapts) {
-      parts.push(`Factors at ${shown(runs.adaptive.time[runs.adaptive.time.length - 1])} s: ${ends.map(([name, x]) => `${settings.symbols[name]} ${shown(x)}`).join(", ")} (the paper: 0.84 and 1.05, dashed).`);
+      parts.push(`Factors at ${shown(runs.adaptive.time[runs.adaptive.time.length - 1])} s: ${ends.map(([name, x]) => `${settings.symbols[name]} ${shown(x)}`).join(", ")}${plan().one_way ? ` (the paper: ${paper.map(([, x]) => x).join(" and ")}, dashed)` : ""}.`);
       const [best, got] = [runs.model.rms, runs.adaptive.rms];
       if (got !== null && best !== null && got > best) parts.push(`Adaptation leaves ${shown(got / best, 3)} times the error of the fixed model with these values.`);
     }
@@ -124,7 +126,7 @@ explorer.views.compensation = (() => {
     }
     const law = element("law"), before = law.value, words = { none: "without compensation", fixed: "fixed model", printed: "(19)-(20) as printed" };
     law.replaceChildren(...Object.keys(options.laws).map((key) => new Option(words[key] || `adaptive, ${key}`, key)));
-    law.value = before in options.laws ? before : options.law;
+    law.value = Object.hasOwn(options.laws, before) ? before : options.law;
     element("loop-assumptions").replaceChildren(...assumptions.map((x) => Object.assign(document.createElement("li"), { textContent: x })));
   }
 

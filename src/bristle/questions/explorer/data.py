@@ -152,7 +152,7 @@ def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[
             if value is not None:
                 rows[name] = _value(value, estimate, str(stage or Source.STATIC))
         own[str(d)] = rows
-    if own != {str(d): rows for d, rows in use.items()}:
+    if any(own[d][name]["value"] != use[Direction(d)][name]["value"] for d in own for name in Lugre._fields):
         yield {"key": "stages", "label": "fits of constant velocity and slow loading alone", "values": own}
 
 

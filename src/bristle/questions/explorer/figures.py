@@ -78,7 +78,7 @@ def _friction(columns: Mapping[str, str]) -> list[Mark]:
 _MANY = {"xs": "xs", "ys": "ys"}
 _CELL = {name: name for name in ("x", "y", "width", "height")}
 _HATCHED = {
-    "line_color": None, "fill_color": None, "hatch_pattern": "x", "hatch_color": "#000000", "hatch_alpha": 0.55, "hatch_scale": 8,
+    "line_color": None, "fill_color": None, "hatch_pattern": "x", "hatch_alpha": 0.6, "hatch_scale": 8,
 }  # fmt: skip  # a list of values
 _HERE = {"size": 12, "fill_color": "#ffffff", "line_color": "#000000", "line_width": 2}
 PANELS: dict[str, tuple[Panel, ...]] = {
@@ -161,7 +161,7 @@ PANELS: dict[str, tuple[Panel, ...]] = {
             "map", 400,
             [
                 Mark("unlikely", "rect", {**_CELL, "fill_color": "colour", "line_color": "colour"}, {}),
-                Mark("active", "rect", _CELL, _HATCHED),
+                Mark("active", "rect", {**_CELL, "hatch_color": "ink"}, _HATCHED),
                 Mark("map.identified", "scatter", _XY, {"size": 13, "marker": "x", "line_color": "#000000", "line_width": 3}, "identified"),
                 Mark("map.truth", "scatter", _XY, {"size": 13, "marker": "star", "fill_color": TRUE, "line_color": "#000000"}, "true"),
                 Mark("map.now", "scatter", _XY, _HERE, "these values"),

@@ -1,9 +1,10 @@
 // View 1: the friction curve over what was measured, its residuals, and the cost of each fit beside its 95 % threshold.
 "use strict";
 explorer.views.friction = (() => {
-  const { array, costOf, errorOf, fill, identified, joint, label, named, pair, shown, text, titles, truth, unitOf } = explorer;
+  const { array, costOf, errorOf, fill, identified, joint, label, named, pair, shown, state, text, titles, truth, unitOf } = explorer;
   const POINTS = 240; // of a curve, in each direction
   const AROUND = 1.3; // times the fastest measured speed, to which curves go
+  let shownSet = ""; // of which the identified curve is drawn
 
   function speeds(sign) {
     const [slowest, fastest] = joint().speeds, low = slowest / 10, high = AROUND * fastest;
@@ -117,7 +118,9 @@ explorer.views.friction = (() => {
     label("curve", `Friction over velocity: measured points and the curve of these values. ${said}`);
     label("log", `The same as magnitudes over the logarithm of speed. ${said}`);
     label("residuals", "Measured less modelled friction at each fitted point, over velocity.");
-    fill("identified", both(identified()));
+    const of = `${state.joint} ${state.set}`;
+    if (shownSet !== of) fill("identified", both(identified()));
+    shownSet = of;
   }
 
   // Of a joint that was chosen: what does not change with the sliders.

@@ -54,7 +54,7 @@ explorer.views.identifiability = (() => {
     progress.hidden = true;
     marks(a, b);
     if (a === b || !cost) {
-      for (const name of ["unlikely", "active"]) fill(name, { x: [], y: [], width: [], height: [], colour: [] });
+      for (const name of ["unlikely", "active"]) fill(name, { x: [], y: [], width: [], height: [], colour: [], ink: [] });
       text("map-said", a === b ? "Choose two different parameters." : "These data were not measured on this joint.");
       return;
     }
@@ -78,14 +78,14 @@ explorer.views.identifiability = (() => {
     progress.hidden = true;
     const columns = (rows) => ({
       x: rows.map((c) => c.x), y: rows.map((c) => c.y), width: rows.map(() => 1.02 * width), height: rows.map(() => 1.02 * height),
-      colour: rows.map((c) => colour(c.change)),
+      colour: rows.map((c) => colour(c.change)), ink: rows.map((c) => (c.change <= 3 ? "#000000" : "#ffffff")),
     });
     fill("unlikely", columns(cells));
     fill("active", columns(cells.filter((c) => c.active)));
-    const within = cells.filter((c) => c.change <= 1).length, flat = highest - lowest < 1e-9;
+    const within = cells.filter((c) => c.change <= 1).length, active = cells.filter((c) => c.active).length, flat = highest - lowest < 1e-9;
     const words = flat ? "These data say nothing of either parameter: the cost is the same everywhere."
       : `${within} of ${cells.length} cells are within the 95 % threshold of one parameter; the other parameters stay at these values. `
-        + `${cells.some((c) => c.active) ? "Hatched: not passive. " : ""}`
+        + `${active ? `Hatched: ${active === cells.length ? "all" : active} are not passive. ` : ""}`
         + (data === "run" ? "Of the moving run the threshold is that of independent residuals, which they are not: the true region is wider." : "");
     text("map-said", words);
     element("map-said").dataset.job = String(job);
