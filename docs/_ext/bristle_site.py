@@ -30,6 +30,7 @@ RETURNED = (
     "bristle.questions.compensation.study.Study",
     "bristle.questions.experiment_design.plan.Plan",
     "bristle.questions.sensitivity.study.SensitivityStudy",
+    "bristle.questions.explorer.page.Explorer",
     "bristle.questions.method_validation.results.Validation",
     "bristle.questions.session_comparison.results.Comparison",
     "bristle.errors.InputError",

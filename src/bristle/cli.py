@@ -228,6 +228,26 @@ def adapt(
 
 
 @app.command()
+def explore(
+    experiment: Annotated[
+        Path | None, optional("the embedded Ed-Ro (simulated)", "The experiment file, or a results.json")
+    ] = None,
+    joint: OfRobot = None,
+    output: Annotated[Path, to("FILE", "Where the page lands.")] = Path("explore.html"),
+) -> None:
+    """Write one interactive page: sliders for the parameters, with curves, loops, responses and costs that follow them.
+
+    Example: bristle explore reports/wrist/results.json -o explore.html
+    """
+    check_output_absent(output)
+    with shown() as progress:
+        from bristle import explore as run
+
+        page = run(experiment, joint=joint, progress=progress)
+    print_lines([f"Page: {page.write(output)}"], done=True)
+
+
+@app.command()
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="results.json of the first session.", show_default=False)],
     second: Annotated[

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 import typer
 
 
-def optional(none: str) -> Any:
+def optional(none: str, file: str = "The experiment file") -> Any:
     """The argument that is an experiment file, or none, which means what is said."""
-    return typer.Argument(metavar="EXPERIMENT", help=f"The experiment file; none: {none}.", show_default=False)
+    return typer.Argument(metavar="EXPERIMENT", help=f"{file}; none: {none}.", show_default=False)
 
 
 def output_path(text: str) -> Path:

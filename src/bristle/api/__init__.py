@@ -11,6 +11,7 @@ from bristle.api.experiments import (
     validate,
     write_comparison,
 )
+from bristle.api.exploring import explore
 from bristle.api.files import complete, draft, inspect
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
@@ -29,6 +30,7 @@ __all__ = [
     "compare",
     "complete",
     "draft",
+    "explore",
     "find_segments",
     "fit",
     "fit_dynamic",

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bristle.api.sources import SourceText, measure_joints, names_of
+from bristle.data.experiment.load import Experiment
+from bristle.data.robot.robot_file import pick
 from bristle.errors import InputError, short
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint, WrittenExperiment
@@ -40,6 +42,21 @@ class JointLogs:
         measured = self.read[joint.name]
         _refuse_changed(joint, measured)
         return measured
+
+    def experiment_of(self, joint: Joint) -> tuple[Experiment, Path | None]:
+        """The experiment of a joint, of which no log is read, and the folder of its file; None where that is not known.
+
+        Raises InputError where the experiment is not known, or cannot be loaded any more.
+        """
+        text = next((text for text in self.texts if joint.name in text.joints), None)
+        if joint.name in self.read:
+            return self.read[joint.name].experiment, None if text is None else text.path.parent
+        if text is None:
+            raise InputError(f"{joint.name}: got results without their experiment file")
+        loaded = text.loaded()
+        if joint.name not in names_of(loaded):
+            raise InputError(f"{text.path.name}: its text in the results names no joint {short(joint.name)}")
+        return loaded if isinstance(loaded, Experiment) else pick(loaded, joint.name).experiment, text.path.parent
 
     def _read_again(self, text: SourceText, joint: Joint) -> Mapping[str, Measured]:
         loaded = text.loaded()

@@ -1,0 +1,61 @@
+"""The page on which the friction model of identified joints can be played with."""
+
+from bristle.api.experiments import identify
+from bristle.api.joints import Known, read_if_results
+from bristle.api.results import Results
+from bristle.data.experiment.load import Experiment
+from bristle.errors import InputError
+from bristle.identification.results import Joint
+from bristle.progress import Progress
+from bristle.questions.array_fit.fit import Fit
+from bristle.questions.explorer.page import Explorer, explorer
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper
+
+
+def explore(experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None) -> Explorer:
+    """The friction model in the hand: one page that computes offline, with sliders for the parameters of each joint.
+
+    >>> import bristle
+    >>> page = bristle.explore("wrist.yaml")
+    >>> page.joints
+    ('points',)
+    >>> page.write("explore.html").name
+    'explore.html'
+
+    Args:
+        experiment: a file of a joint or of a robot, or what `identify` or a fit of arrays gave; None: the embedded Ed-Ro
+            (simulated).
+        joint: the only one on the page; None: all.
+        progress: told of every step.
+
+    Of results no log is read. Raises InputError in one sentence where a file cannot be used, or nothing is known of the
+    friction over velocity.
+    """
+    if isinstance(experiment, Fit):
+        return explorer(
+            [experiment.joint], {experiment.joint.name: _loop(experiment.measured.experiment, experiment.joint)}
+        )
+    known = identify(joint=joint, progress=progress) if experiment is None else read_if_results(experiment)
+    results = known if isinstance(known, Results) else identify(known, joint=joint, progress=progress)
+    names = [found.name for found in results.joints] if joint is None else [joint]
+    joints = [results.whole_joint(name) for name in names]
+    return explorer(joints, {found.name: _loop_of(results, found) for found in joints})
+
+
+def _loop_of(results: Results, joint: Joint) -> JointLoop | str:
+    """The loop of an identified joint, the paper's own of the embedded ones, or the sentence why there is none."""
+    try:
+        experiment, folder = results.logs.experiment_of(joint)
+    except InputError as error:
+        return str(error)
+    if folder is not None and folder == edro.datasets_folder() and joint.name in edro.TABLE_1:
+        return of_paper([joint])[0]
+    return _loop(experiment, joint)
+
+
+def _loop(experiment: Experiment, joint: Joint) -> JointLoop | str:
+    try:
+        return of_experiment(experiment, joint)
+    except InputError as error:
+        return str(error)

@@ -1,0 +1,339 @@
+// What the page knows, what the user has chosen, and the controls; the views register themselves in `explorer.views`.
+// No equation stands in these files: physics is asked of `bristle` and `passive`. Texts of users are set as text only.
+"use strict";
+const explorer = (() => {
+  const { known, settings, document: model, roots } = JSON.parse(document.getElementById("data").textContent);
+  const FIELDS = settings.parameters;
+  const POSITIONS = 1000; // of a slider
+  const views = {};
+  const state = { joint: 0, set: 0, direction: "", values: {}, view: "friction" };
+  let scheduled = false, bokeh = null;
+
+  const element = (id) => document.getElementById(id);
+  const joint = () => known.joints[state.joint];
+  const set = () => joint().sets[state.set];
+  const bound = (x) => (x === "inf" ? Infinity : x === "-inf" ? -Infinity : x);
+  const unitOf = (name) => joint().units[name];
+
+  // ---- numbers in print
+
+  function shown(x, digits = 4) {
+    if (x === null || x === undefined || Number.isNaN(x)) return "–";
+    if (!Number.isFinite(x)) return x > 0 ? "∞" : "−∞";
+    if (x === 0) return "0";
+    const size = Math.abs(x);
+    return size >= 1e-4 && size < 1e6 ? String(Number(x.toPrecision(digits))) : x.toExponential(digits - 1);
+  }
+
+  function text(id, words) {
+    const place = element(id);
+    if (place.textContent !== words) place.textContent = words;
+  }
+
+  // ---- parameter sets
+
+  // One set per direction of motion, from values by the joint's own directions.
+  function pairOf(values) {
+    const any = values.both || values["+"] || values["-"];
+    return { "+": values["+"] || any, "-": values["-"] || any };
+  }
+
+  const plain = (rows) => Object.fromEntries(FIELDS.map((name) => [name, rows[name].value]));
+  function valuesOf(one) {
+    return Object.fromEntries(Object.entries(one.values).map(([d, rows]) => [d, plain(rows)]));
+  }
+
+  const pair = () => pairOf(state.values);
+  const identified = () => pairOf(valuesOf(set()));
+  function truth() {
+    const found = joint().truth;
+    if (!found) return null;
+    const whole = Object.values(found).every((p) => FIELDS.every((name) => p[name] !== null));
+    return whole ? pairOf(found) : null;
+  }
+  const truthOf = (name) => {
+    const found = joint().truth;
+    return found ? (found[state.direction] || found["+"] || found["-"])[name] : null;
+  };
+  const isPassive = (p) => passive(...FIELDS.map((name) => p[name])) === 1;
+
+  // ---- constant-velocity fits: cost is each fit's own, of its own weighted residuals
+
+  const array = (x) => Float64Array.from(x);
+  const fitsOf = (d) => joint().static.filter((fit) => d === "both" || fit.direction === "both" || fit.direction === d);
+  function costOf(fit, p) {
+    return bristle.cost(array(fit.velocity), array(fit.target || fit.torque), array(fit.weight), p);
+  }
+  function errorOf(fit, p) {
+    return 100 * Math.sqrt(bristle.cost(array(fit.velocity), array(fit.torque), array(fit.weight), p)) / fit.norm;
+  }
+
+  function refit() {
+    const fits = fitsOf(state.direction);
+    const all = (name) => array(fits.flatMap((fit) => (name === "T" ? fit.target || fit.torque : fit[name])));
+    const p = state.values[state.direction];
+    if (!fits.length || all("velocity").length < 3) return say("No points of constant velocity to refit to.");
+    const found = bristle.refit(all("velocity"), all("T"), all("weight"), p.v_s);
+    if (!Number.isFinite(found.cost)) return say("No fit at this value of vₛ.");
+    for (const name of ["alpha_0", "alpha_1", "alpha_2"]) p[name] = found[name];
+    if (!(p.alpha_0 > 0)) p.alpha_0 = joint().ranges.alpha_0.low;
+    changed();
+    say(`Refitted at vₛ = ${shown(p.v_s)} ${unitOf("v_s")}: cost ${shown(found.cost, 5)}.`);
+  }
+
+  // ---- sliders
+
+  function fraction(name, x) {
+    const range = joint().ranges[name];
+    const part = range.log ? Math.log(x / range.low) / Math.log(range.high / range.low) : (x - range.low) / (range.high - range.low);
+    return Math.min(Math.max(Number.isFinite(part) ? part : 0, 0), 1);
+  }
+
+  function atFraction(name, part) {
+    const range = joint().ranges[name];
+    if (part <= 0) return range.low;
+    if (part >= 1) return range.high;
+    const x = range.log ? range.low * (range.high / range.low) ** part : range.low + part * (range.high - range.low);
+    return Number(x.toPrecision(5));
+  }
+
+  // Of a number from outside: one that a parameter may have, or its fallback.
+  function clamped(name, x, fallback) {
+    const range = joint().ranges[name];
+    const low = range.log ? range.low / 1000 : 0;
+    return Number.isFinite(x) ? Math.min(Math.max(x, low), range.high * 1000) : fallback;
+  }
+
+  function place(id, low, high) {
+    const mark = element(id);
+    mark.hidden = low === null;
+    if (low === null) return;
+    mark.style.left = `${100 * low}%`;
+    if (high !== undefined) mark.style.width = `${Math.max(100 * (high - low), 1)}%`;
+  }
+
+  function showSlider(name) {
+    const x = state.values[state.direction][name], row = set().values[state.direction][name], real = truthOf(name);
+    const slider = element(`slider-${name}`), entry = element(`entry-${name}`);
+    slider.value = Math.round(POSITIONS * fraction(name, x));
+    slider.setAttribute("aria-valuetext", `${shown(x, 5)} ${unitOf(name)}`);
+    if (document.activeElement !== entry) entry.value = Number(x.toPrecision(6));
+    text(`unit-${name}`, unitOf(name));
+    const ends = row.interval ? row.interval.map(bound) : null;
+    if (ends) place(`interval-${name}`, fraction(name, ends[0]), fraction(name, ends[1]));
+    else place(`interval-${name}`, null);
+    place(`identified-${name}`, fraction(name, row.value));
+    place(`true-${name}`, real === null ? null : fraction(name, real));
+    const span = ends ? `95 % ${shown(ends[0])} to ${shown(ends[1])}` : "no interval";
+    const off = ends && (x < ends[0] || x > ends[1]) ? ", outside" : "";
+    const words = row.source === "assumed" ? "assumed, not identified" : `identified ${shown(row.value, 5)}, ${span}`;
+    text(`said-${name}`, `${words}${off}${real === null ? "" : `; true ${shown(real)}`}`);
+    element(`said-${name}`).classList.toggle("outside", Boolean(off));
+  }
+
+  // ---- figures
+
+  const named = (name) => bokeh.get_model_by_name(name);
+  function fill(name, columns) {
+    named(name).data = columns;
+    const first = Object.values(columns)[0];
+    for (const entry of entries.get(name) || []) entry.visible = first.length > 0;
+  }
+
+  // On a phone a legend has two columns.
+  function narrow() {
+    const ncols = innerWidth < 640 ? 2 : 4;
+    for (const id of Object.values(roots)) {
+      for (const part of bokeh.get_model_by_id(id).below) if (part.items && part.ncols !== ncols) part.ncols = ncols;
+    }
+  }
+
+  // The legends' entries by source: one without marks is not shown.
+  const entries = new Map();
+  function legends() {
+    for (const id of Object.values(roots)) {
+      for (const part of bokeh.get_model_by_id(id).below) {
+        for (const entry of part.items || []) {
+          const name = entry.renderers[0].data_source.name;
+          entries.set(name, [...(entries.get(name) || []), entry]);
+        }
+      }
+    }
+  }
+
+  function titles(name, x, y) {
+    const plot = named(name);
+    for (const axis of plot.below) if ("axis_label" in axis) axis.axis_label = x;
+    for (const axis of plot.left) if ("axis_label" in axis) axis.axis_label = y;
+  }
+
+  function label(name, words) {
+    element(`figure-${name}`).setAttribute("aria-label", words);
+  }
+
+  function colours() {
+    const style = getComputedStyle(document.documentElement);
+    const ink = style.getPropertyValue("--ink").trim(), line = style.getPropertyValue("--line").trim();
+    for (const id of Object.values(roots)) {
+      const plot = bokeh.get_model_by_id(id);
+      for (const place of ["below", "left", "right", "above", "center"]) {
+        for (const part of plot[place]) {
+          if ("axis_label" in part) {
+            part.setv({
+              axis_label_text_color: ink, major_label_text_color: ink, axis_line_color: ink,
+              major_tick_line_color: ink, minor_tick_line_color: line,
+            });
+          } else if ("label_text_color" in part) part.setv({ label_text_color: ink });
+          else if ("grid_line_color" in part) part.setv({ grid_line_color: line });
+        }
+      }
+    }
+  }
+
+  // ---- the page
+
+  function say(words) {
+    text("status", words);
+  }
+
+  function summary() {
+    const parts = Object.entries(pair()).filter(([d]) => joint().directions.includes(d) || joint().directions[0] === "both");
+    const bad = parts.filter(([, p]) => !isPassive(p)).map(([d]) => d);
+    const note = element("passivity");
+    note.hidden = !bad.length;
+    text("passivity", bad.length
+      ? `Not passive in direction ${bad.map((d) => (d === "-" ? "−" : d)).join(" and ")}: with these values LuGre can generate energy in some motions.`
+      : "");
+  }
+
+  function render() {
+    scheduled = false;
+    for (const name of FIELDS) showSlider(name);
+    summary();
+    const view = views[state.view];
+    if (view) view.draw();
+    document.documentElement.dataset.drawn = String(Number(document.documentElement.dataset.drawn || 0) + 1);
+  }
+
+  function changed() {
+    if (scheduled) return;
+    scheduled = true;
+    requestAnimationFrame(render);
+  }
+
+  function chooseJoint(k) {
+    state.joint = Math.min(Math.max(Math.trunc(k) || 0, 0), known.joints.length - 1);
+    chooseSet(0);
+    const directions = element("direction");
+    directions.replaceChildren(...joint().directions.map((d) => new Option(d === "-" ? "−" : d, d)));
+    state.direction = joint().directions[0];
+    directions.value = state.direction;
+    const sets = element("set");
+    sets.replaceChildren(...joint().sets.map((one, at) => new Option(one.label, String(at))));
+    element("joint").value = String(state.joint);
+    element("simulated").hidden = !joint().simulated;
+    const warnings = element("warnings");
+    warnings.replaceChildren(...joint().warnings.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
+    warnings.hidden = !joint().warnings.length;
+    text("shown-joint", joint().name);
+    for (const view of Object.values(views)) if (view.joint) view.joint();
+  }
+
+  function chooseSet(k) {
+    state.set = Math.min(Math.max(Math.trunc(k) || 0, 0), joint().sets.length - 1);
+    state.values = valuesOf(set());
+    element("set").value = String(state.set);
+  }
+
+  function chooseView(name, focus) {
+    state.view = Object.hasOwn(views, name) ? name : "friction";
+    for (const key of Object.keys(views)) {
+      const tab = element(`tab-${key}`), on = key === state.view;
+      tab.setAttribute("aria-selected", String(on));
+      tab.tabIndex = on ? 0 : -1;
+      element(`view-${key}`).hidden = !on;
+      if (on && focus) tab.focus();
+    }
+    changed();
+  }
+
+  // What a view asks of its user: numbers within their own limits, words among their own.
+  const options = () => [...document.querySelectorAll("[data-option]")];
+  function option(id) {
+    const field = element(id);
+    if (field.type === "checkbox") return field.checked;
+    if (field.tagName === "SELECT") return field.value;
+    const x = field.valueAsNumber;
+    const low = field.min === "" ? -Infinity : Number(field.min), high = field.max === "" ? Infinity : Number(field.max);
+    return Number.isFinite(x) ? Math.min(Math.max(x, low), high) : Number(field.defaultValue);
+  }
+
+  function listen() {
+    element("joint").addEventListener("change", (event) => { chooseJoint(Number(event.target.value)); changed(); });
+    element("set").addEventListener("change", (event) => { chooseSet(Number(event.target.value)); changed(); });
+    element("direction").addEventListener("change", (event) => { state.direction = event.target.value; changed(); });
+    element("reset").addEventListener("click", () => { chooseSet(state.set); changed(); say("Back at the identified values."); });
+    element("to-truth").addEventListener("click", () => {
+      const real = joint().truth;
+      for (const [d, p] of Object.entries(state.values)) {
+        const known_ = real && (real[d] || real["+"] || real["-"]);
+        for (const name of FIELDS) if (known_ && known_[name] !== null) p[name] = known_[name];
+      }
+      changed();
+    });
+    element("refit").addEventListener("click", refit);
+    for (const name of FIELDS) {
+      const own = (x) => { state.values[state.direction][name] = x; changed(); };
+      element(`slider-${name}`).addEventListener("input", (event) => own(atFraction(name, Number(event.target.value) / POSITIONS)));
+      element(`entry-${name}`).addEventListener("change", (event) => {
+        own(clamped(name, event.target.valueAsNumber, state.values[state.direction][name]));
+        event.target.blur();
+      });
+    }
+    const tabs = Object.keys(views);
+    for (const key of tabs) {
+      element(`tab-${key}`).addEventListener("click", () => chooseView(key));
+      element(`tab-${key}`).addEventListener("keydown", (event) => {
+        const at = tabs.indexOf(key), n = tabs.length;
+        const to = { ArrowRight: (at + 1) % n, ArrowLeft: (at + n - 1) % n, Home: 0, End: n - 1 }[event.key];
+        if (to === undefined) return;
+        event.preventDefault();
+        chooseView(tabs[to], true);
+      });
+    }
+    for (const field of options()) {
+      field.addEventListener(field.type === "number" ? "input" : "change", () => {
+        const view = views[field.closest("[role=tabpanel]").id.replace("view-", "")];
+        if (view.chosen) view.chosen(field.id);
+        changed();
+      });
+    }
+  }
+
+  async function start() {
+    element("joint").replaceChildren(...known.joints.map((one, k) => new Option(one.name, String(k))));
+    Bokeh.set_log_level("error"); // of figures that are still empty it would warn
+    const names = Object.keys(roots);
+    const places = Object.fromEntries(names.map((name) => [roots[name], `figure-${name}`]));
+    await Bokeh.embed.embed_items({ explorer: model }, [{ docid: "explorer", roots: places, root_ids: Object.values(roots) }]);
+    bokeh = Bokeh.documents[0];
+    legends();
+    narrow();
+    window.addEventListener("resize", narrow);
+    chooseJoint(0);
+    views.values.restore(location.hash);
+    listen();
+    colours();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours(); changed(); });
+    window.addEventListener("hashchange", () => { views.values.restore(location.hash); changed(); });
+    if (known.left_out.length) say(`Left out, as nothing is known of their friction over velocity: ${known.left_out.join(", ")}.`);
+    chooseView(state.view);
+    document.documentElement.dataset.ready = "yes";
+  }
+
+  return {
+    FIELDS, array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, costOf, element, errorOf, fill,
+    fitsOf, fraction, identified, isPassive, joint, known, label, named, option, options, pair, pairOf, say, set, settings,
+    shown, start, state, text, titles, truth, unitOf, views,
+  };
+})();

@@ -1,0 +1,343 @@
+"""What the explorer knows of each joint, as plain JSON: values with their intervals and truth, what was measured, and each fit's own cost.
+
+Numbers keep every digit. An open bound is "inf" or "-inf", as in results.json; what does not exist is null.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array, to_bound
+from bristle.diagnostics import Severity
+from bristle.errors import InputError
+from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
+from bristle.identification.known_joint import (
+    KnownJoint,
+    Source,
+    chosen,
+    guessed_inertia,
+    known_joint,
+    moving_fits,
+    stage_estimates,
+)
+from bristle.identification.results import Joint
+from bristle.model import functions
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, effort, in_direction, unit
+from bristle.model.vectorize import evaluate
+from bristle.page.wording import in_print, pretty, printable
+from bristle.questions.explorer.engine import loop_options
+from bristle.simulation.joint_loop import PAPER_ASSUMPTIONS, JointLoop, fastest_measured, one_way
+
+MOST_SAMPLES = 4000
+"""Of a measured run, at the most."""
+MOST_DRAWN = 300
+"""Samples of a loading or a loop, at the most."""
+MOST_EDGES = 40
+"""Count edges of a loading, at the most."""
+MOST_LOOPS = 3
+"""Measured loops that are kept."""
+_FREQUENCY = 0.5
+"""Hz, of a sine at the fastest measured speed: its acceleration and amplitude stand for what is not known."""
+_PIECES = {"alpha_0": 4.0, "v_s": 10.0, "sigma_0": 10.0}
+"""Sliders that are logarithmic, and up to what factor of the identified value they go."""
+_TIMES = 4.0
+"""Up to how many times the identified value the other sliders go, from zero."""
+
+
+def explored(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> dict[str, Any]:
+    """Everything that the page knows, as JSON.
+
+    Args:
+        joints: identified, with what has an entry per sample.
+        loops: by joint its loop, or the sentence why it has none.
+
+    Raises InputError where no law of friction over velocity is known of any of them.
+    """
+    known = [(joint, known_joint(joint)) for joint in joints]
+    left_out = [joint.name for joint, one in known if not one.directions]
+    if len(left_out) == len(joints):
+        raise InputError(
+            f"{', '.join(left_out) or 'no joint'}: nothing is known of the friction over velocity; "
+            "explore needs ramp, points or tracking runs that were fitted"
+        )
+    return {
+        "schema": "bristle-explorer/1",
+        "joints": [_joint(joint, one, loops[joint.name]) for joint, one in known if one.directions],
+        "left_out": [printable(name) for name in left_out],
+    }
+
+
+def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, Any]:
+    fastest = fastest_measured(joint)
+    travel = joint.travel or fastest / (2 * np.pi * _FREQUENCY)
+    J = loop.J if isinstance(loop, JointLoop) else _inertia(joint, known, fastest)
+    sets = list(_sets(joint, known, travel, J))
+    return {
+        "name": printable(joint.name),
+        "simulated": joint.simulated,
+        "units": {name: pretty(unit(name, joint.kind)) for name in (*Lugre._fields, "position", "velocity", "torque")},
+        "effort": effort(joint.kind),
+        "directions": [str(d) for d in known.directions],
+        "sets": sets,
+        "truth": _truth(joint),
+        "ranges": _ranges(joint, sets),
+        "speeds": [_slowest(joint, fastest), fastest],
+        "travel": travel,
+        "static": [_static(d, fit) for d, fit in joint.static.items() if d in set(Direction) - {Direction.SHARED}],
+        "other_points": _other_points(joint),
+        "presliding": {d: _presliding(fit) for d, fit in (joint.presliding.fits if joint.presliding else {}).items()},
+        "loops": _loops(joint),
+        "moving": _moving(joint.moving),
+        "correlations": list(_correlations(joint)),
+        "warnings": [
+            f"{w.severity}: {printable(str(w))}" for w in joint.fit_warnings() if w.severity is Severity.CRITICAL
+        ],
+        "loop": _plans(loop) if isinstance(loop, JointLoop) else loop,
+    }
+
+
+def _plans(loop: JointLoop) -> list[dict[str, Any]]:
+    """The cases in which the joint runs in its loop; a joint of the paper first as in its Table 2."""
+    cases = [("friction of either direction", loop, False)]
+    if loop.assumptions == PAPER_ASSUMPTIONS:
+        cases.insert(0, ("Table 2: friction (+) in both directions", one_way(loop), True))
+    return [
+        {
+            "label": label,
+            "options": loop_options(one),
+            "one_way": both,
+            "assumptions": [printable(in_print(x)) for x in one.assumptions],
+        }
+        for label, one, both in cases
+    ]
+
+
+def _inertia(joint: Joint, known: KnownJoint, fastest: float) -> float:
+    """J, kg*m**2: identified, or guessed from the acceleration of a sine at the fastest measured speed, rad/s."""
+    found = next((J for fit in reversed(moving_fits(joint).values()) if (J := fit.known.get(INERTIA))), None)
+    level = max(known.values(d)["alpha_0"] for d in known.directions)
+    return found or guessed_inertia(level, 2 * np.pi * _FREQUENCY * fastest)
+
+
+def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[dict[str, Any]]:
+    """The values to use, then those of each direction's own stages where they are others."""
+    source = {row.parameter: str(row.source) for row in chosen(joint)}
+    use: dict[Direction, dict[str, Any]] = {}
+    for d in known.directions:
+        filled, missing = known.filled(d, travel, J), known.missing(d)
+        use[d] = {
+            name: _value(
+                value,
+                None if name in missing else known.estimate(name, d),
+                "assumed" if name in missing else in_direction(source, name, d) or "given",
+            )
+            for name, value in filled._asdict().items()
+        }
+    yield {"key": "use", "label": "values to use", "values": {str(d): rows for d, rows in use.items()}}
+    stages: dict[ParameterName, tuple[Source, Estimate]] = {
+        row.parameter: (row.source, row.estimate) for row in stage_estimates(joint)
+    }
+    own: dict[str, dict[str, Any]] = {}
+    for d in known.directions:
+        fit = joint.static.get(d)
+        law = fit.values() if fit is not None else None
+        if law is None:
+            return
+        rows = dict(use[d])
+        for name in Lugre._fields:
+            stage, estimate = stages.get(ParameterName(name, d), (None, None))
+            value = getattr(law, name, None if estimate is None else estimate.value)
+            if value is not None:
+                rows[name] = _value(value, estimate, str(stage or Source.STATIC))
+        own[str(d)] = rows
+    if any(own[d][name]["value"] != use[Direction(d)][name]["value"] for d in own for name in Lugre._fields):
+        yield {"key": "stages", "label": "fits of constant velocity and slow loading alone", "values": own}
+
+
+def _value(value: float, estimate: Estimate | None, source: str) -> dict[str, Any]:
+    interval = estimate.interval if estimate is not None and estimate.value is not None else None
+    return {
+        "value": float(value),
+        "standard_error": None if estimate is None else estimate.standard_error,
+        "interval": None if interval is None else [to_bound(end) for end in interval],
+        "source": source,
+    }
+
+
+def _truth(joint: Joint) -> dict[str, dict[str, float | None]] | None:
+    """The true values by direction, where the data are simulated."""
+    found = {
+        str(d): {name: float(x) if np.isfinite(x) else None for name, x in p._asdict().items()}
+        for d in SIGNED
+        if (p := joint.truth.get(d) or joint.truth.get(Direction.BOTH)) is not None
+    }
+    return found or None
+
+
+def _ranges(joint: Joint, sets: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """From where to where each slider goes, and whether by the logarithm; one range for both directions."""
+    rows = {name: [one[name]["value"] for s in sets for one in s["values"].values()] for name in Lugre._fields}
+    for name, values in rows.items():
+        values += [x for p in (_truth(joint) or {}).values() if (x := p[name]) is not None]
+    level = max(rows["alpha_0"])
+    ranges = {}
+    for name, values in rows.items():
+        positive = [x for x in values if x > 0]
+        if name in _PIECES and positive:
+            by = _PIECES[name]
+            ranges[name] = {"low": min(positive) / by, "high": max(positive) * by, "log": True}
+        else:
+            scale = max(positive, default=level / (1.0 if name == "alpha_1" else fastest_measured(joint)))
+            ranges[name] = {"low": 0.0, "high": _TIMES * scale, "log": False}
+    return ranges
+
+
+def _slowest(joint: Joint, fastest: float) -> float:
+    """The slowest speed that was fitted, rad/s."""
+    speeds = np.abs(np.concatenate([fit.velocity for fit in joint.static.values()] or [np.zeros(0)]))
+    return float(min(speeds[speeds > 0], default=fastest / 1000))
+
+
+def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
+    """One fit of constant velocities: its points, weights and cost, as the page computes them anew.
+
+    `torque` is friction's: what other regressors take is off it. `target` is what the cost is taken to, the same but under Huber's loss.
+    """
+    p, v = fit.values(), fit.velocity
+    extra = np.zeros(0)
+    if p is not None and fit.residuals.size:
+        extra = fit.torque - fit.residuals - evaluate(functions.steady_torque_function(), v, *p)[0]
+    off = bool(extra.size) and float(np.abs(extra).max()) > 1e-9 * float(np.abs(fit.torque).max())
+    torque = fit.torque - extra if off else fit.torque
+    errors = [s.standard_error for s in fit.segments]
+    profile = fit.profile
+    return {
+        "direction": direction,
+        "velocity": v.tolist(),
+        "torque": torque.tolist(),
+        "target": (torque - fit.pulled).tolist() if fit.pulled.size and fit.pulled.any() else None,
+        "weight": np.ones(v.size).tolist(),
+        "standard_error": errors if len(errors) == v.size else None,
+        "stick_slip": [bool(s.stick_slip) for s in fit.segments],
+        "place": [printable(f"{s.file} {s.where}") for s in fit.segments],
+        "norm": float(np.linalg.norm(fit.torque)),
+        "rms": fit.rms,
+        "relative_error": fit.relative_error,
+        "cost": float(fit.noise @ fit.noise),
+        "least": None if profile is None else profile.best_cost,
+        "threshold": None if profile is None else profile.threshold,
+        "profile": None if profile is None else _profile(profile.near_v_s, profile.near_cost),
+        "strays": [
+            {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")} for s in fit.strays
+        ],
+    }
+
+
+def _profile(v_s: Array, cost: Array) -> dict[str, list[float]]:
+    k = _thinned(v_s.size)
+    return {"v_s": v_s[k].tolist(), "cost": cost[k].tolist()}
+
+
+def _other_points(joint: Joint) -> list[dict[str, Any]]:
+    """Points that were kept and not fitted: they are held out."""
+    fitted = {s.place for fit in joint.static.values() for s in fit.segments}
+    return [
+        {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")}
+        for s in joint.segments
+        if s.accepted and s.place not in fitted
+    ]
+
+
+def _presliding(fit: PreslidingFit) -> dict[str, Any]:
+    """What slow loading of one direction showed, each loading from its rest by the recommended sigma_0."""
+    loadings = []
+    for loading in fit.loadings:
+        k, rest = _thinned(loading.torque.size), _rest(fit, loading.edge_displacement, loading.edge_torque)
+        edges = _thinned(loading.edge_torque.size, MOST_EDGES)
+        loadings.append(
+            {
+                "displacement": (loading.displacement[k] - rest).tolist(),
+                "torque": loading.torque[k].tolist(),
+                "samples": int(loading.torque.size),
+                "edge_displacement": (loading.edge_displacement[edges] - rest).tolist(),
+                "edge_torque": loading.edge_torque[edges].tolist(),
+            }
+        )  # fmt: skip  # a list of values
+    open_ended = not np.isfinite(fit.level_standard_error)
+    return {"level": float(fit.level), "at_least": open_ended, "loadings": loadings}
+
+
+def _rest(fit: PreslidingFit, y: Array, T: Array) -> float:
+    """Where the joint rested, rad: the mean over count edges of what was travelled less what the torque there takes."""
+    sigma_0, below = fit.sigma_0.value, fit.level > T
+    if not sigma_0 or sigma_0 <= 0 or not below.any():
+        return 0.0
+    own = evaluate(functions.loading_displacement_function(), T[below], fit.level, sigma_0)[0]
+    return float(np.average(y[below] - own, weights=(1 - T[below] / fit.level) ** 2))
+
+
+def _loops(joint: Joint) -> list[dict[str, Any]]:
+    """Measured closed cycles, each about its middle."""
+    found = []
+    for loop in (joint.presliding.loops if joint.presliding else ())[:MOST_LOOPS]:
+        k = _thinned(loop.position.size)
+        middle = (float(loop.position.min()) + float(loop.position.max())) / 2 if loop.position.size else 0.0
+        found.append(
+            {
+                "displacement": (loop.position[k] - middle).tolist(),
+                "torque": loop.torque[k].tolist(),
+                "samples": int(loop.position.size),
+                "file": printable(loop.file),
+            }
+        )
+    return found
+
+
+def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
+    """The equations of the fit of moving runs, with the set at which their residuals are; None where torque is not what it predicts."""
+    if fit is None or fit.quantity != "torque" or fit.velocity.size < 2:
+        return None
+    sets = {d: p for d in SIGNED if (p := fit.values(d) or fit.values(Direction.BOTH)) is not None}
+    if not sets:
+        return None
+    one = next(iter(sets.values()))
+    n = min(fit.velocity.size, MOST_SAMPLES)
+    return {
+        "pair": {str(d): sets.get(d, one)._asdict() for d in SIGNED},
+        "step": float(np.median(np.diff(fit.time))),
+        "time": fit.time[:n].tolist(),
+        "velocity": fit.velocity[:n].tolist(),
+        "residuals": fit.residuals[:n].tolist(),
+        "starts": [k for k in _starts(fit.time) if k < n],
+        "norm": float(np.linalg.norm(fit.measured[:n])),
+        "equations": int(fit.velocity.size),
+        "relative_error": float(fit.relative_error) if n == fit.velocity.size else None,
+    }  # fmt: skip  # a list of values
+
+
+def _starts(time: Array) -> list[int]:
+    """First equation of each run, and of each stretch behind a gap: where the time steps back, or by more than two steps."""
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    return [0, *(1 + np.flatnonzero((steps <= 0) | (steps > 2 * usual))).tolist()]
+
+
+def _correlations(joint: Joint) -> Iterator[dict[str, Any]]:
+    """The correlation matrix of each fit."""
+    fits: list[tuple[str, Sequence[str], Array]] = [
+        (f"constant velocity {d}", fit.names, fit.covariance) for d, fit in joint.static.items() if fit.names
+    ]
+    words = {Source.TRACKING: "moving runs alone", Source.JOINT: "moving runs with the other stages"}
+    fits += [(words[source], [str(n) for n in fit.names], fit.covariance) for source, fit in moving_fits(joint).items()]
+    for label, names, covariance in fits:
+        spread = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+        if len(names) > 1 and np.isfinite(covariance).all() and (spread > 0).all():
+            matrix = covariance / np.outer(spread, spread)
+            yield {"label": label, "names": list(names), "matrix": np.clip(matrix, -1.0, 1.0).tolist()}
+
+
+def _thinned(n: int, most: int = MOST_DRAWN) -> NDArray[np.intp]:
+    """Which of n samples are drawn."""
+    return np.unique(np.linspace(0, max(n - 1, 0), min(n, most)).astype(int))

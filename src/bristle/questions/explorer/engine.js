@@ -1,0 +1,288 @@
+// The loops of the explorer. No equation stands here: the functions that are called in lower camel case and are not
+// defined below are printed by engine.py from bristle's own CasADi functions. Everything is pure; nothing here knows a
+// page. Arrays are Float64Array (anything with a length may come in). SI units: rad, s, N*m (m and N where a joint
+// slides).
+//
+// A parameter set p is {alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1}, positive numbers in both directions; a pair
+// is {"+": p, "-": p}. A pair of two equal sets is one set, as `Lugre` in Python.
+//
+// bristle.steady(v, pair)                -> T: the steady torque (9) at velocities v, of the set by the sign of v
+// bristle.steadySlopes(v, pair)          -> {alpha_0, alpha_1, alpha_2, v_s}: its derivatives by that set
+// bristle.refit(v, T, weight, v_s)       -> {alpha_0, alpha_1, alpha_2, cost}: >= 0, least squares (11)-(13) at that v_s
+// bristle.cost(v, T, weight, pair)       -> sum of the squares of weight * (T - steady torque)
+// bristle.rollout(v, dt, pair, z0)       -> {z, torque} along a velocity that is linear between its samples; dt is a
+//     number or an array (n - 1); without z0 the bristle is steady at first
+// bristle.loading(T, g0, sigma_0)        -> displacement in slow loading from rest to torques T; NaN where abs(T) >= g0:
+//     the joint slides
+// bristle.hysteresis(pair, amplitude, rate, cycles, points) -> {y, torque}: y = amplitude sin(2 pi rate t), rate in Hz,
+//     from an unbent bristle, so many points a cycle
+// bristle.closedLoop(options)            -> {time, reference, position, velocity, deflection, error, torque, friction,
+//     compensation, factors, theta_1, theta_2, diverged, rms, ...}: the joint in its loop, from rest
+//   options are those of `engine.loop_options`, any number of which may be changed: law (a key of laws: none, fixed, or
+//     one that adapts), gamma (of the law gamma_law; others get comparable rates), start (the model begins with these
+//     shares of its parameters), amplitude, frequency (Hz), gains, period, duration, settle (s), plant and model
+//     (pairs), J. {reference: {position, velocity, acceleration}} replaces the sine: arrays with a value for every
+//     period from 0 to the duration.
+//   error is reference - position. factors has, by parameter, share of the model's own value at each period: where
+//     start is 0.3 it begins with 0.3; theta_1 and theta_2 are those of alpha_0 and alpha_2, null where they do not adapt.
+//   A loop that diverges is cut: all arrays end there, diverged is the time (else null), and an RMS is null.
+//   rms is that of the error from settle on. With {compare: true} there are beside it rmsWithout (law none), rmsFixed
+//     (the model as it is), and rmsStart (the model at its start, not adapted), which takes three more runs.
+//   The agreed `voltage` is null: the drive of a JointLoop takes a torque.
+
+// The twelve numbers of a pair, the positive set first.
+function numbers(pair) {
+  const q = new Float64Array(12);
+  FIELDS.forEach((name, k) => {
+    q[k] = pair["+"][name];
+    q[6 + k] = pair["-"][name];
+  });
+  return q;
+}
+
+function steady(v, pair) {
+  const q = numbers(pair), T = new Float64Array(v.length);
+  for (let k = 0; k < T.length; k++) T[k] = steadyTorque(v[k], q);
+  return T;
+}
+
+function steadySlopes(v, pair) {
+  const q = numbers(pair), out = new Float64Array(4), names = FIELDS.slice(0, 4);
+  const slopes = names.map(() => new Float64Array(v.length));
+  for (let k = 0; k < v.length; k++) {
+    steadyJacobian(v[k], q, out);
+    for (let i = 0; i < 4; i++) slopes[i][k] = out[i];
+  }
+  return Object.fromEntries(names.map((name, i) => [name, slopes[i]]));
+}
+
+function cost(v, T, weight, pair) {
+  const q = numbers(pair);
+  let sum = 0;
+  for (let k = 0; k < v.length; k++) {
+    const r = (weight ? weight[k] : 1) * (T[k] - steadyTorque(v[k], q));
+    sum += r * r;
+  }
+  return sum;
+}
+
+function dot(a, b) {
+  let sum = 0;
+  for (let k = 0; k < a.length; k++) sum += a[k] * b[k];
+  return sum;
+}
+
+const INDEPENDENT = 1e-10; // a column counts of which this much, relative, is left by those before it
+
+// Least squares of b on these columns, by Gram-Schmidt done twice: {x, cost}; null where a column depends on others.
+function solve(columns, b) {
+  const m = columns.length, q = [], r = columns.map(() => new Float64Array(m)), rest = Float64Array.from(b);
+  const x = new Float64Array(m), y = new Float64Array(m);
+  for (let j = 0; j < m; j++) {
+    const own = Float64Array.from(columns[j]), before = Math.sqrt(dot(own, own));
+    for (let pass = 0; pass < 2; pass++) {
+      for (let i = 0; i < j; i++) {
+        const part = dot(q[i], own);
+        r[i][j] += part;
+        for (let k = 0; k < own.length; k++) own[k] -= part * q[i][k];
+      }
+    }
+    r[j][j] = Math.sqrt(dot(own, own));
+    if (!(r[j][j] > INDEPENDENT * before)) return null;
+    for (let k = 0; k < own.length; k++) own[k] /= r[j][j];
+    q.push(own);
+    for (let pass = 0; pass < 2; pass++) {
+      const part = dot(own, rest);
+      y[j] += part;
+      for (let k = 0; k < rest.length; k++) rest[k] -= part * own[k];
+    }
+  }
+  for (let j = m - 1; j >= 0; j--) {
+    x[j] = y[j];
+    for (let i = j + 1; i < m; i++) x[j] -= r[j][i] * x[i];
+    x[j] /= r[j][j];
+  }
+  return { x, cost: dot(rest, rest) };
+}
+
+// Of three unknowns that may not be negative, the least cost stands where some are zero and the others free: where all
+// three free ones are not good, the other seven choices are tried.
+function refit(v, T, weight, v_s) {
+  const n = v.length, out = new Float64Array(3), columns = [0, 1, 2].map(() => new Float64Array(n));
+  const b = new Float64Array(n);
+  for (let k = 0; k < n; k++) {
+    const w = weight ? weight[k] : 1;
+    steadyColumns(v[k], v_s, out);
+    for (let j = 0; j < 3; j++) columns[j][k] = w * out[j];
+    b[k] = w * T[k];
+  }
+  let best = { alpha_0: 0, alpha_1: 0, alpha_2: 0, cost: Infinity };
+  for (let choice = 7; choice >= 0; choice--) {
+    const free = [0, 1, 2].filter((j) => choice & (1 << j));
+    const found = solve(free.map((j) => columns[j]), b);
+    if (found && found.cost < best.cost && found.x.every((x) => x >= 0)) {
+      best = { alpha_0: 0, alpha_1: 0, alpha_2: 0, cost: found.cost };
+      free.forEach((j, i) => { best[FIELDS[j]] = found.x[i]; });
+      if (choice === 7) break;
+    }
+  }
+  return best;
+}
+
+// The bristle of one pair, stepped from sample to sample as model/rollout.py and model/time_refinement.py have it.
+function bristleOf(q) {
+  const v_s = Math.min(q[3], q[9]), fine = FINE * v_s, near = NEAR * v_s, ab = new Float64Array(2);
+  let alike = true;
+  for (let k = 0; k < 6; k++) alike = alike && q[k] === q[6 + k];
+
+  // Over a step in which v keeps its sign; where z changes its own, sigma_0 changes, and the step is cut there. A step
+  // so coarse that z stays on its side once it is cut remains whole, as the passes of Python's scan leave it.
+  function piece(z, v0, v1, h) {
+    const ahead = Math.sign(v0 + v1), side = z === 0 ? ahead : Math.sign(z);
+    bristleStep(side, v0, v1, h, q, ab);
+    const next = ab[0] * z + ab[1];
+    if (alike || !(side * next < 0)) return next;
+    const forgotten = Math.min(Math.max(1 - ab[0], 1e-9), 1 - 1e-15);
+    const way = Math.min(Math.log1p(Math.abs(z / ab[1]) * forgotten) / -Math.log1p(-forgotten), 1);
+    const slow = Math.abs(v0), fast = Math.abs(v1);
+    const part = (way * (slow + fast)) / (slow + Math.sqrt(slow * slow + (fast * fast - slow * slow) * way));
+    const middle = v0 + (v1 - v0) * part;
+    bristleStep(side, v0, middle, h * part, q, ab);
+    const there = ab[0] * z + ab[1];
+    bristleStep(ahead, middle, v1, h * (1 - part), q, ab);
+    const last = ab[0] * there + ab[1];
+    return side * last < 0 ? last : next;
+  }
+
+  return (z, v0, v1, h) => {
+    const change = Math.abs(v1 - v0), crosses = v0 * v1 < 0;
+    const slowest = crosses ? 0 : Math.min(Math.abs(v0), Math.abs(v1));
+    const count = change > fine && slowest < near ? Math.min(Math.ceil(change / fine), MOST) : 1;
+    if (count === 1 && !crosses) return piece(z, v0, v1, h);
+    let zero = crosses ? v0 / (v0 - v1) : 2, at = 0, from = v0;
+    for (let i = 1; i <= count; i++) {
+      const part = i / count;
+      if (zero < part) {
+        const to = v0 + (v1 - v0) * zero;
+        z = piece(z, from, to, h * (zero - at));
+        [at, from, zero] = [zero, to, 2];
+      }
+      const to = i === count ? v1 : v0 + (v1 - v0) * part;
+      z = piece(z, from, to, h * (part - at));
+      [at, from] = [part, to];
+    }
+    return z;
+  };
+}
+
+function rollout(v, dt, pair, z0) {
+  const n = v.length, q = numbers(pair), step = bristleOf(q), varies = typeof dt !== "number";
+  const z = new Float64Array(n), torque = new Float64Array(n);
+  let now = z0 ?? (n ? steadyDeflection(v[0], q) : 0);
+  for (let k = 0; k < n; k++) {
+    if (k) now = step(now, v[k - 1], v[k], varies ? dt[k - 1] : dt);
+    z[k] = now;
+    torque[k] = frictionTorque(now, v[k], q);
+  }
+  return { z, torque };
+}
+
+function loading(T, g0, sigma_0) {
+  const y = new Float64Array(T.length);
+  for (let k = 0; k < y.length; k++) {
+    const size = Math.abs(T[k]);
+    y[k] = size < g0 ? Math.sign(T[k]) * loadingDisplacement(size, g0, sigma_0) : NaN;
+  }
+  return y;
+}
+
+function hysteresis(pair, amplitude, rate, cycles, points) {
+  const n = Math.round(cycles * points) + 1, dt = 1 / (rate * points), out = new Float64Array(3);
+  const y = new Float64Array(n), v = new Float64Array(n);
+  for (let k = 0; k < n; k++) {
+    sine(k * dt, amplitude, rate, out);
+    [y[k], v[k]] = out;
+  }
+  return { y, torque: rollout(v, dt, pair, 0).torque };
+}
+
+// A run in the closed loop, cut where it diverges, of a law of options.laws from these shares of the model's parameters.
+function run(options, law, start) {
+  const { rest, period, size } = LOOPS[options.laws[law]], adapts = law !== "none" && law !== "fixed";
+  const begun = numbers(options.model), plant = numbers(options.plant);
+  FIELDS.forEach((name, k) => {
+    begun[k] *= start[name] ?? 1;
+    begun[6 + k] *= start[name] ?? 1;
+  });
+  const names = adapts ? options.parameters : [];
+  // rates as compensation's `comparable_rates`: one law has the parameter once more in its gradient than the others
+  const power = (options.gamma_law === "partial-theta") - (law === "partial-theta");
+  const gamma = names.map((name, k) => options.gamma[k] * (begun[FIELDS.indexOf(name)] || 1) ** power);
+  const settings = Float64Array.from(SETTINGS.flatMap((name) => (name === "gamma" ? gamma : options[name])));
+  const gains = GAINS.map((name) => options.gains[name]), h = options.period;
+  const n = Math.round(options.duration / h) + 1, own = options.reference;
+  const at = own
+    ? (k, out) => { out[0] = own.position[k]; out[1] = own.velocity[k]; out[2] = own.acceleration[k]; }
+    : (k, out) => sine(k * h, options.amplitude, options.frequency, out);
+  const logs = Object.fromEntries(["time", "reference", ...LOGGED].map((name) => [name, new Float64Array(n)]));
+  const theta = names.map(() => new Float64Array(n)), rows = LOGGED.map((name) => logs[name]);
+  let memory = new Float64Array(size + rows.length + names.length), out = new Float64Array(memory.length);
+  const r = new Float64Array(3), most = limit(options, n, at, [plant, begun]);
+  at(0, r);
+  rest(r[0], settings, memory);
+  let k = 0;
+  for (; k < n; k++) {
+    at(k, r);
+    period(memory, r[0], r[1], r[2], plant, begun, options.J, gains, settings, h, out);
+    let sum = 0;
+    for (let i = 0; i < rows.length; i++) sum += out[size + i];
+    if (!(Math.abs(r[0] - out[size]) <= most && Number.isFinite(sum))) break;
+    logs.time[k] = h * k;
+    logs.reference[k] = r[0];
+    for (let i = 0; i < rows.length; i++) rows[i][k] = out[size + i];
+    for (let i = 0; i < names.length; i++) theta[i][k] = (start[names[i]] ?? 1) * out[size + rows.length + i];
+    [memory, out] = [out, memory];
+  }
+  for (const name in logs) logs[name] = logs[name].subarray(0, k);
+  const error = logs.reference.map((y, i) => y - logs.position[i]);
+  const factors = Object.fromEntries(names.map((name, i) => [name, theta[i].subarray(0, k)]));
+  return { ...logs, error, factors, diverged: k < n ? h * k : null };
+}
+
+// The position error beyond which a loop diverges: ten times what is to be followed, or than what its friction makes.
+function limit(options, n, at, sets) {
+  const r = new Float64Array(3);
+  let most = Math.max(...sets.flatMap((q) => [q[0] + q[1], q[6] + q[7]])) / options.gains.K_p;
+  for (let k = 0; k < n; k++) {
+    at(k, r);
+    most = Math.max(most, Math.abs(r[0]));
+  }
+  return 10 * most;
+}
+
+// Root mean square of the error since a time; null where the loop diverges, or ends before.
+function rms(trajectory, since) {
+  let sum = 0, count = 0;
+  trajectory.time.forEach((t, k) => {
+    if (t >= since) {
+      sum += trajectory.error[k] ** 2;
+      count += 1;
+    }
+  });
+  return trajectory.diverged === null && count ? Math.sqrt(sum / count) : null;
+}
+
+function closedLoop(options) {
+  const own = run(options, options.law, options.start), since = options.settle;
+  const others = options.compare
+    ? {
+        rmsWithout: rms(run(options, "none", {}), since),
+        rmsFixed: rms(run(options, "fixed", {}), since),
+        rmsStart: rms(run(options, "fixed", options.start), since),
+      }
+    : {};
+  const { alpha_0 = null, alpha_2 = null } = own.factors;
+  return { ...own, theta_1: alpha_0, theta_2: alpha_2, voltage: null, rms: rms(own, since), ...others };
+}
+
+return { steady, steadySlopes, refit, cost, rollout, loading, hysteresis, closedLoop };

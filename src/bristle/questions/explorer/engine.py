@@ -1,0 +1,227 @@
+"""The explorer's physics: one JavaScript constant, `bristle`, with the functions that its page calls.
+
+Every equation in it is printed from the CasADi functions that bristle itself evaluates; engine.js, which goes round
+them, holds loops alone, and says at its top what each function takes and returns.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from bristle.control.adaptation import Adaptation, Law, Step, laws_for
+from bristle.control.compensator import Compensator, Name, Reference, Velocity
+from bristle.control.control_period import UNDISTURBED, LoopOptions, Numbers, after, at_rest, controlled, flat
+from bristle.control.pid import Gains, Sliding
+from bristle.model import functions, time_refinement
+from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, pair_of
+from bristle.questions.explorer import javascript
+from bristle.simulation.joint_loop import JointLoop
+from bristle.simulation.references import Sine
+
+Expression = Any
+"""A CasADi symbol: CasADi carries no types."""
+DURATION, SETTLE = 20.0, 10.0
+"""s: a run in the loop, and from when on its error counts."""
+_GLUE = Path(__file__).with_name("engine.js")
+_OF_COMPENSATOR = ("share", "inertia", "softness", "filter_time", "observer_gain")
+_OF_ADAPTATION = ("dead_zone", "leakage", "forgetting")
+_SETTINGS = (*_OF_COMPENSATOR, *_OF_ADAPTATION, "limits", "gamma")
+"""What is a number of a compensator and its adaptation, in the order in which a control period takes them."""
+_LOGGED = ("position", "velocity", "deflection", "torque", "friction", "compensation")
+"""What a control period logs beside the gains."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SymbolicAdaptation(Adaptation):
+    """An adaptation whose numbers are CasADi symbols, of which nothing can be refused."""
+
+    def __post_init__(self) -> None:
+        """Refuse nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SymbolicCompensator(Compensator):
+    """A compensator whose numbers are CasADi symbols, of which nothing can be refused."""
+
+    def __post_init__(self) -> None:
+        """Refuse nothing."""
+
+
+class Way(NamedTuple):
+    """What is compiled of a compensator: all that is no number."""
+
+    name: Name
+    velocity: Velocity = "reference"
+    law: Law | None = None
+    """None: nothing adapts."""
+    step: Step = "gradient"
+    parameters: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """By which the script knows it."""
+        parts = (self.name, self.velocity, *((self.law, self.step, *self.parameters) if self.law else ()))
+        return " ".join(parts)
+
+
+def script(loops: Sequence[JointLoop] = ()) -> str:
+    """JavaScript that defines the constant `bristle`, and `module.exports` where there is a `module`; always the same text.
+
+    Its closed loop runs these joints, and any others that differ from them, or from the paper's, in numbers alone.
+    """
+    plans = [(Compensator(), Adaptation()), *((loop.compensator, loop.adaptation) for loop in loops)]
+    return _script(tuple(dict.fromkeys(way for plan in plans for way in _ways(*plan).values())))
+
+
+def loop_options(loop: JointLoop) -> dict[str, Any]:
+    """What `bristle.closedLoop` takes, as plain JSON: the joint under its own adaptation, from its wrong start.
+
+    All numbers may be changed there; `law` is a key of `laws`.
+    """
+    compensator, adaptation = loop.compensator, loop.adaptation
+    return {
+        "law": adaptation.law,
+        "laws": {law: way.key for law, way in _ways(compensator, adaptation).items()},
+        "plant": _by_direction(loop.plant),
+        "model": _by_direction(loop.model),
+        "start": {name: float(loop.start.get(name, 1.0)) for name in adaptation.parameters} | dict(loop.start),
+        "J": float(loop.J),
+        "gains": {name: float(x) for name, x in loop.gains._asdict().items()},
+        "parameters": [*adaptation.parameters],
+        "gamma": [*map(float, adaptation.gamma)],
+        "gamma_law": adaptation.law,
+        "limits": [*map(float, adaptation.limits)],
+        **{name: float(getattr(compensator, name)) for name in _OF_COMPENSATOR},
+        **{name: float(getattr(adaptation, name)) for name in _OF_ADAPTATION},
+        "amplitude": float(loop.amplitude),
+        "frequency": float(loop.frequency),
+        "period": float(loop.period),
+        "duration": DURATION,
+        "settle": SETTLE,
+    }
+
+
+def _by_direction(pair: Pair[float]) -> dict[str, dict[str, float]]:
+    return {str(d): {name: float(x) for name, x in p._asdict().items()} for d, p in zip(SIGNED, pair, strict=True)}
+
+
+def _ways(compensator: Compensator, adaptation: Adaptation) -> dict[str, Way]:
+    """The ways in which a joint runs: `none`, `fixed`, and each law that can adapt these parameters."""
+    fixed = Way(compensator.name, compensator.velocity)
+    ways = {"none": Way("none"), "fixed": fixed}
+    for law in laws_for(adaptation.parameters):
+        ways[law] = fixed._replace(law=law, step=adaptation.step, parameters=adaptation.parameters)
+    return ways
+
+
+@cache
+def _script(ways: tuple[Way, ...]) -> str:
+    constants: dict[str, Any] = {
+        "FINE": time_refinement._FINE,
+        "NEAR": time_refinement._NEAR,
+        "MOST": time_refinement._MOST,
+        "FIELDS": Lugre._fields,
+        "GAINS": Gains._fields,
+        "SETTINGS": _SETTINGS,
+        "LOGGED": _LOGGED,
+    }
+    loops = [_loop(way, k) for k, way in enumerate(ways)]
+    table = [
+        f"  {json.dumps(way.key)}: {{ rest: rest{k}, period: period{k}, size: {rest.numel_out(0)} }},\n"
+        for k, (way, (rest, _)) in enumerate(zip(ways, loops, strict=True))
+    ]
+    functions = [*_equations(), *(function for pair in loops for function in pair)]
+    parts = [
+        'const bristle = (() => {\n"use strict";\n',
+        javascript.HELPERS,
+        *(f"const {name} = {json.dumps(value)};\n" for name, value in constants.items()),
+        *(javascript.printed(function, function.name()) for function in functions),
+        f"const LOOPS = {{\n{''.join(table)}}};\n",
+        _GLUE.read_text(encoding="utf-8"),
+        '})();\nif (typeof module !== "undefined") module.exports = bristle;\n',
+    ]
+    return "".join(parts)
+
+
+def _equations() -> list[ca.Function]:
+    """The functions of a bristle that the glue calls, by their names there; `q` is a pair, the positive set first, (12, 1)."""
+    q = _symbol("q", 12)
+    z, v, v0, v1, h = map(_symbol, ("z", "v", "v0", "v1", "h"))
+    T, g0, sigma_0, v_s = map(_symbol, ("T", "g0", "sigma_0", "v_s"))
+    t, amplitude, frequency = map(_symbol, ("t", "amplitude", "frequency"))
+
+    def acting(z: Expression, v: Expression) -> Lugre[Any]:
+        """The set that acts there."""
+        return Lugre(*functions.active_function()(z, v, *ca.vertsplit(q)))
+
+    steady, columns = acting(v, v), functions.linear_shapes_function()(v)
+    shape = functions.stribeck_shape_function()(v, v_s)
+    step = functions.step_function()(v0, v1, h, *acting(z, v0 + v1))
+    y = Sine(amplitude, frequency).position(t)
+    y_t = ca.jacobian(y, t)
+    return [
+        _function("steadyTorque", [v, q], functions.steady_torque_function()(v, *steady.stribeck)),
+        _function("steadyJacobian", [v, q], *functions.steady_jacobian_function()(v, *steady.stribeck)),
+        _function("steadyColumns", [v, v_s], columns[0], shape, columns[1]),
+        _function("steadyDeflection", [v, q], functions.steady_deflection_function()(v, *steady)[0]),
+        _function("frictionTorque", [z, v, q], functions.torque_function()(z, v, *acting(z, v))),
+        _function("bristleStep", [z, v0, v1, h, q], *step),
+        _function(
+            "loadingDisplacement", [T, g0, sigma_0], functions.loading_displacement_function()(T, g0, sigma_0)[0]
+        ),
+        _function("sine", [t, amplitude, frequency], y, y_t, ca.jacobian(y_t, t)),
+    ]
+
+
+def _loop(way: Way, k: int) -> tuple[ca.Function, ca.Function]:
+    """What the loop remembers at rest, and one control period of it, by a drive that takes the torque; numbers are inputs.
+
+    (position, settings) -> memory, and (memory, y, v, a, plant, model, J, gains, settings, h) -> memory, what is
+    logged, and gains of the adapted parameters. Settings are as in the script's `SETTINGS`, then gamma.
+    """
+    lows = len(_OF_COMPENSATOR) + len(_OF_ADAPTATION)
+    settings = _symbol("settings", lows + 2 + len(way.parameters))
+    values: list[Expression] = ca.vertsplit(settings)
+    number = dict(zip(_SETTINGS, values, strict=False))
+    adaptation = None
+    if way.law:
+        adaptation = SymbolicAdaptation(
+            law=way.law, step=way.step, parameters=way.parameters, limits=(values[lows], values[lows + 1]),
+            gamma=tuple(values[lows + 2 :]), **{name: number[name] for name in _OF_ADAPTATION},
+        )  # fmt: skip  # a list of values
+    of_compensator = {name: number[name] for name in _OF_COMPENSATOR}
+    options = LoopOptions(
+        compensator=SymbolicCompensator(name=way.name, velocity=way.velocity, adaptation=adaptation, **of_compensator)
+    )
+    plant, model, gains = _symbol("plant", 12), _symbol("model", 12), _symbol("gains", 4)
+    y, v, a, J, h = map(_symbol, ("y", "v", "a", "J", "h"))
+    constants = Numbers(
+        plant=pair_of(ca.vertsplit(plant)), model=pair_of(ca.vertsplit(model)), motor=Motor(1.0, 1.0, 0.0, J),
+        gains=Gains(*ca.vertsplit(gains)), sliding=Sliding(0.0, 0.0, 1.0, 0.0), torque_limit=1e300, resolution=1.0, period=h,
+    )  # fmt: skip  # a list of values
+    now = controlled(options, constants)
+    memory, given, _ = now.inputs
+    log = now.log._asdict() | {"deflection": now.memory.plant.deflection}
+    new = ca.vertcat(*flat(after(options, now, now.sent)), *(log[name] for name in _LOGGED), *now.log.theta)
+    undisturbed = ca.vertcat(*flat(UNDISTURBED._replace(reference=Reference(y, v, a))))
+    period = ca.substitute(new, given, undisturbed)
+    return (
+        _function(f"rest{k}", [y, settings], *flat(at_rest(options, y))),
+        _function(f"period{k}", [memory, y, v, a, plant, model, J, gains, settings, h], period),
+    )
+
+
+def _symbol(name: str, size: int = 1) -> Expression:
+    """A column of so many symbols."""
+    return ca.SX.sym(name, size)
+
+
+def _function(name: str, inputs: Sequence[Expression], *outputs: Expression) -> ca.Function:
+    """One function of all outputs as one vector; its inputs have the names of their symbols."""
+    names = [x.name() if x.is_scalar() else x[0].name().rsplit("_", 1)[0] for x in inputs]
+    return ca.Function(name, [*inputs], [ca.densify(ca.vertcat(*outputs))], names, ["out"], {"cse": True})

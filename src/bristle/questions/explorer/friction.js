@@ -1,0 +1,139 @@
+// View 1: the friction curve over what was measured, its residuals, and the cost of each fit beside its 95 % threshold.
+"use strict";
+explorer.views.friction = (() => {
+  const { array, costOf, errorOf, fill, identified, joint, label, named, pair, shown, state, text, titles, truth, unitOf } = explorer;
+  const POINTS = 240; // of a curve, in each direction
+  const AROUND = 1.3; // times the fastest measured speed, to which curves go
+  let shownSet = ""; // of which the identified curve is drawn
+
+  function speeds(sign) {
+    const [slowest, fastest] = joint().speeds, low = slowest / 10, high = AROUND * fastest;
+    return Float64Array.from({ length: POINTS }, (_, k) => sign * low * (high / low) ** (k / (POINTS - 1)));
+  }
+
+  // Columns of a curve: over velocity, and magnitudes over speed.
+  function columns(v, T, more = {}) {
+    const sign = v.map(Math.sign);
+    return { x: v, y: T, speed: v.map(Math.abs), size: T.map((t, k) => sign[k] * t), ...more };
+  }
+
+  function curve(p, sign) {
+    const v = speeds(sign);
+    return columns(v, bristle.steady(v, p));
+  }
+
+  // Both directions of a set, with a gap between them.
+  function both(p) {
+    if (!p) return { x: [], y: [], speed: [], size: [] };
+    const parts = [curve(p, -1), curve(p, 1)];
+    return Object.fromEntries(Object.keys(parts[0]).map((key) => [key, Float64Array.from([...parts[0][key], NaN, ...parts[1][key]])]));
+  }
+
+  function points(rows, more) {
+    return columns(array(rows.map((row) => row.velocity)), array(rows.map((row) => row.torque)), { place: rows.map((row) => row.place), ...more });
+  }
+
+  function measured() {
+    const rows = joint().static.flatMap((fit) => fit.velocity.map((velocity, k) => ({
+      velocity,
+      torque: fit.torque[k],
+      error: fit.standard_error ? fit.standard_error[k] : null,
+      sticks: Boolean(fit.stick_slip[k]),
+      place: fit.place[k] || "moving run",
+    })));
+    for (const [name, sign] of [["+", 1], ["-", -1]]) {
+      const own = rows.filter((row) => row.velocity * sign > 0);
+      fill(`points${name}`, points(own));
+      const bars = own.filter((row) => row.error !== null).map((row) => ({ ...row, half: 1.96 * row.error }));
+      const side = (by) => array(bars.map((row) => row.torque + by * row.half));
+      const size = (by) => array(bars.map((row) => sign * row.torque + by * row.half));
+      fill(`bars${name}`, points(bars, { low: side(-1), high: side(1), size_low: size(-1), size_high: size(1) }));
+    }
+    fill("sticking", points(rows.filter((row) => row.sticks)));
+    fill("held", points(joint().other_points));
+    fill("strays", points(joint().static.flatMap((fit) => fit.strays)));
+  }
+
+  function hatched() {
+    const [slowest, fastest] = joint().speeds, far = 2 * AROUND * fastest;
+    const regions = { beyond: [fastest, far], before: [-far, -fastest], faster: [fastest, far], slower: [slowest / 20, slowest] };
+    for (const [name, [left, right]] of Object.entries(regions)) named(name).setv({ left, right, visible: true });
+  }
+
+  // A row of the table of costs, told to a reader: one for each fit.
+  function costs() {
+    const p = pair(), body = explorer.element("costs");
+    const rows = joint().static.map((fit) => {
+      const cost = costOf(fit, p), error = errorOf(fit, p), has = fit.threshold !== null;
+      const over = has ? (cost - fit.least) / (fit.threshold - fit.least) : NaN;
+      const verdict = !has ? "no threshold" : over <= 1 ? "within" : "beyond";
+      const row = document.createElement("tr");
+      row.dataset.direction = fit.direction;
+      row.dataset.cost = String(cost);
+      row.dataset.error = String(error);
+      const cells = [
+        fit.direction === "-" ? "−" : fit.direction, shown(cost, 5), has ? shown(fit.least, 5) : "–",
+        has ? shown(fit.threshold, 5) : "–", `${shown(error)} %`, fit.relative_error === null ? "–" : `${shown(fit.relative_error)} %`,
+      ];
+      row.append(...cells.map((words, k) => {
+        const cell = document.createElement(k ? "td" : "th");
+        if (!k) cell.scope = "row";
+        cell.textContent = words;
+        return cell;
+      }));
+      const last = document.createElement("td"), meter = document.createElement("meter");
+      Object.assign(meter, { min: 0, max: 2, low: 1, high: 1.0001, optimum: 0, value: Number.isFinite(over) ? Math.min(Math.max(over, 0), 2) : 0 });
+      meter.setAttribute("aria-label", `change of cost, in changes up to the 95 % threshold: ${shown(over, 3)}`);
+      last.append(meter, ` ${verdict}${has ? ` (${shown(Math.max(over, 0), 3)})` : ""}`);
+      row.append(last);
+      return row;
+    });
+    body.replaceChildren(...rows);
+    return rows.map((row) => `${row.dataset.direction}: cost ${shown(Number(row.dataset.cost))}, ${row.lastChild.lastChild.textContent.trim()} the 95 % threshold`);
+  }
+
+  function residuals() {
+    const p = pair();
+    for (const [name, sign] of [["+", 1], ["-", -1]]) {
+      const v = [], left = [];
+      for (const fit of joint().static) {
+        const T = bristle.steady(array(fit.velocity), p);
+        fit.velocity.forEach((velocity, k) => {
+          if (velocity * sign > 0) {
+            v.push(velocity);
+            left.push(fit.torque[k] - T[k]);
+          }
+        });
+      }
+      fill(`residuals${name}`, { x: v, y: left, place: v.map(() => "") });
+    }
+  }
+
+  function draw() {
+    const p = pair();
+    fill("now+", curve(p, 1));
+    fill("now-", curve(p, -1));
+    residuals();
+    const said = costs().join("; ") || "no fit of constant velocities";
+    label("curve", `Friction over velocity: measured points and the curve of these values. ${said}`);
+    label("log", `The same as magnitudes over the logarithm of speed. ${said}`);
+    label("residuals", "Measured less modelled friction at each fitted point, over velocity.");
+    const of = `${state.joint} ${state.set}`;
+    if (shownSet !== of) fill("identified", both(identified()));
+    shownSet = of;
+  }
+
+  // Of a joint that was chosen: what does not change with the sliders.
+  function drawJoint() {
+    const words = joint().effort[0].toUpperCase() + joint().effort.slice(1), v = `Velocity (${unitOf("velocity")})`, T = `${words} (${unitOf("torque")})`;
+    titles("curve", v, T);
+    titles("log", `Speed (${unitOf("velocity")})`, `Magnitude of ${joint().effort} (${unitOf("torque")})`);
+    titles("residuals", v, `Residual (${unitOf("torque")})`);
+    measured();
+    hatched();
+    fill("truth", both(truth()));
+    text("cost-unit", `(${unitOf("torque")})²`);
+  }
+
+  return { draw, joint: drawJoint };
+})();

@@ -1,0 +1,134 @@
+"""Prints a CasADi function as JavaScript, so that a page evaluates the very expressions that bristle does.
+
+The instructions are those that `model.vectorize` walks for NumPy; every value is a number of its own, assigned once.
+"""
+
+from collections.abc import Callable, Iterable
+from math import isnan
+
+import casadi as ca
+
+HELPERS = """\
+// NaN counts as missing, as in C.
+const fmin = (x, y) => (x <= y || y !== y ? x : y);
+const fmax = (x, y) => (x >= y || y !== y ? x : y);
+const copysign = (x, y) => (y < 0 || Object.is(y, -0) ? -Math.abs(x) : Math.abs(x));
+"""
+"""What some operations need beside JavaScript's own `Math`; stands before what is printed."""
+
+_INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/", ca.OP_FMOD: "%"}
+_TRUTH = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "===", ca.OP_NE: "!=="}
+"""Comparisons, whose answers are 0 and 1, as CasADi's are."""
+_CALLS = {
+    ca.OP_EXP: "Math.exp",
+    ca.OP_EXPM1: "Math.expm1",
+    ca.OP_LOG: "Math.log",
+    ca.OP_LOG1P: "Math.log1p",
+    ca.OP_POW: "Math.pow",
+    ca.OP_CONSTPOW: "Math.pow",
+    ca.OP_SQRT: "Math.sqrt",
+    ca.OP_SIN: "Math.sin",
+    ca.OP_COS: "Math.cos",
+    ca.OP_TAN: "Math.tan",
+    ca.OP_ASIN: "Math.asin",
+    ca.OP_ACOS: "Math.acos",
+    ca.OP_ATAN: "Math.atan",
+    ca.OP_ATAN2: "Math.atan2",
+    ca.OP_SINH: "Math.sinh",
+    ca.OP_COSH: "Math.cosh",
+    ca.OP_TANH: "Math.tanh",
+    ca.OP_ASINH: "Math.asinh",
+    ca.OP_ACOSH: "Math.acosh",
+    ca.OP_ATANH: "Math.atanh",
+    ca.OP_HYPOT: "Math.hypot",
+    ca.OP_FABS: "Math.abs",
+    ca.OP_SIGN: "Math.sign",
+    ca.OP_FLOOR: "Math.floor",
+    ca.OP_CEIL: "Math.ceil",
+    ca.OP_FMIN: "fmin",
+    ca.OP_FMAX: "fmax",
+    ca.OP_COPYSIGN: "copysign",
+}
+_OTHERS: dict[int, Callable[..., str]] = {
+    ca.OP_ASSIGN: "{}".format,
+    ca.OP_NEG: "-{}".format,
+    ca.OP_SQ: "{0} * {0}".format,
+    ca.OP_TWICE: "2 * {}".format,
+    ca.OP_INV: "1 / {}".format,
+    ca.OP_AND: "{} !== 0 && {} !== 0 ? 1 : 0".format,
+    ca.OP_OR: "{} !== 0 || {} !== 0 ? 1 : 0".format,
+    ca.OP_NOT: "{} === 0 ? 1 : 0".format,
+    ca.OP_IF_ELSE_ZERO: "{} !== 0 ? {} : 0".format,
+}
+_SPECIAL = {float("inf"): "Infinity", -float("inf"): "-Infinity"}
+
+
+def operation(code: int, operands: Iterable[str]) -> str:
+    """CasADi's operation of that number on these operands, as a JavaScript expression.
+
+    Raises KeyError where JavaScript has no such operation: erf, erfinv.
+    """
+    if code in _INFIX:
+        return f" {_INFIX[code]} ".join(operands)
+    if code in _TRUTH:
+        return f" {_TRUTH[code]} ".join(operands) + " ? 1 : 0"
+    if code in _CALLS:
+        return f"{_CALLS[code]}({', '.join(operands)})"
+    return _OTHERS[code](*operands)
+
+
+def printed(function: ca.Function, name: str) -> str:
+    """A CasADi function as one of JavaScript with that name.
+
+    Its arguments are the function's inputs, by their names: a number where that is 1x1, else an array-like of its
+    elements, column after column. A function of one number returns it. Any other takes an array as its last argument,
+    `out`, to which all elements of all outputs are written, one after the other.
+
+    Raises ValueError where an operation has no counterpart in JavaScript.
+    """
+    function = function if function.is_a("SXFunction") else function.expand()
+    arguments = [function.name_in(k) for k in range(function.n_in())]
+    ends = [0]
+    for k in range(function.n_out()):
+        ends.append(ends[-1] + function.numel_out(k))
+    outputs = ["0"] * ends[-1]  # an element that is zero by structure has no instruction
+    work: dict[int, str] = {}
+    lines = []
+    for k in range(function.n_instructions()):
+        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_INPUT:
+            place, element = read
+            scalar = function.numel_in(place) == 1
+            work[write[0]] = (
+                arguments[place] if scalar else f"{arguments[place]}[{function.sparsity_in(place).find()[element]}]"
+            )
+        elif code == ca.OP_OUTPUT:
+            place, element = write
+            outputs[ends[place] + function.sparsity_out(place).find()[element]] = work[read[0]]
+        elif code == ca.OP_CONST:
+            work[write[0]] = _number(float(function.instruction_constant(k)))
+        else:
+            try:
+                value = operation(code, [work[r] for r in read])
+            except KeyError:
+                raise ValueError(
+                    f"{function.name()}: CasADi operation number {code} has no JavaScript counterpart; "
+                    "write the expression without it"
+                ) from None
+            work[write[0]] = f"_{k}"
+            lines.append(f"const _{k} = {value};")
+    if len(outputs) == 1:
+        lines.append(f"return {outputs[0]};")
+    else:
+        arguments.append("out")
+        lines += [f"out[{k}] = {value};" for k, value in enumerate(outputs)]
+    body = "".join(f"  {line}\n" for line in lines)
+    return f"function {name}({', '.join(arguments)}) {{\n{body}}}\n"
+
+
+def _number(value: float) -> str:
+    """A constant, exactly."""
+    if isnan(value):
+        return "NaN"
+    text = _SPECIAL.get(value) or repr(value).removesuffix(".0")
+    return f"({text})" if text.startswith("-") else text

@@ -1,0 +1,282 @@
+"""The explorer in a real browser: every slider, tab and button, the numbers it shows, hostile names, and nothing over the network."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .conftest import HOSTILE, Explored
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright, of the extra test-all")
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage"]
+VIEWS = ("friction", "presliding", "response", "compensation", "identifiability", "values")
+PARAMETERS = ("alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1")
+DRAWN = {
+    "friction": ("now+", "residuals+"),
+    "presliding": ("loading.now", "hysteresis.now"),
+    "response": ("deflection.now", "torque.now", "error.now"),
+    "compensation": ("theta_1", "theta_2", "loop_error.adaptive", "loop_torque.now"),
+    "identifiability": ("unlikely", "profile.now"),
+}
+"""Sources of each view that follow the sliders."""
+UNNAMED = """[...document.querySelectorAll("input, select, button, meter, progress")]
+  .filter((x) => !(x.labels && x.labels.length) && !x.ariaLabel && !x.textContent).map((x) => x.id)"""
+"""Controls without a name for a reader who does not see them."""
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """One browser for all."""
+    path = next(filter(None, map(shutil.which, NAMES)), None)
+    if path is None:
+        pytest.skip("needs an installed Chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def file(edro: Explored, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The embedded set's page."""
+    return edro.page.write(tmp_path_factory.mktemp("page") / "explore.html")
+
+
+class Tab:
+    """A page that is open, and what went wrong in it."""
+
+    def __init__(self, chromium: Any, file: Path, fragment: str = "", width: int = 1280) -> None:
+        self.context = chromium.new_context(viewport={"width": width, "height": 900})
+        self.page = self.context.new_page()
+        self.wrong: list[str] = []
+        self.page.on("console", lambda m: self.wrong.append(m.text) if m.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        self.page.on(
+            "request",
+            lambda r: self.wrong.append(r.url) if not r.url.startswith((file.as_uri(), "data:", "blob:")) else None,
+        )
+        self.page.goto(file.as_uri() + fragment)
+        self.page.wait_for_selector("html[data-ready]", state="attached")
+        self.settled()
+
+    def settled(self) -> None:
+        """Wait until what was asked for is drawn."""
+        self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        self.page.wait_for_selector("#map-progress", state="hidden")
+
+    def state(self) -> Any:
+        """What is chosen."""
+        return self.page.evaluate("explorer.state")
+
+    def source(self, name: str) -> Any:
+        """The columns of a source, as text where they hold what JSON has not."""
+        script = "(name) => Object.entries(explorer.named(name).data).map(([k, x]) => [k, Array.from(x, String)])"
+        return dict(self.page.evaluate(script, name))
+
+    def show(self, view: str) -> None:
+        """Choose a tab by its click."""
+        self.page.click(f"#tab-{view}")
+        self.settled()
+        assert [v for v in VIEWS if self.page.is_visible(f"#view-{v}")] == [view]
+
+    def set(self, name: str, position: int) -> None:
+        """Move a slider."""
+        script = "([id, x]) => { const s = explorer.element(id); s.value = x; s.dispatchEvent(new Event('input')); }"
+        self.page.evaluate(script, [f"slider-{name}", position])
+        self.settled()
+
+
+@pytest.fixture
+def tab(chromium: Any, file: Path) -> Iterator[Tab]:
+    """The page, open; afterwards nothing has gone wrong in it, and nothing was asked of a network."""
+    opened = Tab(chromium, file)
+    yield opened
+    assert not opened.wrong
+    opened.context.close()
+
+
+def rows(tab: Tab) -> dict[str, tuple[float, float]]:
+    """Cost and relative error of each fit of constant velocities, by direction."""
+    script = "[...document.querySelectorAll('#costs tr')].map((x) => [x.dataset.direction, [+x.dataset.cost, +x.dataset.error]])"
+    return {d: (cost, error) for d, (cost, error) in tab.page.evaluate(script)}
+
+
+def test_every_slider_tab_and_button(tab: Tab) -> None:
+    """Each slider moves by its key what it should, entries and reset bring values back, a refit lowers the cost, tabs follow the arrows."""
+    page = tab.page
+    start = tab.state()["values"]
+    for name in PARAMETERS:
+        page.focus(f"#slider-{name}")
+        page.keyboard.press("ArrowRight")
+        tab.settled()
+        now = tab.state()["values"]
+        assert now["+"][name] > start["+"][name]
+        assert now["-"] == start["-"]
+        assert float(page.input_value(f"#entry-{name}")) == pytest.approx(now["+"][name], rel=1e-5)
+    moved = rows(tab)
+    page.click("#refit")
+    tab.settled()
+    assert rows(tab)["+"][0] < moved["+"][0]
+    assert rows(tab)["-"] == moved["-"]
+    page.fill("#entry-v_s", "0.05")
+    page.keyboard.press("Tab")
+    tab.settled()
+    assert tab.state()["values"]["+"]["v_s"] == 0.05
+    page.click("#to-truth")
+    tab.settled()
+    assert tab.state()["values"]["+"]["v_s"] == 0.072
+    page.click("#reset")
+    tab.settled()
+    assert tab.state()["values"] == start
+    page.focus("#tab-friction")
+    for view in (*VIEWS[1:], VIEWS[0]):
+        page.keyboard.press("ArrowRight")
+        tab.settled()
+        assert page.get_attribute(f"#tab-{view}", "aria-selected") == "true"
+        assert page.is_visible(f"#view-{view}")
+        for box in page.query_selector_all(f"#view-{view} .figure"):
+            assert min(box.bounding_box().values()) >= 0
+            assert box.bounding_box()["height"] > 100
+            assert len(box.get_attribute("aria-label")) > 10
+    page.select_option("#direction", "-")
+    tab.set("alpha_0", 900)
+    now = tab.state()["values"]
+    assert now["+"] == start["+"]
+    assert now["-"]["alpha_0"] > start["-"]["alpha_0"]
+    page.select_option("#joint", "3")
+    tab.settled()
+    assert page.inner_text("#shown-joint") == "base rotation"
+    assert page.is_visible("#simulated")
+    assert page.is_visible("#passivity")
+    assert tab.page.evaluate(UNNAMED) == []
+
+
+def test_each_view_follows_its_sliders_and_entries(tab: Tab) -> None:
+    """A slider changes what its views draw; at both ends of each slider no view draws what is no number; each entry of a view redraws it."""
+    for view, sources in DRAWN.items():
+        tab.show(view)
+        if view == "compensation":
+            tab.page.fill("#loop-duration", "2")
+            tab.settled()
+        before = {name: tab.source(name) for name in sources}
+        ends = []
+        for name in PARAMETERS:
+            for position in (0, 1000):
+                tab.set(name, position)
+                drawn = {source: tab.source(source) for source in sources}
+                ends.append(drawn)
+                numbers = [
+                    x for columns in drawn.values() for k, x in columns.items() if k not in ("colour", "ink", "place")
+                ]
+                assert not {"NaN", "Infinity", "undefined"} & {x for column in numbers for x in column}, (
+                    view,
+                    name,
+                    position,
+                )
+        for name in sources:
+            assert any(drawn[name] != before[name] for drawn in ends), name
+        tab.page.click("#reset")
+        tab.settled()
+        for field in tab.page.query_selector_all(f"#view-{view} [data-option]:not(:disabled)"):
+            count = tab.page.evaluate("document.documentElement.dataset.drawn")
+            if field.get_attribute("type") == "checkbox":
+                field.click()
+            elif field.get_attribute("type") == "number":
+                field.fill(str(0.9 * float(field.input_value())) if float(field.input_value()) > 1 else "1")
+            else:
+                field.select_option(index=field.evaluate("(x) => [...x.options].filter((o) => !o.disabled).length - 1"))
+            tab.settled()
+            assert tab.page.evaluate("document.documentElement.dataset.drawn") != count, field.get_attribute("id")
+
+
+def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
+    """At the identified values each fit's cost and relative error are those of results.json to 4 digits, for static fits and moving runs."""
+    for k, joint in enumerate(edro.results.joints):
+        tab.page.select_option("#joint", str(k))
+        tab.show("response")
+        assert joint.moving is not None
+        relative = float(tab.page.get_attribute("#response-said", "data-relative"))
+        assert relative == pytest.approx(joint.moving.relative_error, rel=5e-5)
+        tab.page.select_option("#set", "1")
+        tab.show("friction")
+        for d, (cost, error) in rows(tab).items():
+            fit = joint.static[d]
+            assert fit.profile is not None
+            assert cost == pytest.approx(fit.profile.best_cost, rel=5e-5)
+            assert error == pytest.approx(fit.relative_error, rel=5e-5)
+
+
+def test_the_paper_s_adaptation(tab: Tab) -> None:
+    """As it opens, view 4 ends at the factors of Table 2, 0.845 and 1.051, at 20 s; adaptation leaves less error than the wrong start."""
+    tab.show("compensation")
+    assert float(tab.page.get_attribute("#compensation-said", "data-alpha0")) == pytest.approx(0.845, abs=0.005)
+    assert float(tab.page.get_attribute("#compensation-said", "data-alpha2")) == pytest.approx(1.051, abs=0.005)
+    assert tab.page.locator("#loop-rows tr").count() == 4
+    tab.page.fill("#gain-p", "1e9")
+    tab.settled()
+    assert "diverges" in tab.page.inner_text("#loop-rows")
+
+
+def test_the_state_in_a_link(tab: Tab, chromium: Any, file: Path) -> None:
+    """Values, joint, direction and view come back from a copied link; numbers that are none or too large are left or clamped, words are left."""
+    tab.page.select_option("#joint", "1")
+    tab.page.select_option("#direction", "-")
+    tab.set("sigma_0", 700)
+    tab.show("values")
+    tab.page.click("#copy-json")
+    tab.page.click("#copy-yaml")
+    tab.page.click("#copy-link")
+    tab.page.wait_for_function("explorer.element('status').textContent.length > 0")
+    link = tab.page.input_value("#as-link")
+    assert json.loads(tab.page.inner_text("#as-json"))["values"] == tab.state()["values"]
+    again = Tab(chromium, file, "#" + link.partition("#")[2])
+    assert again.state() == tab.state()
+    assert not again.wrong
+    again.context.close()
+    bad = "#joint=1e99&set=-3&direction=<b>&view=__proto__&values%2B=NaN 1e400 -5 <img> 1e300&motion=<i>&duration=1e9&gain-p=x"
+    wild = Tab(chromium, file, bad)
+    state, bounds = wild.state(), wild.page.evaluate("explorer.joint().ranges")
+    assert (state["joint"], state["set"], state["direction"], state["view"]) == (3, 0, "+", "friction")
+    for name, x in state["values"]["+"].items():
+        assert 0 <= x <= 1000 * bounds[name]["high"]
+    assert float(wild.page.input_value("#duration")) == 100
+    assert not wild.page.query_selector("b, img")
+    assert not wild.wrong
+    wild.context.close()
+
+
+def test_hostile_names_run_nothing(chromium: Any, hostile: Explored, tmp_path: Path) -> None:
+    """Names that are HTML stay text through every view and under the pointer, on a phone's width too, which nothing overflows."""
+    tab = Tab(chromium, hostile.page.write(tmp_path / "explore.html"), width=390)
+    title = tab.page.title()
+    assert tab.page.inner_text("#shown-joint") == HOSTILE
+    for view in VIEWS:
+        tab.show(view)
+        assert tab.page.evaluate("document.documentElement.scrollWidth") <= 390
+    tab.show("friction")
+    box = tab.page.query_selector("#figure-log").bounding_box()
+    tab.page.mouse.wheel(0, box["y"] - 100)
+    tab.settled()
+    point = tab.page.evaluate(
+        """() => {
+          const view = Bokeh.index.get_by_id(explorer.named("log").id), frame = view.frame, d = explorer.named("points+").data;
+          const box = view.el.getBoundingClientRect();
+          return [box.x + frame.x_scale.compute(d.speed[10]), box.y + frame.y_scale.compute(d.size[10])];
+        }"""
+    )
+    tab.page.mouse.move(*point)
+    tab.page.wait_for_timeout(200)
+    script = """() => {
+      const found = [], walk = (root) => { for (const x of root.querySelectorAll("*")) { found.push(x); if (x.shadowRoot) walk(x.shadowRoot); } };
+      walk(document);
+      return [found.filter((x) => x.tagName === "IMG").length, found.some((x) => x.textContent.includes("<img src=x onerror=document"))];
+    }"""
+    assert tab.page.evaluate(script) == [0, True]
+    assert tab.page.title() == title
+    assert not tab.wrong
+    tab.context.close()

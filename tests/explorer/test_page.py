@@ -1,0 +1,150 @@
+"""The explorer's page as a file: its bytes, its size, what it would load, and the numbers and names in it."""
+
+import base64
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import bristle
+from bristle.identification.known_joint import known_joint
+from bristle.questions.explorer.page import Explorer
+
+from ..conftest import experiment
+from .conftest import HOSTILE, HOSTILE_FILE, Explored
+
+
+class Read(HTMLParser):
+    """The elements of a page with their attributes, and the text of each script."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.scripts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep it."""
+        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_data(self, data: str) -> None:
+        """Keep what a script holds."""
+        if self.cdata_elem == "script":
+            self.scripts[-1] += data
+
+
+def known_of(page: Explorer) -> Any:
+    """What the page knows of its joints."""
+    return json.loads(Read(page.html).scripts[0])["known"]
+
+
+def test_the_page_is_small_and_loads_nothing(edro: Explored) -> None:
+    """Under 3 MB with four joints; no element names anything to fetch, styles neither; the policy allows the page's own scripts alone."""
+    html = edro.page.html
+    assert len(html.encode()) < 3e6
+    read = Read(html)
+    for tag, given in read.elements:
+        assert not {"src", "srcset", "data", "action", "background"} & given.keys(), tag
+        assert not given.get("href", "data:,").startswith(("http", "//")), tag
+        assert not [name for name in given if name.startswith("on")], tag
+    style = html[html.index("<style>") : html.index("</style>")]
+    assert "url(" not in style
+    assert "@import" not in style
+    (policy,) = [
+        given["content"] for tag, given in read.elements if given.get("http-equiv") == "Content-Security-Policy"
+    ]
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    digests = re.findall(r"'sha256-([^']+)'", policy)
+    assert digests == [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in read.scripts[1:]]
+
+
+def test_numbers_are_those_of_the_results(edro: Explored) -> None:
+    """Values, intervals, truth, points, costs and thresholds in the page are those of the results, to the last digit."""
+    results, page = edro
+    for joint, told in zip(results.joints, known_of(page)["joints"], strict=True):
+        assert (told["name"], told["simulated"]) == (joint.name, True)
+        known = known_joint(joint)
+        use, stages = told["sets"]
+        for d in known.directions:
+            for name, value in known.values(d).items():
+                row, e = use["values"][d][name], known.estimate(name, d)
+                assert row["value"] == value
+                assert e is not None
+                assert row["interval"] == list(e.interval or ())
+            assert told["truth"][d] == joint.truth[d]._asdict()
+        for fit in told["static"]:
+            own = joint.static[fit["direction"]]
+            assert fit["velocity"] == own.velocity.tolist()
+            assert fit["torque"] == own.torque.tolist()
+            assert (fit["rms"], fit["relative_error"]) == (own.rms, own.relative_error)
+            assert own.profile is not None
+            assert (fit["least"], fit["threshold"]) == (own.profile.best_cost, own.profile.threshold)
+            law = own.values()
+            assert law is not None
+            assert {n: stages["values"][fit["direction"]][n]["value"] for n in law._fields} == law._asdict()
+        assert joint.moving is not None
+        assert told["moving"]["velocity"] == joint.moving.velocity.tolist()
+        assert told["moving"]["residuals"] == joint.moving.residuals.tolist()
+
+
+def test_bytes_repeat(hostile: Explored, tmp_path: Path) -> None:
+    """A second call in one process gives the same bytes, and so does another process from the results file."""
+    first = hostile.page.html
+    assert bristle.explore(hostile.results).html == first
+    path = tmp_path / "results.json"
+    path.write_text(hostile.results.to_json(tmp_path), encoding="utf-8")
+    code = "import bristle, sys; print(__import__('hashlib').sha256(bristle.explore(sys.argv[1]).html.encode()).hexdigest())"
+    ran = subprocess.run(  # noqa: S603  # our own command
+        [sys.executable, "-c", code, str(path)],
+        env={**os.environ, "PYTHONHASHSEED": "7"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ran.stdout.strip() == hashlib.sha256(first.encode()).hexdigest()
+
+
+def test_hostile_names_stay_text(hostile: Explored, tmp_path: Path) -> None:
+    """A name that ends a script and loads an image is found in the page's JSON alone, where no character of it can begin a tag."""
+    page = hostile.page
+    read = Read(page.html)
+    assert not [tag for tag, _ in read.elements if tag == "img"]
+    assert page.html.count("</script") == len(read.scripts)
+    assert not re.search("[<>&]", read.scripts[0])
+    (told,) = known_of(page)["joints"]
+    assert told["name"] == HOSTILE
+    assert all(HOSTILE_FILE in place for fit in told["static"] for place in fit["place"])
+    assert page.write(tmp_path / "explore.html").read_bytes() == page.html.encode()
+
+
+def test_a_joint_of_points_has_no_loop_and_a_bristle_that_is_assumed(hostile: Explored) -> None:
+    """What the points do not show is called assumed; without a bristle the sentence stands where the loop would."""
+    (told,) = known_of(hostile.page)["joints"]
+    (use,) = told["sets"]
+    assert {
+        row["source"] for d in ("+", "-") for name, row in use["values"][d].items() if name.startswith("sigma")
+    } == {"assumed"}
+    assert "nothing is known of the bristle stiffness" in told["loop"]
+    assert (told["moving"], told["presliding"], told["loops"], told["truth"]) == (None, {}, [], None)
+
+
+def test_what_cannot_be_shown_is_refused(tmp_path: Path) -> None:
+    """Joints of which no law is known are refused in a sentence, and a page never replaces a file."""
+    (tmp_path / "wrist.csv").write_text("v,tau\n0.1,0.02\n-0.1,-0.02\n", encoding="utf-8")
+    (tmp_path / "wrist.yaml").write_text(experiment(data="wrist.csv"), encoding="utf-8")
+    with pytest.raises(bristle.InputError, match="nothing is known of the friction over velocity"):
+        bristle.explore(tmp_path / "wrist.yaml")
+    (tmp_path / "explore.html").write_text("mine", encoding="utf-8")
+    page = Explorer(joints=("wrist",), html="<!DOCTYPE html>")
+    with pytest.raises(bristle.InputError, match="is there already"):
+        page.write(tmp_path / "explore.html")
+    assert repr(page) == "Explorer('wrist': 15 characters)"
