@@ -10,7 +10,7 @@ import pytest
 
 import bristle
 from bristle import Results, api
-from bristle.api import experiments, joints, sources
+from bristle.api import identifying, joints, sources
 from bristle.api.logs import JointLogs
 from bristle.data.experiment.load import load_experiment
 from bristle.identification.fits import StaticFit
@@ -77,7 +77,7 @@ def test_nothing_stands_for_the_embedded_joints(monkeypatch: pytest.MonkeyPatch)
         return Joint(name=about.name, kind=about.kind, inputs=(), segments=(), static={}, crosscheck={})
 
     monkeypatch.setattr(sources, "measure", lambda experiment: Measured(experiment=experiment, runs=(), segments=()))
-    monkeypatch.setattr(experiments, "identify_joint", joint_of)
+    monkeypatch.setattr(identifying, "identify_joint", joint_of)
     told: list[tuple[str, int, int]] = []
     results = bristle.identify(progress=lambda *step: told.append(step))
     names = list(edro.TABLE_1)
@@ -185,7 +185,7 @@ def test_what_is_identified_is_not_identified_again(
     def no_more(*_: object, **__: object) -> Joint:
         raise AssertionError("identified again")
 
-    for module in (joints, experiments):
+    for module in (joints, identifying):
         monkeypatch.setattr(module, "identify_joint", no_more)
     of_results = (
         bristle.plan(clean, velocities=4),

@@ -551,7 +551,7 @@ def test_validate_prints_a_verdict(tmp_path: Path) -> None:
 
 def interrupted_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C while fitting."""
-    monkeypatch.setattr("bristle.api.experiments.identify_joint", _raiser(KeyboardInterrupt()))
+    monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(KeyboardInterrupt()))
 
 
 @pytest.mark.parametrize("patch", [interrupted_fit, full_disk(0, KeyboardInterrupt)], ids=["fitting", "writing"])
@@ -573,7 +573,7 @@ def test_our_own_defect_is_not_called_bad_input(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: Exception
 ) -> None:
     """Any exception but InputError and OSError leaves `main`, so that Python ends with its traceback and 1."""
-    monkeypatch.setattr("bristle.api.experiments.identify_joint", _raiser(defect))
+    monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(defect))
     monkeypatch.setattr(sys, "argv", ["bristle", "identify", str(write(tmp_path, FEW))])
     with pytest.raises(type(defect), match="ours"):
         main()

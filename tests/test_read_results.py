@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import bristle
 from bristle import Results
-from bristle.api import experiments, joints
+from bristle.api import experiments, identifying, joints
 from bristle.arrays import UNWRITTEN
 from bristle.data.experiment.load import load_experiment
 from bristle.diagnostics import Diagnostic
@@ -74,7 +74,7 @@ def read(folder: Path, fresh: Results, monkeypatch: pytest.MonkeyPatch) -> Resul
     def no_more(*_: object, **__: object) -> Joint:
         raise AssertionError("identified again")
 
-    for module in (joints, experiments):
+    for module in (joints, identifying):
         monkeypatch.setattr(module, "identify_joint", no_more)
     return bristle.read_results(folder / "out" / "results.json")
 

@@ -198,7 +198,7 @@ def validate(
 def _cross_checked(experiment: Path, joint: str | None) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     with shown() as progress:
-        from bristle.api.experiments import identified as run
+        from bristle.api.identifying import identified as run
 
         results = run(experiment, joint=joint, crosscheck=True, progress=progress)
         results.joint()

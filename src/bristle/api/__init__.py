@@ -4,7 +4,6 @@ from bristle.api.arrays import find_segments, fit, fit_dynamic, fit_presliding, 
 from bristle.api.experiments import (
     adapt,
     compare,
-    identify,
     plan,
     report,
     sensitivity,
@@ -13,6 +12,7 @@ from bristle.api.experiments import (
 )
 from bristle.api.exploring import explore
 from bristle.api.files import complete, draft, inspect
+from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError

@@ -1,19 +1,14 @@
-"""Experiment files in, results out; and the questions that a user asks of them."""
+"""The questions that a user asks of experiments, and of what was identified from them."""
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from bristle.api.exploring import explore
+from bristle.api.identifying import identified, identify
 from bristle.api.joints import Known, asked_joint, read_if_results
-from bristle.api.logs import JointLogs
-from bristle.api.results import Results, choose
-from bristle.api.sources import Source, measure_joints, names_of, open_all
-from bristle.diagnostics import Severity
+from bristle.api.results import Results
+from bristle.api.sources import Source
 from bristle.errors import InputError
-from bristle.identification.identify import identify_joint
-from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
@@ -22,6 +17,7 @@ from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
+from bristle.questions.explorer.page import Explorer
 from bristle.questions.method_validation.cases import joint_cases, sweep
 from bristle.questions.method_validation.results import Validation
 from bristle.questions.method_validation.run import REPETITIONS, STARTS, check_request
@@ -34,110 +30,6 @@ from bristle.simulation import edro
 from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 
 
-def identify(
-    *experiments: Source,
-    joint: str | None = None,
-    progress: Progress | None = None,
-    crosscheck: bool = False,
-    uncertainty: bool = False,
-    workers: int = 1,
-) -> Results:
-    """Identify the joints of one or more files, of a joint or a robot each; with none, the embedded Ed-Ro (simulated).
-
-    >>> import bristle
-    >>> results = bristle.identify("wrist.yaml")
-    >>> results
-    Results(joints=(Joint('points': static both),))
-    >>> results.to_frame()[["parameter", "value"]].round(3).head(2)
-      parameter  value
-    0   alpha_0  0.019
-    1   alpha_1  0.005
-
-    Args:
-        experiments: files, or what was loaded from them.
-        joint: the only one of a robot that is identified; None: all.
-        progress: told of every step.
-        crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
-        uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
-            static and presliding fits always do.
-        workers: processes among which the joints are shared out; in a script more than one need
-            `if __name__ == "__main__":` around the call.
-
-    Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
-    """
-    files = open_all(experiments)
-    loaded, texts = [one for one, _ in files], [text for _, text in files]
-    names = [name for one in loaded for name in names_of(one)]
-    chosen = names if joint is None else [choose(names, joint)]
-    asked = len(chosen)
-    every: list[Measured] = []
-    found: list[tuple[Joint, dict[str, float]]] = []
-    with _pool(min(workers, asked)) as share:
-        for one in loaded:
-            every += [m for m in measure_joints(one, progress, share) if m.experiment.joint.name in chosen]
-        work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty)
-        work = work if workers > 1 and asked > 1 else partial(work, progress=progress)
-        waiting = iter(share(work, every))
-        for done, measured in enumerate(every):
-            if progress:
-                progress(f"identifying {measured.experiment.joint.name}", done, asked)
-            found.append(next(waiting))
-    timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
-    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=JointLogs.at_hand(every, texts))
-
-
-def _timed(
-    measured: Measured, crosscheck: bool, uncertainty: bool, progress: Progress | None = None
-) -> tuple[Joint, dict[str, float]]:
-    spent: dict[str, float] = {}
-    try:
-        joint = identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
-    except InputError as error:
-        if measured.link_inertia is None and not measured.findings:
-            raise
-        cause = next((w for w in measured.findings if w.severity is Severity.CRITICAL), error)
-        raise InputError(f"{measured.experiment.joint.name}: {cause}") from error
-    return joint, spent
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[Callable[..., Iterable[Any]]]:
-    """What maps a function over joints: one after another, or in several processes."""
-    if workers < 2:
-        yield map
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        yield pool.map
-    finally:  # what was not begun is not wanted any more
-        pool.shutdown(cancel_futures=True)
-
-
-def identified(
-    *experiments: Source,
-    joint: str | None = None,
-    crosscheck: bool = False,
-    uncertainty: bool = False,
-    workers: int = 1,
-    progress: Progress | None = None,
-) -> Results:
-    """`identify`; of one results file what that holds, and nothing is identified.
-
-    Raises InputError as `identify` and `read_results` do.
-    """
-    if len(experiments) == 1:
-        known = read_if_results(experiments[0])
-        if isinstance(known, Results):
-            return known
-        experiments = (known,)
-    return identify(
-        *experiments, joint=joint, crosscheck=crosscheck, uncertainty=uncertainty, workers=workers, progress=progress
-    )
-
-
 def report(
     *experiments: Source,
     folder: Path | str,
@@ -146,12 +38,12 @@ def report(
     found: Callable[[Results], object] | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """Identify joints and write the report of them into a folder: index.html, results.json, figures and tables.
+    """Identify joints and write the report of them into a folder: its pages, results.json, figures and tables.
 
     >>> import bristle, pathlib
     >>> results = bristle.report("wrist.yaml", folder="report")
     >>> sorted(path.name for path in pathlib.Path("report").iterdir() if path.suffix)
-    ['index.html', 'results.json', 'timings.json']
+    ['checks.html', 'data.html', 'explore.html', 'index.html', 'joints.html', 'method.html', 'results.json', 'timings.json', 'uncertainty.html']
 
     Args:
         experiments: files of a joint or a robot each, or one results file, whose report is written anew; none: the embedded
@@ -169,8 +61,16 @@ def report(
     compensated = None if experiments else adapt(identified=results, progress=progress)
     if found is not None:
         found(results)
-    results.write(folder, progress, compensated)
+    results.write(folder, progress, compensated, _explored(results))
     return results
+
+
+def _explored(results: Results) -> Explorer | None:
+    """The interactive page; None where nothing is known of the friction over velocity."""
+    try:
+        return explore(results)
+    except InputError:
+        return None
 
 
 def adapt(

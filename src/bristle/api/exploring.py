@@ -1,6 +1,6 @@
 """The page on which the friction model of identified joints can be played with."""
 
-from bristle.api.experiments import identify
+from bristle.api.identifying import identify
 from bristle.api.joints import Known, read_if_results
 from bristle.api.results import Results
 from bristle.data.experiment.load import Experiment

@@ -14,6 +14,7 @@ from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study
+from bristle.questions.explorer.page import Explorer
 from bristle.questions.session_comparison.results_file import session_of
 
 if TYPE_CHECKING:
@@ -123,10 +124,16 @@ class Results:
 
         return uncertainty(self.joints)
 
-    def write(self, folder: Path | str, progress: Progress | None = None, compensated: Study | None = None) -> Path:
-        """Write the HTML report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
+    def write(
+        self,
+        folder: Path | str,
+        progress: Progress | None = None,
+        compensated: Study | None = None,
+        explored: Explorer | None = None,
+    ) -> Path:
+        """Write the pages of the report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
 
-        With what `adapt` returned, its sections follow.
+        With what `adapt` returned, and with what `explore` returned, their pages are among them.
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
         from bristle.questions.compensation.page import section
@@ -142,6 +149,7 @@ class Results:
             timings=self.timings or None,
             progress=progress,
             appended=section(compensated) if compensated else None,
+            explored=(explored.html, explored.joints) if explored else None,
         )
 
     def plot(self, joint: str | None = None, ax: "Axes | None" = None) -> "Axes":

@@ -63,6 +63,9 @@ _PAGES = (
 )  # fmt: skip  # a table
 
 
+_EXPLORE = _Page("explore.html", "Explore", "the model in the hand: sliders, loops and responses that follow them")
+
+
 def write_report(
     joints: Sequence[Joint],
     folder: Path,
@@ -72,6 +75,7 @@ def write_report(
     timings: Mapping[str, float] | None = None,
     progress: Progress | None = None,
     appended: Section | None = None,
+    explored: tuple[str, Sequence[str]] | None = None,
     experiments: Sequence[WrittenExperiment] = (),
 ) -> Path:
     """Write index.html and its pages, results.json, figures/ and tables/ into a folder; returns the path of index.html.
@@ -87,6 +91,7 @@ def write_report(
         timings: seconds spent, by name, for timings.json; None: no such file.
         progress: called with what is being done, how many steps are done, and how many there are.
         appended: the page of another question; None: there is none.
+        explored: the interactive page, and the names of the joints on it; None: there is none.
         experiments: files that the joints were identified from, as results.json in this folder names them.
 
     Raises:
@@ -107,8 +112,14 @@ def write_report(
         progress("writing the report", len(_DRAW) * len(joints), len(_DRAW) * len(joints))
     menu = [x for x in _PAGES if any(map(x.wanted, joints)) or (appended and x.file == appended.file)]
     context = sections.report(joints, title, seed, drawn, appended)
+    if explored is not None:
+        files["explore.html"] = encoded(explored[0])
+        menu.append(_EXPLORE)
+    context["explored"] = {name: k for k, name in enumerate(explored[1])} if explored else {}
     context |= {"pages": {x.file: x.name for x in menu}, "purposes": {x.file: x.purpose for x in menu}}
-    pages = {x.file: ("bristle.questions.joint_report", x.template, context | {"here": x.file}) for x in menu}
+    pages = {
+        x.file: ("bristle.questions.joint_report", x.template, context | {"here": x.file}) for x in menu if x.template
+    }
     if appended:
         pages[appended.file] = (
             appended.package,
