@@ -67,6 +67,8 @@ def of_files(folder: Path) -> bristle.Results:
 def questions(results: bristle.Results) -> None:
     """What results are asked."""
     planned: str = bristle.plan(results, velocities=4).reference_csv()
+    page: Path = bristle.explore(results).write(folder / "explore.html")
+    assert page.is_file()
     checked: pd.DataFrame = bristle.validate(results, repetitions=20, starts=2).to_frame()
     assert planned
     assert len(checked)

@@ -21,6 +21,8 @@ _NO_DOUBT = {
     Kind.COUNT_BIAS,
 }  # fmt: skip  # a list of values
 """Warnings about LuGre's fit that leave the numbers it gives as they are."""
+_NO_PEAK = {Kind.UNSEEN_PEAK, Kind.UNSEEN_NO_PEAK, Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_BEND}
+"""Why LuGre's fit gives no alpha_1, where its term may be none."""
 
 
 def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
@@ -32,12 +34,17 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     interval covers is left alone, as is all where LuGre itself does not describe the data.
 
     Where LuGre's fit is not in doubt and explains a tenth or more of what the static law leaves, the static law is only
-    the poorer model of the same runs. Its outcome then says so, and its own warnings are left out; each parameter has the
-    doubts that LuGre's fit has about it, and no number where that sees none.
+    the poorer model of the same runs; that only some starts reached LuGre's minimum is no doubt of that, since a lower one
+    would explain more. Its outcome then says so, and its own warnings are left out; each parameter has the doubts that
+    LuGre's fit has about it, and no number where that sees none. In any case a Stribeck term that LuGre's fit does not find
+    has no value here: presliding looks like one.
     """
     if moving is None or any(w.kind in {Kind.UNEXPLAINED, Kind.OUT_OF_STEPS} for w in moving.warnings):
         return dict(static)
-    out = {d: _superseded(d, fit, moving) if _is_poorer(fit, moving) else fit for d, fit in static.items()}
+    out = {
+        d: _superseded(d, fit, moving) if _is_poorer(fit, moving) else _without_refused_peak(d, fit, moving)
+        for d, fit in static.items()
+    }
     pairs = {(d, name): e for d, fit in out.items() for name in fit.parameters if (e := _other(name, d, fit, moving))}
     limit = float(ndtri(1 - _LEVEL / (2 * max(len(pairs), 1))))
     trust = Kind.MOVING_IN_DOUBT() if _is_in_doubt(moving) else Kind.BELIEVE_MOVING()
@@ -60,15 +67,15 @@ def is_superseded(fit: StaticFit) -> bool:
 def _is_poorer(fit: StaticFit, moving: TrackingFit) -> bool:
     """Whether LuGre's fit is not in doubt, finds friction, and explains by presliding what the static law leaves."""
     unseen = any(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0")
-    if unseen or _is_in_doubt(moving):
+    if unseen or _is_in_doubt(moving, Kind.FEW_STARTS):  # another minimum would be lower still
         return False
     return fit.relative_error is not None and moving.relative_error**2 < _LEFT * fit.relative_error**2
 
 
-def _is_in_doubt(moving: TrackingFit) -> bool:
-    """Whether anything is critical about LuGre's fit, or anything that is not about single numbers calls for caution."""
+def _is_in_doubt(moving: TrackingFit, *but: Kind) -> bool:
+    """Whether anything is critical about LuGre's fit, or anything that is not about single numbers, or of these kinds, calls for caution."""
     critical = any(w.severity is Severity.CRITICAL for w in moving.all_warnings())
-    return critical or any(w.kind not in _NO_DOUBT for w in _doubts(moving.warnings))
+    return critical or any(w.kind not in _NO_DOUBT and w.kind not in but for w in _doubts(moving.warnings))
 
 
 def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFit:
@@ -80,17 +87,34 @@ def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFi
             parameters[name] = replace(e, value=None, interval=None, warnings=(Kind.SEE_MOVING(),))
         else:
             parameters[name] = replace(e, warnings=_doubts(other.warnings))
+    return replace(
+        _with_values(fit, parameters),
+        outcome=Kind.STATIC_SUPERSEDED(error=fit.relative_error, other=moving.relative_error),
+        warnings=tuple(w for w in moving.warnings if w.kind is Kind.ONLY_SUM_SEEN_OF_FIT),
+    )
+
+
+def _with_values(fit: StaticFit, parameters: Mapping[str, Estimate]) -> StaticFit:
+    """The fit with these parameters; covariance and what is said of uncertainty are of those that have a value."""
     seen = [name for name in fit.names if parameters[name].value is not None]
     keep = [fit.names.index(name) for name in seen]
     return replace(
         fit,
-        outcome=Kind.STATIC_SUPERSEDED(error=fit.relative_error, other=moving.relative_error),
         parameters=parameters,
         names=tuple(seen),
         covariance=fit.covariance[np.ix_(keep, keep)],
         uncertainty={name: x for name, x in fit.uncertainty.items() if name in seen},
-        warnings=tuple(w for w in moving.warnings if w.kind is Kind.ONLY_SUM_SEEN_OF_FIT),
     )
+
+
+def _without_refused_peak(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFit:
+    """The fit without the values of a Stribeck term that LuGre's fit of the same runs does not find: presliding looks like one."""
+    other = moving.parameters.get(_key("alpha_1", direction))
+    if other is None or other.value is not None or not {w.kind for w in other.warnings} & _NO_PEAK:
+        return fit
+    refused = {n: e for n, e in fit.parameters.items() if n in ("alpha_1", "v_s") and e.value is not None}
+    without = {n: replace(e, value=None, interval=None, warnings=(Kind.SEE_MOVING(),)) for n, e in refused.items()}
+    return _with_values(fit, {**fit.parameters, **without}) if without else fit
 
 
 def _holds(e: Estimate) -> bool:

@@ -1,0 +1,170 @@
+"""The committed report of the embedded joints in a real browser: how long it is, what it loads, and whether everybody can read it."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bristle.page.style import DIRECTION
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright, of the extra test-all")
+
+REPORT = Path(__file__).parent.parent / "reports" / "edro"
+PAGES = sorted(path.name for path in REPORT.glob("*.html"))
+READ = [name for name in PAGES if name != "explore.html"]
+"""Those that are read, and not played with."""
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage"]
+WORDS, SCREENS, BYTES, PRINTED = 6000, 12, 1_500_000, 20
+"""Of a page at the most; and of the whole report with everything open:"""
+ALL_WORDS = 25_000
+COUNTED = "document.body.innerText.split(/\\s+/).filter(Boolean).length"
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """One browser for all."""
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip("needs an installed Chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") -> tuple[Any, list[str]]:
+    """A page of the report at a width, and what went wrong in it: requests beyond its file, and errors."""
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    wrong: list[str] = []
+    page.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    own = (REPORT / name).as_uri()
+    page.on("request", lambda r: wrong.append(r.url) if r.url != own and not r.url.startswith("data:") else None)
+    page.goto(own)
+    return page, wrong
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_loads_nothing_and_fits_the_screen(chromium: Any, name: str) -> None:
+    """No request, no error; no page is wider than a phone or a desk's screen."""
+    for width in (390, 1280):
+        page, wrong = opened(chromium, name, width)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert wrong == []
+        page.close()
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_page_is_short(chromium: Any, name: str) -> None:
+    """With its details closed a page has few words and screens, its file few bytes, and its print few sheets."""
+    page, _ = opened(chromium, name)
+    assert page.evaluate(COUNTED) <= WORDS
+    assert page.evaluate("document.documentElement.scrollHeight") <= 900 * SCREENS
+    assert (REPORT / name).stat().st_size <= BYTES
+    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4", prefer_css_page_size=True))) <= PRINTED
+    page.close()
+
+
+def test_the_whole_report_is_bounded(chromium: Any) -> None:
+    """With everything open all pages together have a bounded number of words."""
+    total = 0
+    for name in READ:
+        page, _ = opened(chromium, name)
+        page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+        total += page.evaluate(COUNTED)
+        page.close()
+    assert total <= ALL_WORDS
+
+
+@pytest.mark.parametrize("name", READ)
+def test_figures_and_tables_are_named(chromium: Any, name: str) -> None:
+    """Each figure has a caption with its number, which describes its drawing; each table a caption or a region's name; no id stands twice."""
+    page, _ = opened(chromium, name)
+    figures = page.evaluate(
+        "[...document.querySelectorAll('figure')].map((f) => [f.querySelector('figcaption').innerText,"
+        " f.querySelector('svg').getAttribute('aria-describedby') === f.querySelector('figcaption').id])"
+    )
+    assert all(re.match(r"Figure \d+\b", caption) and described for caption, described in figures)
+    unnamed = "[...document.querySelectorAll('table')].filter((t) => !t.closest('[aria-label]') && !t.caption).length"
+    assert page.evaluate(unnamed) == 0
+    ids = page.evaluate("[...document.querySelectorAll('[id]')].map((e) => e.id)")
+    assert len(ids) == len(set(ids))
+    page.close()
+
+
+def test_figures_are_numbered_through(chromium: Any) -> None:
+    """The figures of all pages count from 1 in the order of the pages, without a gap."""
+    page, _ = opened(chromium, "index.html")
+    order = page.evaluate("[...document.querySelectorAll('nav.pages a')].map((a) => a.getAttribute('href'))")
+    page.close()
+    numbers = []
+    for name in [x for x in order if x in READ]:
+        page, _ = opened(chromium, name)
+        numbers += page.evaluate(
+            "[...document.querySelectorAll('figcaption .number')].map((a) => parseInt(a.innerText.slice(7)))"
+        )
+        page.close()
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_and_marks_stand_out(chromium: Any, scheme: str) -> None:
+    """On a light page and a dark one text has a contrast of 4.5 at least, and the marks of both directions 3."""
+    page, _ = opened(chromium, "index.html", scheme=scheme)
+    names = ("paper", "ink", "quiet", "link", "warn", "bad", "good")
+    script = "(names) => names.map((n) => getComputedStyle(document.documentElement).getPropertyValue('--' + n).trim())"
+    colours = dict(zip(names, page.evaluate(script, names), strict=True))
+    page.close()
+    for name in names[1:]:
+        assert contrast(colours[name], colours["paper"]) >= 4.5, name
+    for look in DIRECTION.values():
+        assert contrast(look.colour, colours["paper"]) >= 3
+
+
+def contrast(one: str, other: str) -> float:
+    """Of two colours #rrggbb, by WCAG 2."""
+    bright, dark = sorted((_luminance(one), _luminance(other)), reverse=True)
+    return (bright + 0.05) / (dark + 0.05)
+
+
+def _luminance(colour: str) -> float:
+    parts = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_the_first_screen_answers(chromium: Any) -> None:
+    """Within the first 900 px stand, for each joint: its name, whether to trust it, the values of both directions, and where they come from."""
+    page, _ = opened(chromium, "index.html")
+    rows = page.evaluate(
+        "[...document.querySelectorAll('table.answer tbody')].map((b) => [b.getBoundingClientRect().bottom, b.innerText])"
+    )
+    assert len(rows) == 4
+    for bottom, text in rows:
+        assert bottom <= 900
+        assert re.search(r"\b(use|use with caution|do not use)\b", text)
+        assert text.count("±") >= 12
+        assert "held out" in text
+        assert "RMS error" in text
+    page.close()
+
+
+def test_a_table_is_sorted_filtered_and_copied(chromium: Any) -> None:
+    """A click on a heading sorts a long table, a word filters it, and its rows can be copied."""
+    page, wrong = opened(chromium, "joints.html")
+    head = "table.long thead button >> nth=3"
+    column = "[...document.querySelector('table.long').tBodies[0].rows].filter((r) => !r.hidden).map((r) => r.cells[3].innerText)"
+    page.click(head)
+    values = [float(x) for x in page.evaluate(column)]
+    assert values == sorted(values)
+    page.click(head)
+    assert [float(x) for x in page.evaluate(column)] == values[::-1]
+    page.fill("table.long caption input >> nth=0", "inertia")
+    assert len(page.evaluate(column)) == 1
+    page.click("caption button >> nth=0")
+    assert wrong == []
+    page.close()
