@@ -794,7 +794,10 @@ def test_warnings_about_signals_count(tmp_path: Path) -> None:
     )
     ran = run("identify", tmp_path / "e.yaml", "--strict")
     assert ran.code == 3
-    assert "critical: The position of log.csv moves 0.105 times as far as its logged velocity says" in ran.words
+    assert (
+        "critical [velocity-factor]: The position of log.csv moves 0.105 times as far as its logged velocity says"
+        in ran.words
+    )
     assert "`unit: rpm` under signals.velocity" in ran.words
 
 

@@ -65,7 +65,7 @@ def test_nothing_changes_without_a_terminal(folder: Path) -> None:
     """Into a pipe a command writes its result and no bar."""
     command = [sys.executable, "-c", "from bristle.__main__ import main; main()", "identify", "e.yaml"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)  # noqa: S603  # our own command
-    assert done.stdout.startswith("[[wrist]]")
+    assert done.stdout.startswith("wrist (revolute): ")
     assert done.stderr == ""
 
 

@@ -7,6 +7,7 @@ from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -224,7 +225,7 @@ def test_the_embedded_joints_are_named_by_their_file_alone() -> None:
 
 
 def test_results_of_an_older_version_are_compared_and_no_more(fresh: Results, tmp_path: Path) -> None:
-    """Without samples and experiments a file is read; comparison and table take it, and what needs samples says so."""
+    """Without samples and experiments a file is read; comparison, table and short text take it, and what needs samples says so."""
     document = json.loads(fresh.to_json())
     del document["samples"], document["experiments"]
     path = tmp_path / "results.json"
@@ -232,7 +233,9 @@ def test_results_of_an_older_version_are_compared_and_no_more(fresh: Results, tm
     old = bristle.read_results(path)
     assert not any(x.changed for x in bristle.compare(old, fresh).changes)
     assert old.to_frame().equals(fresh.to_frame())
-    for ask in (bristle.plan, bristle.validate, bristle.adapt, Results.text, lambda x: x.write(tmp_path / "out")):
+    assert str(old) == str(fresh)
+    whole = (bristle.plan, bristle.validate, bristle.adapt, partial(Results.text, full=True))
+    for ask in (*whole, lambda x: x.write(tmp_path / "out")):
         with pytest.raises(InputError, match="an older version of bristle wrote, without samples"):
             ask(old)
 
@@ -366,4 +369,5 @@ def test_a_damaged_file_is_read_or_refused(data: Any, fresh: Results, tmp_path_f
         assert "\n" not in str(error)  # noqa: PT017  # it need not be raised
     else:
         read.text()
+        read.text(full=True)
         read.to_json()

@@ -249,7 +249,7 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     found = bristle.plan(path, velocities=4)
     assert "inertia" not in intervals(found)["parameter"].tolist()
     assert "inertia" not in motions(found).columns
-    assert "\n    inertia" not in found.text()
+    assert "\n  inertia" not in found.text()
     assert Kind.INERTIA_EXACT(J=1.3e-3, unit="kg*m**2") in found.assumptions
     for figure in (intervals_figure(found), motions_figure(found)):
         assert len(figure.axes[0].get_yticks()) == 12
@@ -350,7 +350,7 @@ def test_declared_limits_are_kept(tmp_path: Path) -> None:
     )
     ran = planned(tmp_path, limits, "--velocities", 5)
     assert ran.code == 0, ran.err
-    assert "to override" not in ran.out
+    assert "to override" not in ran.words
     frame = pd.read_csv(tmp_path / "next.csv")
     tracked = frame.loc[frame["experiment"] == "tracking", V].to_numpy()
     spectrum = np.abs(np.fft.rfft(tracked * np.hanning(tracked.size))) ** 2
@@ -368,7 +368,7 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     """The page, its figures and tables are written, with the references; a second run leaves the same."""
     ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
-    assert "for v_s" in ran.out
+    assert "for v_s" in ran.words
     first = (tmp_path / "next.csv").read_bytes()
     assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
     assert (tmp_path / "next.csv").read_bytes() == first

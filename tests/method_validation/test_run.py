@@ -502,9 +502,9 @@ def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.Mo
     path = write(tmp_path, speeds())
     ran = run("validate", path, "-o", tmp_path / "out", "--repetitions", 20, "--starts", 2, "--noise", 0.02)
     assert ran.code == 0
-    assert "wrist +: Grid and full nonlinear fit agree" in ran.out
-    assert "wrist (-), SIMULATED, the 20 points measured" in ran.out
-    assert "none has a cost below the refined grid's" in ran.out
+    assert "wrist +: Grid and full nonlinear fit agree" in ran.words
+    assert "wrist (-), SIMULATED, the 20 points measured" in ran.words
+    assert "none has a cost below the refined grid's" in ran.words
     assert (tmp_path / "out" / "index.html").is_file()
 
 
@@ -516,9 +516,9 @@ def test_the_command_without_a_peak_writes_nothing(tmp_path: Path, monkeypatch: 
     before = tree(tmp_path)
     ran = run("validate", path)
     assert ran.code == 0
-    assert "full fit" in ran.out
-    assert "wrist +: nothing to validate: Stribeck term not identifiable" in ran.out
-    assert str(Kind.NOTHING_TRIED()) in ran.out
+    assert "full fit" in ran.words
+    assert "wrist +: nothing to validate: Stribeck term not identifiable" in ran.words
+    assert str(Kind.NOTHING_TRIED()) in ran.words
     assert tree(tmp_path) == before
 
 

@@ -47,7 +47,7 @@ def test_the_command_explains() -> None:
     """`bristle explain` prints the entry of a code, in whichever form it was met."""
     for code in ("strays-matter", "STRAYS_MATTER", "[strays-matter]"):
         ran = run("explain", code)
-        assert (ran.code, ran.out.splitlines()) == (0, list(explanation(Kind.STRAYS_MATTER)))
+        assert (ran.code, ran.words) == (0, " ".join(" ".join(explanation(Kind.STRAYS_MATTER)).split()))
 
 
 @pytest.mark.parametrize(("code", "near"), [("stray-matters", "strays-matter"), ("lacks", "lacks-a-term"), ("?", "")])

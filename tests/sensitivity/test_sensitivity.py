@@ -435,7 +435,7 @@ def test_without_sympy_only_the_formulas_are_left_out(folder: Path, monkeypatch:
     assert (ran.code, ran.said) == (0, [])
     assert (
         "No formulas: formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'."
-        in ran.out
+        in ran.words
     )
     assert 'id="formulas"' not in (folder / "plain" / "index.html").read_text(encoding="utf-8")
     assert (folder / "plain" / "tables" / "shares.csv").exists()

@@ -49,8 +49,7 @@ def _joint(joint: Joint) -> Iterator[str]:
     found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
     lines = list(wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}"]))
     if found.reason is not None:
-        reason = f"  {found.reason.severity} {_code(found.reason)}: {printable(str(found.reason))}"
-        lines += shortened_lines(list(wrapped([reason])), _LONGEST)
+        lines += shortened_lines(_sentence(joint, found.reason), _LONGEST)
     lines += [*shortened_lines(list(wrapped(_errors(joint))), _LONGEST), *_values(joint), *wrapped([_count(joint)])]
     yield from lines
     yield from _rest(joint, found.reason, LINES - len(lines) - 2)
@@ -96,7 +95,7 @@ def _values(joint: Joint) -> Iterator[str]:
         elif name in fixed:
             cells.append((str(name), f"{fixed[name].value:.6g} {unit(name.name, joint.kind)}", "", "experiment file"))
         else:
-            missing.setdefault(name.direction, {}).setdefault(_why_none(row), []).append(str(name))
+            missing.setdefault(name.direction, {}).setdefault(_why_none(name, row), []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
     for by_reason in missing.values():
         yield from wrapped(f"  {', '.join(names)}: {why}" for why, names in by_reason.items())
@@ -131,9 +130,10 @@ def _unmeasured(*known: Mapping[ParameterName, object]) -> Iterator[ParameterNam
             yield from (ParameterName(name, d) for d in lacking)
 
 
-def _why_none(row: Known | None) -> str:
+def _why_none(name: ParameterName, row: Known | None) -> str:
     if row is None:
-        return "not measured; tracking or presliding runs would show them"
+        runs = "constant velocities" if name.name in Stribeck._fields else "slow loading"
+        return f"not measured; {runs} or tracking runs would show them"
     seen = {warning.kind for warning in row.estimate.warnings} & NOT_IDENTIFIABLE
     return "not identifiable" if seen or _cautioned(row.estimate) else "not estimated"
 
@@ -177,10 +177,17 @@ def _count(joint: Joint) -> str:
     return f"Warnings about these values: {', '.join(told) or 'none'}{more}"
 
 
+def _sentence(joint: Joint, warning: Diagnostic) -> list[str]:
+    """A warning with its code, and with what it is about, fit by fit."""
+    about = dict.fromkeys(" ".join(x.subject) for x in joint.all_warnings() if x == warning and x.subject)
+    where = f" ({printable(', '.join(about))})" if about else ""
+    return list(wrapped([f"  {warning.severity} {_code(warning)}{where}: {printable(str(warning))}"]))
+
+
 def _rest(joint: Joint, reason: Diagnostic | None, room: int) -> Iterator[str]:
     """All warnings but the reason, which stands above; in whole sentences where these fit, else their beginnings."""
     rest = [warning for warning in value_warnings(joint) if warning != reason]
-    sentences = [list(wrapped([f"  {x.severity} {_code(x)}: {printable(str(x))}"])) for x in rest]
+    sentences = [_sentence(joint, warning) for warning in rest]
     most = next((n for n in (9, 2) if sum(min(len(s), n) for s in sentences) <= room), 1)
     listed = sentences if most > 1 or len(sentences) <= room else sentences[: max(room - 1, 0)]
     for sentence in listed:
