@@ -24,6 +24,26 @@ DRAWN = {
     "identifiability": ("unlikely", "profile.now"),
 }
 """Sources of each view that follow the sliders."""
+ENDS = """async ([view, sources, names]) => {
+  const pending = document.documentElement.dataset, moved = new Set(), bad = [], p = explorer.state.values["+"];
+  const columns = (name) => Object.entries(explorer.named(name).data).map(([k, x]) => [k, [...x]]);
+  const before = Object.fromEntries(sources.map((name) => [name, String(columns(name))]));
+  for (const name of names) {
+    const own = p[name];
+    for (const end of [explorer.atFraction(name, 0), explorer.atFraction(name, 1), own]) {
+      p[name] = end;
+      await explorer.views[view].draw();
+      while (pending.pending) await new Promise((done) => setTimeout(done, 5));
+      for (const source of sources) {
+        const drawn = columns(source), numbers = drawn.filter(([k]) => !["colour", "ink", "place"].includes(k));
+        if (String(drawn) !== before[source]) moved.add(source);
+        if (!numbers.every(([, x]) => x.every(Number.isFinite))) bad.push([view, name, end, source]);
+      }
+    }
+  }
+  return [[...moved], bad];
+}"""
+"""Moves the value of each slider to either end of it: which sources follow, and where one of them holds what is no number."""
 UNNAMED = """[...document.querySelectorAll("input, select, button, meter, progress")]
   .filter((x) => !(x.labels && x.labels.length) && !x.ariaLabel && !x.textContent).map((x) => x.id)"""
 """Controls without a name for a reader who does not see them."""
@@ -68,15 +88,11 @@ class Tab:
         """Wait until what was asked for is drawn."""
         self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         self.page.wait_for_selector("#map-progress", state="hidden")
+        self.page.wait_for_selector("html:not([data-pending])", state="attached")
 
     def state(self) -> Any:
         """What is chosen."""
         return self.page.evaluate("explorer.state")
-
-    def source(self, name: str) -> Any:
-        """The columns of a source, as text where they hold what JSON has not."""
-        script = "(name) => Object.entries(explorer.named(name).data).map(([k, x]) => [k, Array.from(x, String)])"
-        return dict(self.page.evaluate(script, name))
 
     def show(self, view: str) -> None:
         """Choose a tab by its click."""
@@ -163,23 +179,9 @@ def test_each_view_follows_its_sliders_and_entries(tab: Tab) -> None:
         if view == "compensation":
             tab.page.fill("#loop-duration", "2")
             tab.settled()
-        before = {name: tab.source(name) for name in sources}
-        ends = []
-        for name in PARAMETERS:
-            for position in (0, 1000):
-                tab.set(name, position)
-                drawn = {source: tab.source(source) for source in sources}
-                ends.append(drawn)
-                numbers = [
-                    x for columns in drawn.values() for k, x in columns.items() if k not in ("colour", "ink", "place")
-                ]
-                assert not {"NaN", "Infinity", "undefined"} & {x for column in numbers for x in column}, (
-                    view,
-                    name,
-                    position,
-                )
-        for name in sources:
-            assert any(drawn[name] != before[name] for drawn in ends), name
+        moved, bad = tab.page.evaluate(ENDS, [view, sources, PARAMETERS])
+        assert set(moved) == set(sources)
+        assert bad == []
         tab.page.click("#reset")
         tab.settled()
         for field in tab.page.query_selector_all(f"#view-{view} [data-option]:not(:disabled)"):
@@ -195,7 +197,10 @@ def test_each_view_follows_its_sliders_and_entries(tab: Tab) -> None:
 
 
 def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
-    """At the identified values each fit's cost and relative error are those of results.json to 4 digits, for static fits and moving runs."""
+    """At the identified values each fit's cost and relative error are those of results.json to 4 digits, for static fits and moving runs.
+
+    As it opens, view 4 ends at the factors of Table 2, 0.845 and 1.051, at 20 s; a loop that diverges is said.
+    """
     for k, joint in enumerate(edro.results.joints):
         tab.page.select_option("#joint", str(k))
         tab.show("response")
@@ -209,10 +214,7 @@ def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
             assert fit.profile is not None
             assert cost == pytest.approx(fit.profile.best_cost, rel=5e-5)
             assert error == pytest.approx(fit.relative_error, rel=5e-5)
-
-
-def test_the_paper_s_adaptation(tab: Tab) -> None:
-    """As it opens, view 4 ends at the factors of Table 2, 0.845 and 1.051, at 20 s; adaptation leaves less error than the wrong start."""
+    tab.page.select_option("#joint", "0")
     tab.show("compensation")
     assert float(tab.page.get_attribute("#compensation-said", "data-alpha0")) == pytest.approx(0.845, abs=0.005)
     assert float(tab.page.get_attribute("#compensation-said", "data-alpha2")) == pytest.approx(1.051, abs=0.005)

@@ -17,7 +17,7 @@ import bristle
 from bristle.identification.known_joint import known_joint
 from bristle.questions.explorer.page import Explorer
 
-from ..conftest import experiment
+from ..conftest import experiment, speeds, table
 from .conftest import HOSTILE, HOSTILE_FILE, Explored
 
 
@@ -135,6 +135,25 @@ def test_a_joint_of_points_has_no_loop_and_a_bristle_that_is_assumed(hostile: Ex
     } == {"assumed"}
     assert "nothing is known of the bristle stiffness" in told["loop"]
     assert (told["moving"], told["presliding"], told["loops"], told["truth"]) == (None, {}, [], None)
+
+
+def test_points_that_were_not_fitted_are_told_apart(tmp_path: Path) -> None:
+    """A stray is named among the strays of its fit, points of a held-out run stand apart, and no fitted point is missing."""
+    lines = table(speeds()).splitlines()
+    v, torque = map(float, lines[5].split(","))
+    lines[5] = f"{v!r},{1.2 * torque!r}"
+    (tmp_path / "wrist.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (tmp_path / "held.csv").write_text(table(speeds()[:3]), encoding="utf-8")
+    text = experiment(data="wrist.csv") + "  - {files: held.csv, experiment: points, hold_out: true}\n"
+    (tmp_path / "wrist.yaml").write_text(text, encoding="utf-8")
+    (told,) = known_of(bristle.explore(tmp_path / "wrist.yaml"))["joints"]
+    fits = {fit["direction"]: fit for fit in told["static"]}
+    assert [(x["velocity"], x["place"]) for x in fits["+"]["strays"]] == [(v, "wrist.csv line 6")]
+    assert fits["-"]["strays"] == []
+    assert [(x["velocity"], x["place"]) for x in told["other_points"]] == [
+        (x, f"held.csv line {k}") for k, x in enumerate(speeds()[:3].tolist(), 2)
+    ]
+    assert sorted(x for fit in fits.values() for x in fit["velocity"]) == sorted(speeds().tolist())
 
 
 def test_what_cannot_be_shown_is_refused(tmp_path: Path) -> None:

@@ -140,6 +140,23 @@ const explorer = (() => {
     for (const entry of entries.get(name) || []) entry.visible = first.length > 0;
   }
 
+  // Ranges of a figure that show all of these numbers with a margin; those of the last call stay where they do so and
+  // are not far too wide.
+  const frames = new Map();
+  function frame(name, axis, numbers) {
+    const finite = numbers.filter(Number.isFinite), low = Math.min(...finite), high = Math.max(...finite);
+    if (!(high > low)) return;
+    const key = `${name} ${axis}`, [from, to] = frames.get(key) || [NaN, NaN];
+    if (low >= from && high <= to && high - low > 0.4 * (to - from)) return;
+    const margin = 0.08 * (high - low), ends = [low - margin, high + margin];
+    frames.set(key, ends);
+    fix(name, axis, ...ends);
+  }
+
+  function fix(name, axis, start, end) {
+    named(name)[axis].setv({ start, end, reset_start: start, reset_end: end });
+  }
+
   // On a phone a legend has two columns.
   function narrow() {
     const ncols = innerWidth < 640 ? 2 : 4;
@@ -219,6 +236,17 @@ const explorer = (() => {
     if (scheduled) return;
     scheduled = true;
     requestAnimationFrame(render);
+  }
+
+  // What may follow the curves, once the slider rests for a moment.
+  let waiting = 0;
+  function later(work) {
+    clearTimeout(waiting);
+    document.documentElement.dataset.pending = "yes";
+    waiting = setTimeout(() => {
+      work();
+      delete document.documentElement.dataset.pending;
+    }, 30);
   }
 
   function chooseJoint(k) {
@@ -332,8 +360,8 @@ const explorer = (() => {
   }
 
   return {
-    FIELDS, array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, costOf, element, errorOf, fill,
-    fitsOf, fraction, identified, isPassive, joint, known, label, named, option, options, pair, pairOf, say, set, settings,
+    FIELDS, array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, costOf, element, errorOf, fill, fix, frame,
+    fitsOf, fraction, identified, isPassive, joint, known, label, later, named, option, options, pair, pairOf, say, set, settings,
     shown, start, state, text, titles, truth, unitOf, views,
   };
 })();

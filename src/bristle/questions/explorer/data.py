@@ -122,12 +122,12 @@ def _inertia(joint: Joint, known: KnownJoint, fastest: float) -> float:
 
 
 def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[dict[str, Any]]:
-    """The values to use, then those of each direction's own stages where they are others."""
+    """The values to use, then those of each direction's own stages, and of the fit of moving runs, where they are others."""
     source = {row.parameter: str(row.source) for row in chosen(joint)}
-    use: dict[Direction, dict[str, Any]] = {}
+    use: _Values = {}
     for d in known.directions:
         filled, missing = known.filled(d, travel, J), known.missing(d)
-        use[d] = {
+        use[str(d)] = {
             name: _value(
                 value,
                 None if name in missing else known.estimate(name, d),
@@ -135,25 +135,52 @@ def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[
             )
             for name, value in filled._asdict().items()
         }
-    yield {"key": "use", "label": "values to use", "values": {str(d): rows for d, rows in use.items()}}
-    stages: dict[ParameterName, tuple[Source, Estimate]] = {
-        row.parameter: (row.source, row.estimate) for row in stage_estimates(joint)
-    }
-    own: dict[str, dict[str, Any]] = {}
-    for d in known.directions:
+    yield {"key": "use", "label": "values to use", "values": use}
+    others = (
+        ("stages", "fits of constant velocity and slow loading alone", _of_stages(joint, use)),
+        ("moving", "fit of moving runs", _of_moving(joint.moving, use)),
+    )
+    for key, label, values in others:
+        if any(values[d][name]["value"] != use[d][name]["value"] for d in values for name in Lugre._fields):
+            yield {"key": key, "label": label, "values": values}
+
+
+_Values = dict[str, dict[str, dict[str, Any]]]
+"""What is known of each parameter, by direction."""
+
+
+def _of_stages(joint: Joint, use: _Values) -> _Values:
+    """The values of constant velocity and slow loading, else those to use; none where a direction has no such fit."""
+    stages = {row.parameter: row for row in stage_estimates(joint)}
+    own: _Values = {}
+    for d, rows in use.items():
         fit = joint.static.get(d)
         law = fit.values() if fit is not None else None
         if law is None:
-            return
-        rows = dict(use[d])
+            return {}
+        own[d] = dict(rows)
         for name in Lugre._fields:
-            stage, estimate = stages.get(ParameterName(name, d), (None, None))
+            row = stages.get(ParameterName(name, Direction(d)))
+            estimate = None if row is None else row.estimate
             value = getattr(law, name, None if estimate is None else estimate.value)
             if value is not None:
-                rows[name] = _value(value, estimate, str(stage or Source.STATIC))
-        own[str(d)] = rows
-    if any(own[d][name]["value"] != use[Direction(d)][name]["value"] for d in own for name in Lugre._fields):
-        yield {"key": "stages", "label": "fits of constant velocity and slow loading alone", "values": own}
+                own[d][name] = _value(value, estimate, str(Source.STATIC if row is None else row.source))
+    return own
+
+
+def _of_moving(fit: TrackingFit | None, use: _Values) -> _Values:
+    """The values of the fit of moving runs, what they do not show as it was held; none where it has no whole set of a direction."""
+    sets = {d: None if fit is None else fit.values(d) for d in use}
+    if fit is None or any(p is None for p in sets.values()):
+        return {}
+    return {
+        d: {
+            name: _value(value, in_direction(fit.parameters, name, d), str(Source.TRACKING))
+            for name, value in p._asdict().items()
+        }
+        for d, p in sets.items()
+        if p is not None
+    }
 
 
 def _value(value: float, estimate: Estimate | None, source: str) -> dict[str, Any]:
@@ -203,7 +230,8 @@ def _slowest(joint: Joint, fastest: float) -> float:
 def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
     """One fit of constant velocities: its points, weights and cost, as the page computes them anew.
 
-    `torque` is friction's: what other regressors take is off it. `target` is what the cost is taken to, the same but under Huber's loss.
+    `torque` is friction's: what other regressors take is off it. `target` is what the cost is taken to, the same but under Huber's loss. `norm` is
+    what the relative error is relative to. A cost that two directions share is taken for this direction alone, the other as it was fitted.
     """
     p, v = fit.values(), fit.velocity
     extra = np.zeros(0)
@@ -212,7 +240,9 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
     off = bool(extra.size) and float(np.abs(extra).max()) > 1e-9 * float(np.abs(fit.torque).max())
     torque = fit.torque - extra if off else fit.torque
     errors = [s.standard_error for s in fit.segments]
+    cost, left = float(fit.noise @ fit.noise), float(np.linalg.norm(fit.residuals))
     profile = fit.profile
+    other = 0.0 if profile is None or abs(profile.best_cost - cost) <= 1e-6 * cost else profile.best_cost - cost
     return {
         "direction": direction,
         "velocity": v.tolist(),
@@ -222,13 +252,13 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
         "standard_error": errors if len(errors) == v.size else None,
         "stick_slip": [bool(s.stick_slip) for s in fit.segments],
         "place": [printable(f"{s.file} {s.where}") for s in fit.segments],
-        "norm": float(np.linalg.norm(fit.torque)),
+        "norm": 100 * left / fit.relative_error if fit.relative_error else float(np.linalg.norm(fit.torque)),
         "rms": fit.rms,
         "relative_error": fit.relative_error,
-        "cost": float(fit.noise @ fit.noise),
-        "least": None if profile is None else profile.best_cost,
-        "threshold": None if profile is None else profile.threshold,
-        "profile": None if profile is None else _profile(profile.near_v_s, profile.near_cost),
+        "cost": cost,
+        "least": None if profile is None else profile.best_cost - other,
+        "threshold": None if profile is None else profile.threshold - other,
+        "profile": None if profile is None else _profile(profile.near_v_s, profile.near_cost - other),
         "strays": [
             {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")} for s in fit.strays
         ],

@@ -41,6 +41,8 @@ class Panel(NamedTuple):
     """Names of hatched regions, which the script places."""
     spans: Mapping[str, Literal["width", "height"]] = {}  # never changed
     """Names of straight lines across the figure, and how each runs: width or height."""
+    framed: bool = False
+    """Whether the script sets the ranges, which then stay while a curve moves within them: a new range lays the figure out anew."""
     follows: str = ""
     """The figure whose x-axis this one shares."""
     tips: bool = False
@@ -83,8 +85,8 @@ _HATCHED = {
 _HERE = {"size": 12, "fill_color": "#ffffff", "line_color": "#000000", "line_width": 2}
 PANELS: dict[str, tuple[Panel, ...]] = {
     "friction": (
-        Panel("curve", 330, _friction(_XY), shaded=("beyond", "before"), tips=True),
-        Panel("log", 330, _friction(_SIZE), x_log=True, shaded=("faster", "slower"), tips=True),
+        Panel("curve", 330, _friction(_XY), shaded=("beyond", "before"), framed=True, tips=True),
+        Panel("log", 330, _friction(_SIZE), x_log=True, shaded=("faster", "slower"), framed=True, tips=True),
         Panel(
             "residuals", 190,
             [
@@ -92,6 +94,7 @@ PANELS: dict[str, tuple[Panel, ...]] = {
                 Mark("residuals-", "scatter", _XY, {"size": 6, "color": MINUS, "marker": "square"}),
             ],
             spans={"zero": "width"},
+            framed=True,
         ),
     ),
     "presliding": (
@@ -194,6 +197,8 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
     from bokeh.plotting import figure
 
     shared: dict[str, Any] = {"x_range": drawn[panel.follows].x_range} if panel.follows else {}
+    if panel.framed:
+        shared = {"x_range": (0.1, 1.0), "y_range": (0.0, 1.0)}
     plot: Any = figure(
         name=panel.name, height=panel.height, sizing_mode="stretch_width", min_width=200, tools=_TOOLS,
         x_axis_type="log" if panel.x_log else "linear", toolbar_location="above", background_fill_alpha=0.0,
@@ -231,8 +236,6 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
         axis.axis_label = " "
         if isinstance(axis.formatter, BasicTickFormatter):
             axis.formatter.power_limit_low = -6
-    if panel.shaded:  # which count for no range
-        plot.x_range.renderers = plot.y_range.renderers = list(plot.renderers)
     drawing: Plot = plot
     return drawing
 

@@ -1,7 +1,7 @@
 // View 1: the friction curve over what was measured, its residuals, and the cost of each fit beside its 95 % threshold.
 "use strict";
 explorer.views.friction = (() => {
-  const { array, costOf, errorOf, fill, identified, joint, label, named, pair, shown, state, text, titles, truth, unitOf } = explorer;
+  const { array, costOf, errorOf, fill, fix, frame, identified, joint, label, later, named, pair, shown, state, text, titles, truth, unitOf } = explorer;
   const POINTS = 240; // of a curve, in each direction
   const AROUND = 1.3; // times the fastest measured speed, to which curves go
   let shownSet = ""; // of which the identified curve is drawn
@@ -93,7 +93,7 @@ explorer.views.friction = (() => {
   }
 
   function residuals() {
-    const p = pair();
+    const p = pair(), every = [0];
     for (const [name, sign] of [["+", 1], ["-", -1]]) {
       const v = [], left = [];
       for (const fit of joint().static) {
@@ -105,15 +105,21 @@ explorer.views.friction = (() => {
           }
         });
       }
+      every.push(...left);
       fill(`residuals${name}`, { x: v, y: left, place: v.map(() => "") });
     }
+    frame("residuals", "y_range", every);
   }
 
   function draw() {
     const p = pair();
-    fill("now+", curve(p, 1));
-    fill("now-", curve(p, -1));
-    residuals();
+    const [plus, minus] = [curve(p, 1), curve(p, -1)];
+    fill("now+", plus);
+    fill("now-", minus);
+    const torques = joint().static.flatMap((fit) => fit.torque);
+    frame("curve", "y_range", [...torques, ...plus.y, ...minus.y]);
+    frame("log", "y_range", [...torques.map(Math.abs), ...plus.size, ...minus.size]);
+    later(residuals);
     const said = costs().join("; ") || "no fit of constant velocities";
     label("curve", `Friction over velocity: measured points and the curve of these values. ${said}`);
     label("log", `The same as magnitudes over the logarithm of speed. ${said}`);
@@ -131,6 +137,10 @@ explorer.views.friction = (() => {
     titles("residuals", v, `Residual (${unitOf("torque")})`);
     measured();
     hatched();
+    const [slowest, fastest] = joint().speeds, top = 1.1 * AROUND * fastest;
+    fix("curve", "x_range", -top, top);
+    fix("residuals", "x_range", -top, top);
+    fix("log", "x_range", slowest / 12, top);
     fill("truth", both(truth()));
     text("cost-unit", `(${unitOf("torque")})²`);
   }

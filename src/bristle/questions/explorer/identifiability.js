@@ -140,7 +140,7 @@ explorer.views.identifiability = (() => {
 
   function draw() {
     profile();
-    map();
+    return map();
   }
 
   function drawJoint() {
