@@ -67,11 +67,14 @@ def report(
     ] = None,
     output: Annotated[Path | None, lands("", "report")] = None,
     uncertainty: Uncertainty = False,
+    mailed: Annotated[
+        bool, typer.Option("--zip", help="Write all of it as report.zip in the folder as well, to mail.")
+    ] = False,
     strict: Strict = False,
 ) -> None:
-    """Identify, and write the report: a page and its data.
+    """Identify, and write the report: pages and data.
 
-    Of each joint: index.html, results.json, figures (SVG and PNG) and tables (CSV).
+    In the folder: index.html and its pages, results.json, figures (SVG and PNG) and tables (CSV).
 
     Example: bristle report wrist.yaml --uncertainty -o reports/wrist
     """
@@ -85,6 +88,7 @@ def report(
             folder=folder,
             uncertainty=uncertainty,
             workers=workers(),
+            mailed=mailed,
             found=lambda results: _tell(results.outcomes()),
             progress=progress,
         )

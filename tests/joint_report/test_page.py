@@ -1,5 +1,6 @@
 import re
 import xml.etree.ElementTree as ET
+import zipfile
 from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -73,6 +74,21 @@ def test_two_writes_give_the_same_bytes_and_progress_ends_at_its_total(tmp_path:
     assert trees[0] == trees[1]
     assert seen == 2 * [(k, 8) for k in range(9)]
     assert not [p for p, data in trees[0].items() if str(tmp_path).encode() in data]
+
+
+def test_the_report_can_be_mailed(tmp_path: Path, slide: Joint) -> None:
+    """report.zip holds every file of the folder but the times, and is the same bytes whenever it is made."""
+    archives = []
+    for name in ("a", "b"):
+        page.write_report([slide], tmp_path / name, title="t", seed=0, timings={"x": 1.0}, mailed=True)
+        archives.append((tmp_path / name / "report.zip").read_bytes())
+    assert archives[0] == archives[1]
+    folder = tmp_path / "a"
+    made = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
+    with zipfile.ZipFile(folder / "report.zip") as archive:
+        held = {name: archive.read(name) for name in archive.namelist()}
+    assert set(held) == made - {"report.zip", "timings.json", ".bristle-manifest"}
+    assert all((folder / name).read_bytes() == data for name, data in held.items())
 
 
 def test_nothing_is_fetched(elements: dict[str, list[tuple[str, dict[str, str | None]]]], written: Path) -> None:

@@ -35,6 +35,7 @@ def report(
     folder: Path | str,
     uncertainty: bool = False,
     workers: int = 1,
+    mailed: bool = False,
     found: Callable[[Results], object] | None = None,
     progress: Progress | None = None,
 ) -> Results:
@@ -51,6 +52,7 @@ def report(
         folder: made where it does not exist; only what bristle made there before is replaced.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too.
         workers: as of `identify`.
+        mailed: whether the pages and what belongs to them are written as one reproducible file, report.zip, as well.
         found: called with the results before anything is written.
         progress: told of every step.
 
@@ -61,7 +63,7 @@ def report(
     compensated = None if experiments else adapt(identified=results, progress=progress)
     if found is not None:
         found(results)
-    results.write(folder, progress, compensated, _explored(results))
+    results.write(folder, progress, compensated, _explored(results), mailed=mailed)
     return results
 
 

@@ -130,10 +130,13 @@ class Results:
         progress: Progress | None = None,
         compensated: Study | None = None,
         explored: Explorer | None = None,
+        *,
+        mailed: bool = False,
     ) -> Path:
         """Write the pages of the report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
 
         With what `adapt` returned, and with what `explore` returned, their pages are among them.
+        `mailed`: all of it in one reproducible file, report.zip, as well.
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
         from bristle.questions.compensation.page import section
@@ -149,6 +152,7 @@ class Results:
             timings=self.timings or None,
             progress=progress,
             appended=section(compensated) if compensated else None,
+            mailed=mailed,
             explored=(explored.html, explored.joints) if explored else None,
         )
 

@@ -2,9 +2,11 @@
 
 import errno
 import hashlib
+import io
 import os
 import re
 import tempfile
+import zipfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
@@ -20,9 +22,11 @@ _SECONDS = re.compile(rb"(?m)(?<=: )[-+.e0-9]+(?=,?$)")
 """Numbers of timings.json."""
 Made = Mapping[str, Collection[str]]
 """Hashes that a file may have, by its path in the folder."""
-_NAME = re.compile(r"[a-z]+\.html|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png)|tables/[a-z0-9_-]+\.csv")
+_NAME = re.compile(
+    r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png)|tables/[a-z0-9_-]+\.csv"
+)
 """What a report writes in its folder, and nothing else may a manifest list: only that is ever replaced or removed."""
-_TAKEN = frozenset({MANIFEST, "index.html", "results.json", "timings.json", "figures", "tables"})
+_TAKEN = frozenset({MANIFEST, "index.html", "results.json", "timings.json", "report.zip", "figures", "tables"})
 """Files and folders of a report."""
 _ASIDE = "aside"
 """What was replaced or removed, until all is moved."""
@@ -170,6 +174,17 @@ def _named(path: Path, what: str) -> Iterator[None]:
             why = f"cannot be read or written ({error.strerror})"
             raise InputError(f"{path}: {why}; name another {what}, or change its permissions") from error
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Files, by relative POSIX path, as one ZIP archive: the same bytes for the same files. timings.json, which differs each time, is left out."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(files.keys() - {"timings.json"}):
+            entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            archive.writestr(entry, files[name])
+    return buffer.getvalue()
 
 
 def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:

@@ -21,7 +21,7 @@ from bristle.errors import InputError
 from bristle.page import wording
 from bristle.page.columns import to_csv
 from bristle.page.entries import entries_linked, flagged, warned
-from bristle.page.output_folder import replace_files, write_bytes
+from bristle.page.output_folder import replace_files, write_bytes, zipped
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
 
@@ -114,11 +114,15 @@ Pages = Mapping[str, tuple[str, str, Mapping[str, Any]]]
 """By the name of the file: the package whose template it is, the template, and what that names."""
 
 
-def write_pages(folder: Path, pages: Pages, files: Mapping[str, bytes]) -> Path:
-    """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html. Raises as `write_page`."""
+def write_pages(folder: Path, pages: Pages, files: Mapping[str, bytes], *, mailed: bool = False) -> Path:
+    """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html.
+
+    `mailed`: all of it as report.zip in the folder as well. Raises as `write_page`.
+    """
     number = count(1).__next__
     texts = {name: encoded(html(*page, number)) for name, page in pages.items()}
-    replace_files(folder, {**files, **texts})
+    every = {**files, **texts}
+    replace_files(folder, every | {"report.zip": zipped(every)} if mailed else every)
     return folder / "index.html"
 
 

@@ -77,6 +77,7 @@ def write_report(
     appended: Section | None = None,
     explored: tuple[str, Sequence[str]] | None = None,
     experiments: Sequence[WrittenExperiment] = (),
+    mailed: bool = False,
 ) -> Path:
     """Write index.html and its pages, results.json, figures/ and tables/ into a folder; returns the path of index.html.
 
@@ -92,6 +93,7 @@ def write_report(
         progress: called with what is being done, how many steps are done, and how many there are.
         appended: the page of another question; None: there is none.
         explored: the interactive page, and the names of the joints on it; None: there is none.
+        mailed: whether all but timings.json is written as report.zip in the folder as well.
         experiments: files that the joints were identified from, as results.json in this folder names them.
 
     Raises:
@@ -126,7 +128,7 @@ def write_report(
             appended.template,
             {**context, **appended.draw(files), "here": appended.file},
         )
-    return write_pages(folder, pages, files)
+    return write_pages(folder, pages, files, mailed=mailed)
 
 
 @styled
