@@ -149,7 +149,7 @@ def test_the_first_screen_answers(chromium: Any) -> None:
         assert re.search(r"\b(use|use with caution|do not use)\b", text)
         assert text.count("±") >= 12
         assert "held out" in text
-        assert "RMS error" in text
+        assert "RMS position error" in text
     page.close()
 
 

@@ -51,7 +51,10 @@ def _worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
     for row in reversed(study.errors):  # the first of a joint is its slowest, and stays
         if not row.inertia:
             without, fed, q = f"{1e3 * row.without:.3g}", f"{1e3 * row.identified:.3g}", _milli(study)
-            yield row.joint, f"Compensated (SIMULATED): RMS error {without} {q} without, {fed} {q} with"
+            yield (
+                row.joint,
+                f"RMS position error (SIMULATED) at {row.frequency:g} Hz: {without} {q} without compensation, {fed} {q} with",
+            )
 
 
 def _adverse(study: Study) -> Iterator[Diagnostic]:

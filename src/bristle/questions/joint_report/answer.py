@@ -11,7 +11,7 @@ from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName
 from bristle.page.page import Drawn
-from bristle.page.wording import FITS, MISSING, direction, in_symbols, measured, number, pretty, span, symbol
+from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
 
 _WORDS = {
     Trust.USE: ("use", "use"),
@@ -95,7 +95,7 @@ def _of(rows: Mapping[ParameterName, Known], name: str, d: Direction) -> Known |
 
 def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
     if row is None or row.estimate.value is None:
-        return {"value": MISSING, "unit": "", "ends": "", "source": ""}
+        return {"value": "n.i.", "unit": "", "ends": "", "source": ""}
     e = row.estimate
     unit = "" if shared.get(row.parameter.name) else pretty(e.unit)
     return {"value": _value(e), "unit": unit, "ends": span(e.interval), "source": FITS.get(row.source, row.source)}
