@@ -10,6 +10,7 @@ from bristle.data.robot.robot_file import load_robot
 from bristle.errors import InputError
 from bristle.simulation import arm
 
+from ..bags import START, state, write_bag
 from .arms import NAMES, NO_PINOCCHIO
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
@@ -30,6 +31,22 @@ def test_names_of_columns_are_enough(tmp_path: Path) -> None:
     assert [run.hold_out for run in robot.joints[0].experiment.runs] == [False, True]
     assert any("held out" in sentence for sentence in said)
     assert not any("critical" in sentence or "goes better" in sentence for sentence in said)
+
+
+def test_an_empty_velocity_of_a_bag_is_left_out(tmp_path: Path) -> None:
+    """Of joint states without velocities the draft names position and effort, and not what the bag has not."""
+    pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+    log = pd.read_csv(FOLDER / "motion.csv")
+    position = log[[f"q_{name}" for name in NAMES]].to_numpy()
+    current = log[[f"i_{name}" for name in NAMES]].to_numpy()
+    states = [
+        state(START + round(1e9 * t), NAMES, q.tolist(), [], i.tolist())
+        for t, q, i in zip(log["time"], position, current, strict=True)
+    ]
+    bag = write_bag(tmp_path / "bag", "mcap", states[:400])  # too short for any number
+    text, _ = bristle.draft(FOLDER / "arm.urdf", bag, folder=tmp_path)
+    assert "effort" in text
+    assert "velocity" not in text.split("runs:")[0].split("signals:")[1]
 
 
 def test_numbered_columns_are_found(tmp_path: Path) -> None:

@@ -3,8 +3,10 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
+from bristle.data.columns import Key
 from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import SIGNALS, Told, quoted
 from bristle.data.robot.robot_file import FREE
@@ -98,13 +100,21 @@ def _is_bag(log: Path) -> bool:
 def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
     """The joint states of a bag."""
     from bristle.data.ros.files import open_bag
-    from bristle.data.ros.read import bag_joints, state_topic
+    from bristle.data.ros.read import bag_joints, read_bag, state_topic
     from bristle.data.ros.topics import topics_of
 
     with naming(str(log)):
         topic = state_topic(topics_of(open_bag(log)))
         joints = bag_joints(log, topic)
-    templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in _FIELDS.items()}
+        templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in _FIELDS.items()}
+        velocity = Key(templates["velocity"].format(joint=joints[0])) if joints else None
+        if velocity is not None:  # many drivers leave it empty; the position's derivative takes its place
+            with suppress(InputError):
+                read_bag(log, [velocity])
+                velocity = None
+            templates = {
+                signal: column for signal, column in templates.items() if signal != "velocity" or velocity is None
+            }
     return {"time": f"{topic}.header.stamp", **templates}, joints
 
 

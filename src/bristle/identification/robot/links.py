@@ -50,10 +50,12 @@ class LinkScale:
         return self.explained > self.left and _SURELY * self.error < abs(self.scale)
 
 
-def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
-    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor."""
+def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale | None:
+    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; None of too few samples."""
     asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
     problem = from_records(records, directions(experiment, records), asked, experiment.fit.decimation, None)[0]
+    if problem.torque.size <= len(problem.names):
+        return None
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
     own, left = _apart(problem)
