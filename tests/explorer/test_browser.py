@@ -10,7 +10,7 @@ import pytest
 
 from .conftest import HOSTILE, Explored
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright, of the extra test-all")
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs the extra browser")
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage"]

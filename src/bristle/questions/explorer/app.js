@@ -214,12 +214,11 @@ const explorer = (() => {
   }
 
   function summary() {
-    const parts = Object.entries(pair()).filter(([d]) => joint().directions.includes(d) || joint().directions[0] === "both");
-    const bad = parts.filter(([, p]) => !isPassive(p)).map(([d]) => d);
+    const bad = Object.entries(state.values).filter(([, p]) => !isPassive(p)).map(([d]) => (d === "-" ? "−" : d));
     const note = element("passivity");
     note.hidden = !bad.length;
     text("passivity", bad.length
-      ? `Not passive in direction ${bad.map((d) => (d === "-" ? "−" : d)).join(" and ")}: with these values LuGre can generate energy in some motions.`
+      ? `Not passive in direction ${bad.join(" and ")}: with these values LuGre can generate energy in some motions.`
       : "");
   }
 
@@ -260,6 +259,7 @@ const explorer = (() => {
     sets.replaceChildren(...joint().sets.map((one, at) => new Option(one.label, String(at))));
     element("joint").value = String(state.joint);
     element("simulated").hidden = !joint().simulated;
+    for (const id of ["to-truth", "true-key"]) element(id).hidden = !joint().truth;
     const warnings = element("warnings");
     warnings.replaceChildren(...joint().warnings.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
     warnings.hidden = !joint().warnings.length;
@@ -304,14 +304,14 @@ const explorer = (() => {
     element("to-truth").addEventListener("click", () => {
       const real = joint().truth;
       for (const [d, p] of Object.entries(state.values)) {
-        const known_ = real && (real[d] || real["+"] || real["-"]);
-        for (const name of FIELDS) if (known_ && known_[name] !== null) p[name] = known_[name];
+        const own = real[d] || real["+"] || real["-"];
+        for (const name of FIELDS) if (own[name] !== null) p[name] = own[name];
       }
       changed();
     });
     element("refit").addEventListener("click", refit);
     for (const name of FIELDS) {
-      const own = (x) => { state.values[state.direction][name] = x; changed(); };
+      const own = (x) => { state.values[state.direction][name] = x; say(""); changed(); };
       element(`slider-${name}`).addEventListener("input", (event) => own(atFraction(name, Number(event.target.value) / POSITIONS)));
       element(`entry-${name}`).addEventListener("change", (event) => {
         own(clamped(name, event.target.valueAsNumber, state.values[state.direction][name]));

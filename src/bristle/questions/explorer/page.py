@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -102,8 +103,17 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
 
 def _json(data: Any) -> str:
     """JSON that may stand in a script element: no tag can begin in it, and none of its characters ends a line of JavaScript."""
-    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _finite(part: Any) -> Any:
+    """A part of the data in which null stands for what is no finite number."""
+    if isinstance(part, dict):
+        return {key: _finite(x) for key, x in part.items()}
+    if isinstance(part, list | tuple):
+        return [_finite(x) for x in part]
+    return None if isinstance(part, float) and not isfinite(part) else part
 
 
 def _policy(scripts: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ explorer.views.values = (() => {
       joint: joint().name,
       simulated: joint().simulated,
       start_of: set().label,
-      units: Object.fromEntries(FIELDS.map((name) => [name, unitOf(name)])),
+      units: Object.fromEntries(FIELDS.map((name) => [name, unitOf(name).replaceAll("·", "*").replaceAll("²", "**2")])),
       values: Object.fromEntries(joint().directions.map((d) => [d, Object.fromEntries(FIELDS.map((name) => [name, state.values[d][name]]))])),
     };
   }
