@@ -138,6 +138,17 @@ const explorer = (() => {
     named(name).data = columns;
     const first = Object.values(columns)[0];
     for (const entry of entries.get(name) || []) entry.visible = first.length > 0;
+    if (samples.has(name)) samples.get(name).hidden = !first.length;
+  }
+
+  // The page's own key, of which a click hides and shows the marks.
+  const samples = new Map([...document.querySelectorAll("[data-key]")].map((sample) => [sample.dataset.key, sample]));
+  function toggle(name) {
+    const sample = samples.get(name), visible = sample.getAttribute("aria-pressed") !== "true";
+    sample.setAttribute("aria-pressed", String(visible));
+    for (const id of Object.values(roots)) {
+      for (const one of bokeh.get_model_by_id(id).renderers) if (one.data_source.name === name) one.visible = visible;
+    }
   }
 
   // Ranges of a figure that show all of these numbers with a margin; those of the last call stay where they do so and
@@ -310,6 +321,7 @@ const explorer = (() => {
       changed();
     });
     element("refit").addEventListener("click", refit);
+    for (const [name, sample] of samples) sample.addEventListener("click", () => toggle(name));
     for (const name of FIELDS) {
       const own = (x) => { state.values[state.direction][name] = x; say(""); changed(); };
       element(`slider-${name}`).addEventListener("input", (event) => own(atFraction(name, Number(event.target.value) / POSITIONS)));

@@ -26,7 +26,7 @@ from bristle.page.wording import symbol
 from bristle.questions.explorer import javascript
 from bristle.questions.explorer.data import explored
 from bristle.questions.explorer.engine import script
-from bristle.questions.explorer.figures import PANELS, PAPER, figures
+from bristle.questions.explorer.figures import PANELS, PAPER, figures, key
 from bristle.simulation.joint_loop import JointLoop
 
 _HERE = Path(__file__).parent
@@ -95,6 +95,7 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
             "views": _VIEWS,
             "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()},
             "parameters": _PARAMETERS,
+            "key": key(),
             "version": __version__,
         },
     )
