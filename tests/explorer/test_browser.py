@@ -10,7 +10,7 @@ import pytest
 
 from .conftest import HOSTILE, Explored
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright, of the extra test-all")
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs the extra browser")
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage"]
@@ -149,6 +149,11 @@ def test_every_slider_tab_and_button(tab: Tab) -> None:
     page.click("#reset")
     tab.settled()
     assert tab.state()["values"] == start
+    visible = """[...explorer.named("log").renderers, ...explorer.named("curve").renderers]
+      .filter((r) => r.data_source.name === "now-").map((r) => r.visible)"""
+    for shown in (False, True):
+        page.click("[data-key='now-']")
+        assert page.evaluate(visible) == [shown, shown]
     page.focus("#tab-friction")
     for view in (*VIEWS[1:], VIEWS[0]):
         page.keyboard.press("ArrowRight")

@@ -138,6 +138,17 @@ const explorer = (() => {
     named(name).data = columns;
     const first = Object.values(columns)[0];
     for (const entry of entries.get(name) || []) entry.visible = first.length > 0;
+    if (samples.has(name)) samples.get(name).hidden = !first.length;
+  }
+
+  // The page's own key, of which a click hides and shows the marks.
+  const samples = new Map([...document.querySelectorAll("[data-key]")].map((sample) => [sample.dataset.key, sample]));
+  function toggle(name) {
+    const sample = samples.get(name), visible = sample.getAttribute("aria-pressed") !== "true";
+    sample.setAttribute("aria-pressed", String(visible));
+    for (const id of Object.values(roots)) {
+      for (const one of bokeh.get_model_by_id(id).renderers) if (one.data_source.name === name) one.visible = visible;
+    }
   }
 
   // Ranges of a figure that show all of these numbers with a margin; those of the last call stay where they do so and
@@ -214,12 +225,11 @@ const explorer = (() => {
   }
 
   function summary() {
-    const parts = Object.entries(pair()).filter(([d]) => joint().directions.includes(d) || joint().directions[0] === "both");
-    const bad = parts.filter(([, p]) => !isPassive(p)).map(([d]) => d);
+    const bad = Object.entries(state.values).filter(([, p]) => !isPassive(p)).map(([d]) => (d === "-" ? "−" : d));
     const note = element("passivity");
     note.hidden = !bad.length;
     text("passivity", bad.length
-      ? `Not passive in direction ${bad.map((d) => (d === "-" ? "−" : d)).join(" and ")}: with these values LuGre can generate energy in some motions.`
+      ? `Not passive in direction ${bad.join(" and ")}: with these values LuGre can generate energy in some motions.`
       : "");
   }
 
@@ -260,10 +270,13 @@ const explorer = (() => {
     sets.replaceChildren(...joint().sets.map((one, at) => new Option(one.label, String(at))));
     element("joint").value = String(state.joint);
     element("simulated").hidden = !joint().simulated;
+    for (const id of ["to-truth", "true-key"]) element(id).hidden = !joint().truth;
     const warnings = element("warnings");
     warnings.replaceChildren(...joint().warnings.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
     warnings.hidden = !joint().warnings.length;
     text("shown-joint", joint().name);
+    const [only, ...others] = joint().directions;
+    text("one-way", others.length || only === "both" ? "" : `Only direction ${only === "-" ? "−" : only} is known: motions both ways have its values in either.`);
     for (const view of Object.values(views)) if (view.joint) view.joint();
   }
 
@@ -304,14 +317,15 @@ const explorer = (() => {
     element("to-truth").addEventListener("click", () => {
       const real = joint().truth;
       for (const [d, p] of Object.entries(state.values)) {
-        const known_ = real && (real[d] || real["+"] || real["-"]);
-        for (const name of FIELDS) if (known_ && known_[name] !== null) p[name] = known_[name];
+        const own = real[d] || real["+"] || real["-"];
+        for (const name of FIELDS) if (own[name] !== null) p[name] = own[name];
       }
       changed();
     });
     element("refit").addEventListener("click", refit);
+    for (const [name, sample] of samples) sample.addEventListener("click", () => toggle(name));
     for (const name of FIELDS) {
-      const own = (x) => { state.values[state.direction][name] = x; changed(); };
+      const own = (x) => { state.values[state.direction][name] = x; say(""); changed(); };
       element(`slider-${name}`).addEventListener("input", (event) => own(atFraction(name, Number(event.target.value) / POSITIONS)));
       element(`entry-${name}`).addEventListener("change", (event) => {
         own(clamped(name, event.target.valueAsNumber, state.values[state.direction][name]));

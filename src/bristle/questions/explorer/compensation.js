@@ -142,6 +142,7 @@ explorer.views.compensation = (() => {
     titles("loop_error", "", `Error (${unitOf("position")})`);
     titles("loop_torque", "Time (s)", `${joint().effort[0].toUpperCase()}${joint().effort.slice(1)} (${unitOf("torque")})`);
     text("loop-unit", unitOf("position"));
+    for (const [id, name] of Object.entries(GAINS)) text(`unit-${id}`, unitOf(name));
   }
 
   return { draw, joint: drawJoint, chosen: (id) => { if (id === "plan") entries(); } };

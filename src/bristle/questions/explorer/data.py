@@ -38,6 +38,8 @@ MOST_EDGES = 40
 """Count edges of a loading, at the most."""
 MOST_LOOPS = 3
 """Measured loops that are kept."""
+_SHOWN = (*Lugre._fields, "position", "velocity", "torque", "K_p", "K_i", "K_d")
+"""What the page has units of."""
 _FREQUENCY = 0.5
 """Hz, of a sine at the fastest measured speed: its acceleration and amplitude stand for what is not known."""
 _PIECES = {"alpha_0": 4.0, "v_s": 10.0, "sigma_0": 10.0}
@@ -77,7 +79,7 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
     return {
         "name": printable(joint.name),
         "simulated": joint.simulated,
-        "units": {name: pretty(unit(name, joint.kind)) for name in (*Lugre._fields, "position", "velocity", "torque")},
+        "units": {name: pretty(unit(name, joint.kind)) for name in _SHOWN},
         "effort": effort(joint.kind),
         "directions": [str(d) for d in known.directions],
         "sets": sets,
@@ -102,7 +104,7 @@ def _plans(loop: JointLoop) -> list[dict[str, Any]]:
     """The cases in which the joint runs in its loop; a joint of the paper first as in its Table 2."""
     cases = [("friction of either direction", loop, False)]
     if loop.assumptions == PAPER_ASSUMPTIONS:
-        cases.insert(0, ("Table 2: friction (+) in both directions", one_way(loop), True))
+        cases.insert(0, ("friction (+) in both directions, as in Table 2", one_way(loop), True))
     return [
         {
             "label": label,

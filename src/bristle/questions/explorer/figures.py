@@ -45,6 +45,8 @@ class Panel(NamedTuple):
     """Whether the script sets the ranges, which then stay while a curve moves within them: a new range lays the figure out anew."""
     follows: str = ""
     """The figure whose x-axis this one shares."""
+    keyed: bool = False
+    """Whether the page has the key of its marks, once for all such figures: a legend of Bokeh's takes a third of the time to paint."""
     tips: bool = False
     """Whether points tell their place when the pointer is over them."""
 
@@ -85,8 +87,8 @@ _HATCHED = {
 _HERE = {"size": 12, "fill_color": "#ffffff", "line_color": "#000000", "line_width": 2}
 PANELS: dict[str, tuple[Panel, ...]] = {
     "friction": (
-        Panel("curve", 330, _friction(_XY), shaded=("beyond", "before"), framed=True, tips=True),
-        Panel("log", 330, _friction(_SIZE), x_log=True, shaded=("faster", "slower"), framed=True, tips=True),
+        Panel("curve", 330, _friction(_XY), shaded=("beyond", "before"), framed=True, keyed=True, tips=True),
+        Panel("log", 330, _friction(_SIZE), x_log=True, shaded=("faster", "slower"), framed=True, keyed=True, tips=True),
         Panel(
             "residuals", 190,
             [
@@ -185,6 +187,21 @@ PANELS: dict[str, tuple[Panel, ...]] = {
 """The figures of each view, from top to bottom."""
 
 
+def key() -> list[tuple[str, str, str, str]]:
+    """Of each mark of the friction curve in the page's key: its source, its name, how its sample looks, and its colour."""
+    marks = [mark for mark in _friction(_XY) if mark.legend]
+    return [
+        (
+            mark.source,
+            mark.legend,
+            str(mark.style.get("line_dash", "solid") if mark.glyph == "line" else mark.style.get("marker", "circle"))
+            + (" hollow" if mark.style.get("fill_color", GREY) in (None, "white") else ""),
+            str(mark.style.get("color") or mark.style["line_color"]),
+        )
+        for mark in marks
+    ]
+
+
 def figures() -> dict[str, list["Plot"]]:
     """The figures of each view, empty."""
     sources: dict[str, Any] = {}
@@ -211,7 +228,7 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
         plot.add_layout(annotation)
     told = []
     for mark in panel.marks:
-        renderer = _rendered(plot, mark, sources)
+        renderer = _rendered(plot, mark._replace(legend="") if panel.keyed else mark, sources)
         told += [renderer] if mark.glyph == "scatter" else []
     if panel.tips:
         tips = [
@@ -220,7 +237,7 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
             (panel.name if panel.name != "log" else "torque", "@y{0.000000}"),
         ]
         plot.add_tools(HoverTool(renderers=told, tooltips=[(label or "from", text) for label, text in tips]))
-    if any(mark.legend for mark in panel.marks):
+    if any(mark.legend for mark in panel.marks) and not panel.keyed:
         for legend in plot.legend:
             legend.background_fill_alpha = 0.0
             legend.border_line_color = None

@@ -22,10 +22,13 @@ explorer.views.friction = (() => {
     return columns(v, bristle.steady(v, p));
   }
 
-  // Both directions of a set, with a gap between them.
+  const NONE = { x: [], y: [], speed: [], size: [] };
+  const known = (d) => joint().directions.includes(d) || joint().directions.includes("both");
+
+  // The known directions of a set, with a gap between them.
   function both(p) {
-    if (!p) return { x: [], y: [], speed: [], size: [] };
-    const parts = [curve(p, -1), curve(p, 1)];
+    const parts = p ? [...(known("-") ? [curve(p, -1)] : []), ...(known("+") ? [curve(p, 1)] : [])] : [];
+    if (parts.length < 2) return parts[0] || NONE;
     return Object.fromEntries(Object.keys(parts[0]).map((key) => [key, Float64Array.from([...parts[0][key], NaN, ...parts[1][key]])]));
   }
 
@@ -84,7 +87,7 @@ explorer.views.friction = (() => {
       const last = document.createElement("td"), meter = document.createElement("meter");
       Object.assign(meter, { min: 0, max: 2, low: 1, high: 1.0001, optimum: 0, value: Number.isFinite(over) ? Math.min(Math.max(over, 0), 2) : 0 });
       meter.setAttribute("aria-label", `change of cost, in changes up to the 95 % threshold: ${shown(over, 3)}`);
-      last.append(meter, ` ${verdict}${has ? ` (${shown(Math.max(over, 0), 3)})` : ""}`);
+      last.append(meter, ` ${verdict}${has ? ` (${over < 5e-4 ? "0" : shown(over, 3)})` : ""}`);
       row.append(last);
       return row;
     });
@@ -113,7 +116,7 @@ explorer.views.friction = (() => {
 
   function draw() {
     const p = pair();
-    const [plus, minus] = [curve(p, 1), curve(p, -1)];
+    const plus = known("+") ? curve(p, 1) : NONE, minus = known("-") ? curve(p, -1) : NONE;
     fill("now+", plus);
     fill("now-", minus);
     const torques = joint().static.flatMap((fit) => fit.torque);
@@ -138,8 +141,9 @@ explorer.views.friction = (() => {
     measured();
     hatched();
     const [slowest, fastest] = joint().speeds, top = 1.1 * AROUND * fastest;
-    fix("curve", "x_range", -top, top);
-    fix("residuals", "x_range", -top, top);
+    const [left, right] = [known("-") ? -top : -top / 20, known("+") ? top : top / 20];
+    fix("curve", "x_range", left, right);
+    fix("residuals", "x_range", left, right);
     fix("log", "x_range", slowest / 12, top);
     fill("truth", both(truth()));
     text("cost-unit", `(${unitOf("torque")})²`);

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from bristle.page.wording import symbol
 from bristle.questions.explorer import javascript
 from bristle.questions.explorer.data import explored
 from bristle.questions.explorer.engine import script
-from bristle.questions.explorer.figures import PANELS, PAPER, figures
+from bristle.questions.explorer.figures import PANELS, PAPER, figures, key
 from bristle.simulation.joint_loop import JointLoop
 
 _HERE = Path(__file__).parent
@@ -94,6 +95,7 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
             "views": _VIEWS,
             "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()},
             "parameters": _PARAMETERS,
+            "key": key(),
             "version": __version__,
         },
     )
@@ -102,8 +104,17 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
 
 def _json(data: Any) -> str:
     """JSON that may stand in a script element: no tag can begin in it, and none of its characters ends a line of JavaScript."""
-    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _finite(part: Any) -> Any:
+    """A part of the data in which null stands for what is no finite number."""
+    if isinstance(part, dict):
+        return {key: _finite(x) for key, x in part.items()}
+    if isinstance(part, list | tuple):
+        return [_finite(x) for x in part]
+    return None if isinstance(part, float) and not isfinite(part) else part
 
 
 def _policy(scripts: Sequence[str]) -> str:

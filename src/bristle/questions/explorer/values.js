@@ -8,7 +8,7 @@ explorer.views.values = (() => {
       joint: joint().name,
       simulated: joint().simulated,
       start_of: set().label,
-      units: Object.fromEntries(FIELDS.map((name) => [name, unitOf(name)])),
+      units: Object.fromEntries(FIELDS.map((name) => [name, unitOf(name).replaceAll("·", "*").replaceAll("²", "**2")])),
       values: Object.fromEntries(joint().directions.map((d) => [d, Object.fromEntries(FIELDS.map((name) => [name, state.values[d][name]]))])),
     };
   }
@@ -82,10 +82,9 @@ explorer.views.values = (() => {
       head.textContent = explorer.settings.symbols[name];
       row.append(head);
       for (const d of ["+", "-"]) {
-        const own = joint().directions.includes(d) ? d : joint().directions[0], identified = set().values[own][name].value;
-        for (const words of [explorer.shown(state.values[own][name], 6), `${explorer.shown(100 * (state.values[own][name] / identified - 1), 3)} %`]) {
-          row.append(Object.assign(document.createElement("td"), { textContent: identified === 0 && words.includes("%") ? "–" : words }));
-        }
+        const own = joint().directions.includes("both") ? "both" : d, x = state.values[own]?.[name], identified = set().values[own]?.[name].value;
+        const change = identified ? `${explorer.shown(100 * (x / identified - 1), 3)} %` : "–";
+        for (const words of [explorer.shown(x, 6), change]) row.append(Object.assign(document.createElement("td"), { textContent: words }));
       }
       row.append(Object.assign(document.createElement("td"), { textContent: unitOf(name) }));
       return row;
