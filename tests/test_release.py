@@ -23,7 +23,7 @@ def test_one_version() -> None:
 def test_the_extra_with_everything_has_every_format() -> None:
     """`test-all` brings the tests and every extra that only some tests need, so that nothing has a reason to skip."""
     extras = PROJECT["project"]["optional-dependencies"]
-    everything, *_ = extras["test-all"]
+    (everything,) = extras["test-all"]
     named = set(re.fullmatch(r"bristle\[(.+)\]", everything)[1].split(","))  # type: ignore[index]  # it matches, or the test fails
     packages = {requirement for name in named for requirement in extras[name]}
     optional = set(extras) - {"test", "test-all", "lint", "release", "benchmark"}

@@ -1,8 +1,6 @@
 """The committed report of the embedded joints in a real browser: how long it is, what it loads, and whether everybody can read it."""
 
 import re
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,30 +8,14 @@ import pytest
 
 from bristle.page.style import DIRECTION
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright, of the extra test-all")
-
 REPORT = Path(__file__).parent.parent / "reports" / "edro"
 PAGES = sorted(path.name for path in REPORT.glob("*.html"))
 READ = [name for name in PAGES if name != "explore.html"]
 """Those that are read, and not played with."""
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage"]
 WORDS, SCREENS, BYTES, PRINTED = 6000, 12, 1_500_000, 20
 """Of a page at the most; and of the whole report with everything open:"""
 ALL_WORDS = 25_000
 COUNTED = "document.body.innerText.split(/\\s+/).filter(Boolean).length"
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    """One browser for all."""
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if path is None:
-        pytest.skip("needs an installed Chromium")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
-        yield browser
-        browser.close()
 
 
 def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") -> tuple[Any, list[str]]:

@@ -1,7 +1,6 @@
 """The explorer in a real browser: every slider, tab and button, the numbers it shows, hostile names, and nothing over the network."""
 
 import json
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,10 +9,6 @@ import pytest
 
 from .conftest import HOSTILE, Explored
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs the extra browser")
-
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-dev-shm-usage"]
 VIEWS = ("friction", "presliding", "response", "compensation", "identifiability", "values")
 PARAMETERS = ("alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1")
 DRAWN = {
@@ -47,18 +42,6 @@ ENDS = """async ([view, sources, names]) => {
 UNNAMED = """[...document.querySelectorAll("input, select, button, meter, progress")]
   .filter((x) => !(x.labels && x.labels.length) && !x.ariaLabel && !x.textContent).map((x) => x.id)"""
 """Controls without a name for a reader who does not see them."""
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    """One browser for all."""
-    path = next(filter(None, map(shutil.which, NAMES)), None)
-    if path is None:
-        pytest.skip("needs an installed Chromium")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
