@@ -16,5 +16,6 @@ def page_text(path: Path) -> str:
 
 
 def report_text(folder: Path) -> str:
-    """All pages of a report, one after another, index.html first."""
-    return "".join(page_text(path) for path in sorted(folder.glob("*.html"), key=lambda p: (p.stem != "index", p.stem)))
+    """All pages of a report that are read, one after another, index.html first; the explorer, which has scripts of its own, is not among them."""
+    read = [path for path in folder.glob("*.html") if path.stem != "explore"]
+    return "".join(page_text(path) for path in sorted(read, key=lambda p: (p.stem != "index", p.stem)))

@@ -715,6 +715,7 @@ def test_bristle_alone_shows_its_help() -> None:
         "adapt",
         "compare",
         "sensitivity",
+        "explore",
         "plan",
         "new",
         "explain",

@@ -239,7 +239,9 @@ def explore(
     joint: OfRobot = None,
     output: Annotated[Path, to("FILE", "Where the page lands.")] = Path("explore.html"),
 ) -> None:
-    """Write one interactive page: sliders for the parameters, with curves, loops, responses and costs that follow them.
+    """Write one page to play with the model.
+
+    Sliders for the parameters, with curves, loops, responses and costs that follow them.
 
     Example: bristle explore reports/wrist/results.json -o explore.html
     """

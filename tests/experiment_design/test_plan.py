@@ -35,6 +35,7 @@ from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, run, speeds, write
+from ..pages import page_text
 from ..sameness import held, of_kind, without_sentences
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
@@ -372,7 +373,7 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     first = (tmp_path / "next.csv").read_bytes()
     assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
     assert (tmp_path / "next.csv").read_bytes() == first
-    page = (tmp_path / "page" / "index.html").read_text()
+    page = page_text(tmp_path / "page" / "index.html")
     assert page.count("<svg") == 8
     assert "nan" not in page.lower().replace("resonan", "")
     assert len(list((tmp_path / "page" / "figures").glob("*.png"))) == 8

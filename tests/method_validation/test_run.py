@@ -38,6 +38,7 @@ from bristle.simulation import edro
 from bristle.simulation.bench import steady_points
 
 from ..conftest import FEW, experiment, run, speeds, table, tree, write
+from ..pages import page_text
 from ..sameness import without_sentences
 
 P = edro.TABLE_1["gripper rotation"].positive
@@ -481,7 +482,7 @@ def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validatio
 
 def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:
     """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
-    page = validation.write(tmp_path / "out").read_text(encoding="utf-8")
+    page = page_text(validation.write(tmp_path / "out"))
     assert "&lt;b&gt;three" in page
     assert "<b>three" not in page
     assert "SIMULATED data." in page

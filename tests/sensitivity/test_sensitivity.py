@@ -46,6 +46,7 @@ from bristle.simulation.edro import TABLE_1
 from ..conftest import FEW as TOO_FEW
 from ..conftest import TRUTH, run, speeds, tree, write
 from ..names import parse
+from ..pages import page_text
 from ..sameness import held, of_kind, without_sentences
 
 FEW = settings(max_examples=25, deadline=None)
@@ -420,7 +421,7 @@ def test_the_command_writes_a_page(
     figures = ("time", "shares", "first", "map", "tornado", "correlation-1", "correlation-2")
     assert {f"figures/{name}.png" for name in figures} | {"index.html"} <= made
     assert {f"tables/{name}.csv" for name in ("shares", "map", "tornado", "information", "formulas")} <= made
-    page = (folder / "out" / "index.html").read_text(encoding="utf-8")
+    page = page_text(folder / "out" / "index.html")
     assert "nan" not in page.lower().replace("nanum", "")
     assert "in the friction of wrist" in page
 

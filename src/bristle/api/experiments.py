@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bristle.api.exploring import explore
 from bristle.api.identifying import identified, identify
@@ -17,7 +18,6 @@ from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
-from bristle.questions.explorer.page import Explorer
 from bristle.questions.method_validation.cases import joint_cases, sweep
 from bristle.questions.method_validation.results import Validation
 from bristle.questions.method_validation.run import REPETITIONS, STARTS, check_request
@@ -28,6 +28,9 @@ from bristle.questions.session_comparison.compare import compare as compare_sess
 from bristle.questions.session_comparison.results import Comparison
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
+
+if TYPE_CHECKING:
+    from bristle.questions.explorer.page import Explorer
 
 
 def report(
@@ -67,7 +70,7 @@ def report(
     return results
 
 
-def _explored(results: Results) -> Explorer | None:
+def _explored(results: Results) -> "Explorer | None":
     """The interactive page; None where nothing is known of the friction over velocity."""
     try:
         return explore(results)

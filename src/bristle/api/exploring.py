@@ -1,5 +1,7 @@
 """The page on which the friction model of identified joints can be played with."""
 
+from typing import TYPE_CHECKING
+
 from bristle.api.identifying import identify
 from bristle.api.joints import Known, read_if_results
 from bristle.api.results import Results
@@ -8,12 +10,16 @@ from bristle.errors import InputError
 from bristle.identification.results import Joint
 from bristle.progress import Progress
 from bristle.questions.array_fit.fit import Fit
-from bristle.questions.explorer.page import Explorer, explorer
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper
 
+if TYPE_CHECKING:
+    from bristle.questions.explorer.page import Explorer
 
-def explore(experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None) -> Explorer:
+
+def explore(
+    experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None
+) -> "Explorer":
     """The friction model in the hand: one page that computes offline, with sliders for the parameters of each joint.
 
     >>> import bristle
@@ -32,6 +38,8 @@ def explore(experiment: Known | None = None, *, joint: str | None = None, progre
     Of results no log is read. Raises InputError in one sentence where a file cannot be used, or nothing is known of the
     friction over velocity.
     """
+    from bristle.questions.explorer.page import explorer  # which draws, and a fit does not
+
     if isinstance(experiment, Fit):
         return explorer(
             [experiment.joint], {experiment.joint.name: _loop(experiment.measured.experiment, experiment.joint)}

@@ -14,12 +14,13 @@ from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study
-from bristle.questions.explorer.page import Explorer
 from bristle.questions.session_comparison.results_file import session_of
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+    from bristle.questions.explorer.page import Explorer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +130,7 @@ class Results:
         folder: Path | str,
         progress: Progress | None = None,
         compensated: Study | None = None,
-        explored: Explorer | None = None,
+        explored: "Explorer | None" = None,
         *,
         mailed: bool = False,
     ) -> Path:
