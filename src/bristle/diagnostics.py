@@ -416,6 +416,20 @@ class Kind(Enum):
             "joints, units and the URDF."
         ),
     )
+    EFFORT_BEYOND = (
+        _CAUTION,
+        (
+            "The torque reaches {most:.3g} {unit}, and the URDF allows {limit:.3g} {unit}: check the torque constant, the gear "
+            "and the URDF."
+        ),
+    )
+    EFFORT_FAR_BEYOND = (
+        _CRITICAL,
+        (
+            "The torque reaches {most:.3g} {unit}, and the URDF allows {limit:.3g} {unit}: check the unit of the torque or "
+            "current, the torque constant and the gear."
+        ),
+    )
     LINKS_TAKEN_OFF = (
         _NOTE,
         "The torque of the links, at most {largest:.3g} N*m, was taken off before segments were looked for.",
@@ -2266,7 +2280,7 @@ REASONS: Mapping[str, str] = {
     # critical
     "The model does not describe the data, so its parameters mean nothing.": "UNEXPLAINED MISFIT INERTIA_BELOW_ZERO",
     "A factor between two signals goes into every number made of them.": (
-        "VELOCITY_FACTOR VELOCITY_UNRELATED WHOLE_POSITIONS COUNT_UNIT COUNT_CONTRADICTS"
+        "VELOCITY_FACTOR VELOCITY_UNRELATED WHOLE_POSITIONS COUNT_UNIT COUNT_CONTRADICTS EFFORT_FAR_BEYOND"
     ),
     "The torque holds what the links of the arm ask for, which is not friction.": (
         "LINKS_NOT_REMOVED JOINT_ORDER GRAVITY_DIRECTION LINKS_OPPOSE"
@@ -2332,8 +2346,8 @@ REASONS: Mapping[str, str] = {
         "FREQUENCY_LOWERED"
     ),
     "What was read may not be what was meant.": (
-        "LINKS_SCALE CONSTANT_BY_MASSES BEYOND_URDF HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED UNKNOWN "
-        "UNIT_DIFFERS"
+        "LINKS_SCALE CONSTANT_BY_MASSES BEYOND_URDF EFFORT_BEYOND HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED "
+        "UNKNOWN UNIT_DIFFERS"
     ),
     "The sessions are not alike, so a change may not be one of the joint.": (
         "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"

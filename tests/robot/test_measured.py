@@ -153,6 +153,20 @@ def test_without_a_urdf_the_links_stay(tmp_path: Path, log: ArmLog) -> None:
     assert found["shoulder"][0].numbers["share"] > 20
 
 
+def test_a_torque_that_no_drive_has_is_said(tmp_path: Path, log: ArmLog) -> None:
+    """A torque within the effort of the URDF is not mentioned, one of twice it is a caution, and one far beyond, as of mA read as A, critical."""
+    path = write(tmp_path, document(**PLAIN), log)
+    urdf = tmp_path / "arm.urdf"
+    whole, most = urdf.read_text(encoding="utf-8"), 0.0
+    for effort, kind in (("35", None), ("1e-3", Kind.EFFORT_FAR_BEYOND), ("half", Kind.EFFORT_BEYOND)):
+        allowed = repr(most / 2) if effort == "half" else effort
+        urdf.write_text(whole.replace('effort="35"', f'effort="{allowed}"'), encoding="utf-8")
+        (elbow,) = (m for m in measure_robot(load_robot(path)) if m.experiment.joint.name == "elbow")
+        said = [w for w in elbow.findings if w.kind in {Kind.EFFORT_BEYOND, Kind.EFFORT_FAR_BEYOND}]
+        assert [w.kind for w in said] == [kind] * (kind is not None)
+        most = said[0].numbers["most"] if said else most
+
+
 def test_what_the_urdf_does_not_allow_is_said(tmp_path: Path, log: ArmLog) -> None:
     """Positions beyond a joint's limits, and links of another mass, are named for the joints that show them."""
     folder = tmp_path / "other"

@@ -30,10 +30,13 @@ from bristle.identification.robot.links import (
     thinned,
     torque_constant,
 )
+from bristle.model.parameters import unit
 from bristle.progress import Progress
 
 _BEYOND = 0.01
 """rad or m: a position beyond a limit by more is none of that joint."""
+_PEAK, _NO_DRIVE = 1.5, 5.0
+"""Of the effort that the URDF allows, which may be the rated one: a peak, and what no drive has."""
 _LEAST = 0.05
 """Of a joint's torque: what the links may amount to, below which nothing is said."""
 _SAMPLES = 500
@@ -117,7 +120,7 @@ def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
     for joint in asked:
         name = joint.experiment.joint.name
         inertia = None if body is None else _link_inertia(body, robot.names, name, motions)
-        findings = (*together.get(name, ()), *_limits(robot.urdf, name, read[name]))
+        findings = (*together.get(name, ()), *_limits(robot.urdf, name, read[name], in_amperes=joint.free))
         parts.append(_Part(joint, read[name], robot.urdf is not None, inertia, findings))
     return parts
 
@@ -231,8 +234,8 @@ def _in_amperes(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
     )
 
 
-def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run]) -> list[Diagnostic]:
-    """Positions and speeds that the URDF says the joint cannot have."""
+def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bool) -> list[Diagnostic]:
+    """Positions, speeds and torques that the URDF says the joint cannot have; of a current alone nothing is said."""
     if urdf is None:
         return []
     joint = urdf.joint(name)
@@ -247,6 +250,10 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run]) -> list[Diagnosti
         found.append(
             Kind.BEYOND_URDF(signal="velocity", low=v.min(), high=v.max(), least=-joint.velocity, most=joint.velocity)
         )
+    T = np.concatenate([np.abs(r.record.torque) for r in runs if r.record.torque is not None] or [np.zeros(0)])
+    if T.size and not in_amperes and (most := float(np.quantile(T, 0.999))) > _PEAK * joint.effort:
+        kind = Kind.EFFORT_FAR_BEYOND if most > _NO_DRIVE * joint.effort else Kind.EFFORT_BEYOND
+        found.append(kind(most=most, limit=joint.effort, unit=unit("torque", joint.kind)))
     return found
 
 
