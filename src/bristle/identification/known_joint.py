@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -119,6 +119,14 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
         if not (known & {row.parameter.direction, Direction.BOTH, Direction.SHARED} or known >= set(SIGNED)):
             keep(row)
     return tuple(sorted(best.values(), key=_place))
+
+
+def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
+    """The fits that the values of `chosen` come from, as far as they predict something."""
+    sources = {row.source for row in chosen(joint) if row.estimate.value is not None}
+    if joint.moving is not None and sources & {Source.TRACKING, Source.JOINT}:
+        return (joint.moving,)
+    return tuple(joint.static.values()) if Source.STATIC in sources else ()
 
 
 def _place(row: Known) -> tuple[int, int]:

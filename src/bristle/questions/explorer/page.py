@@ -5,8 +5,6 @@ HTML: it lies in one block of JSON and is set as text. A policy in the page forb
 the page's own, by their digests.
 """
 
-import base64
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +19,7 @@ from bristle import __version__
 from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre, is_passive
 from bristle.page.output_folder import write_bytes
-from bristle.page.page import encoded, html
+from bristle.page.page import digest, encoded, html
 from bristle.page.wording import symbol
 from bristle.questions.explorer import javascript
 from bristle.questions.explorer.data import explored
@@ -119,8 +117,7 @@ def _finite(part: Any) -> Any:
 
 def _policy(scripts: Sequence[str]) -> str:
     """The content security policy: nothing is fetched, and no script runs but these."""
-    digests = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts)
-    allowed = " ".join(f"'sha256-{digest}'" for digest in digests)
+    allowed = " ".join(map(digest, scripts))
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
         "base-uri 'none'; form-action 'none'"

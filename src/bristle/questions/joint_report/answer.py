@@ -3,15 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from bristle.identification.fits import Estimate
-from bristle.identification.known_joint import Known, chosen
+from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.known_joint import Known, chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
-from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName
+from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, in_direction
 from bristle.page.page import Drawn
 from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
+from bristle.questions.joint_report.text import total_error
 
 _WORDS = {
     Trust.USE: ("use", "use"),
@@ -73,7 +72,7 @@ def _directions(
     return [
         (
             "+/−" if d == Direction.BOTH else direction(d).strip("()"),
-            [_cell(_of(rows, name, d), shared) for name in Lugre._fields],
+            [_cell(in_direction(rows, name, d), shared) for name in Lugre._fields],
         )
         for d in signed
     ]
@@ -87,12 +86,6 @@ def _source(rows: Mapping[ParameterName, Known]) -> str:
     return FITS.get(only, only) if len(found) == 1 and (only := found.pop()) else ""
 
 
-def _of(rows: Mapping[ParameterName, Known], name: str, d: Direction) -> Known | None:
-    return next(
-        (rows[p] for way in (d, Direction.BOTH, Direction.SHARED) if (p := ParameterName(name, way)) in rows), None
-    )
-
-
 def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
     if row is None or row.estimate.value is None:
         return {"value": "n.i.", "unit": "", "ends": "", "source": ""}
@@ -102,14 +95,17 @@ def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
 
 
 def _value(e: Estimate) -> str:
-    return measured(e.value, float(np.hypot(e.standard_error or 0.0, e.systematic or 0.0)))
+    return measured(e.value, total_error(e))
 
 
 def _held_out(joint: Joint) -> str:
-    """The relative error of what was held out: of the moving runs where they are the joint's fit, else by direction."""
-    if joint.moving is not None and joint.moving.hold_out:
-        return f"{number(joint.moving.hold_out[0].relative_error, 2)} %"
-    errors = {d: fit.hold_out[0].relative_error for d, fit in joint.static.items() if fit.hold_out and d != "shared"}
+    """The relative error of what was held out, of the fits that the values come from: by direction where each has one."""
+    errors = {
+        fit.direction if isinstance(fit, StaticFit) else "": fit.hold_out[0].relative_error
+        for fit in value_fits(joint)
+        if fit.hold_out
+    }
+    errors.pop(Direction.SHARED, None)
     return ", ".join(f"{number(x, 2)} % {direction(d) if len(errors) > 1 else ''}".strip() for d, x in errors.items())
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.known_joint import Known, Source, chosen, known_joint
+from bristle.identification.known_joint import Known, Source, chosen, known_joint, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, Stribeck, effort, unit
@@ -35,7 +35,7 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
     """Whether to use each joint's values, why not, and the largest hold-out error: a line each."""
     rows = [("joint", "its values", "reason", "hold-out error")]
     for joint in joints:
-        found, held = verdict(joint), [x.relative_error for fit in _fits(joint) for x in fit.hold_out]
+        found, held = verdict(joint), [x.relative_error for fit in value_fits(joint) for x in fit.hold_out]
         error = f"{max(held):.2g} %" if held else "-"
         rows.append((shortened(joint.name, 32), str(found.trust), _code(found.reason), error))
     yield from columns(rows, indent=0)
@@ -55,17 +55,9 @@ def _joint(joint: Joint) -> Iterator[str]:
     yield from _rest(joint, found.reason, LINES - len(lines) - 2)
 
 
-def _fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
-    """The fits that the values come from, as far as they predict something."""
-    sources = {row.source for row in chosen(joint) if row.estimate.value is not None}
-    if joint.moving is not None and sources & {Source.TRACKING, Source.JOINT}:
-        return (joint.moving,)
-    return tuple(joint.static.values()) if Source.STATIC in sources else ()
-
-
 def _errors(joint: Joint) -> Iterator[str]:
     """The hold-out error of each of these fits, and that on the data fitted, in percent of what it predicts."""
-    for fit in _fits(joint):
+    for fit in value_fits(joint):
         what = "position" if isinstance(fit, TrackingFit) and fit.quantity == "position" else effort(joint.kind)
         of = f" ({fit.direction})" if isinstance(fit, StaticFit) and fit.direction in SIGNED else ""
         if fit.hold_out:
