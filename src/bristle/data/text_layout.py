@@ -31,6 +31,8 @@ _STAMP = re.compile(
 _SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)
 """What Excel writes above a table."""
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
+_MOST_LINES = 2000
+"""Lines that are looked at."""
 _HEADED = 3
 """Lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers."""
 _LOOKED_AT = 200
@@ -135,12 +137,11 @@ def _start(cells: Rows) -> int:
     Rows that look alike above a line of names, as `Range,1,2` does, are no part of it, but those that have a line of names above them are.
     """
     columns = _columns_of_numbers(cells)
-    flags = [_is_row(row, columns) for row in cells]
-    if True not in flags:
-        return len(cells)
-    first = flags.index(True)
+    first = next((k for k, row in enumerate(cells) if _is_row(row, columns)), len(cells))
+    if first == len(cells):
+        return first
     width = len(cells[first])
-    runs = (k for k in range(first, len(cells)) if all(flags[k : k + _RUN]) and k + _RUN <= len(cells))
+    runs = (k for k in range(first, len(cells) - _RUN + 1) if all(_is_row(row, columns) for row in cells[k : k + _RUN]))
     later = next(runs, first)
     between = [row for row in cells[first:later] if _is_names(row, width)]
     named = first > 0 and _is_names(cells[first - 1], width)
@@ -267,7 +268,7 @@ def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
         encoding = encoding if cut or encoding == "utf-16" else "latin-1"
         text = sample.decode(encoding, errors="replace")
     lines = re.split(r"\r\n|\r|\n", text)
-    return encoding, lines if whole else lines[:-1]
+    return encoding, (lines if whole else lines[:-1])[:_MOST_LINES]
 
 
 def _decimal(cells: Rows, delimiter: str) -> str:

@@ -20,6 +20,15 @@ def _where(condition: Floats, value: Floats, out: Floats | None = None) -> objec
     return out
 
 
+def choose(condition: Floats, value: Floats, otherwise: Floats, out: Floats | None = None) -> object:
+    """What CasADi makes of if_else: one of two values."""
+    chosen = np.where(condition, value, otherwise)
+    if out is None:
+        return chosen
+    np.copyto(out, chosen)
+    return out
+
+
 def _truth(ufunc: np.ufunc) -> Operation:
     """A comparison whose answers are 0.0 and 1.0, as CasADi's are."""
 

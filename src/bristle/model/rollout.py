@@ -230,11 +230,19 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
         return nodes, np.zeros(0)
     advance = vectorised(functions.step_function())
     ahead = np.sign(nodes.heading)
-    cut, old, signs = nodes, np.arange(nodes.v.size), ahead
+    above, below = (advance(*nodes.steps, *_acting(parameters, np.array(s), nodes.heading)) for s in (1.0, -1.0))
+    cut, old, signs, crossing, side = nodes, np.arange(nodes.v.size), ahead, np.zeros(0, dtype=np.intp), ahead
     before = np.full(nodes.v.size, np.inf)
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
     for _ in range(_PASSES):
-        a, b = advance(*cut.steps, *_acting_over(parameters, signs, cut))
+        a, b = (np.where(side < 0, minus, plus) for plus, minus in zip(above, below, strict=True))
+        if crossing.size:  # what is new are the two parts of each step in which z changes sign
+            first = crossing + np.arange(crossing.size)
+            parts = np.concatenate([first, first + 1])
+            v0, v1, h = cut.v[parts], cut.v[parts + 1], cut.h if isinstance(cut.h, float) else cut.h[parts]
+            new = advance(v0, v1, h, *_acting(parameters, signs[parts], v0 + v1))
+            a, b = (np.insert(whole, crossing + 1, 0.0) for whole in (a, b))
+            a[parts], b[parts] = new
         z = scan(a, b, z0)[old]
         if np.abs(z - before).max() <= still:
             break

@@ -6,7 +6,7 @@ No compiler, no Python loop over samples.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import prod
+from math import gcd, prod
 from operator import itemgetter
 from typing import Any
 
@@ -15,11 +15,14 @@ import numpy as np
 from scipy.linalg import lapack
 
 from bristle.arrays import Array
-from bristle.model.operations import OPERATIONS, Operation
+from bristle.model.operations import OPERATIONS, Operation, choose
 
+_IF_ELSE_ZERO, _NOT = OPERATIONS[ca.OP_IF_ELSE_ZERO], OPERATIONS[ca.OP_NOT]
 _BLOCK = 16_384
 """Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost
 more than they save."""
+_TOGETHER = 10
+"""Ticks that are written out as one, at most."""
 _REUSE = 4096
 """Elements from which looking for memory to write over is worth the while."""
 
@@ -107,6 +110,7 @@ class Vectorised:
         self._registers: list[Any] = [None] * value
         for register, constant in self._constants.items():
             self._registers[register] = np.array(constant)
+        self._program = _with_choices(self._program, set(self._outputs.values()))
         last = {operand: k for k, instruction in enumerate(self._program) for operand in instruction.operands}
         values = list(self._outputs.values())
         computed = {instruction.value for instruction in self._program}
@@ -227,6 +231,28 @@ class Vectorised:
         return _Plan(n_values, tuple(scalars), tuple(steps), tuple(buffers), rows, copies)
 
 
+def _with_choices(program: Sequence[_Instruction], wanted: set[int]) -> list[_Instruction]:
+    """The program with each if_else as one choice, of which CasADi makes a sum: (c ? a : 0) + (!c ? b : 0)."""
+    made = {instruction.value: instruction for instruction in program}
+    chosen = []
+    for instruction in program:
+        terms = [made.get(operand) for operand in instruction.operands]
+        if instruction.operation is np.add and all(x and x.operation is _IF_ELSE_ZERO for x in terms):
+            (c, a), (not_c, b) = (x.operands for x in terms if x)
+            for one, other, first, second in ((c, not_c, a, b), (not_c, c, b, a)):
+                opposite = made.get(other)
+                if opposite and opposite.operation is _NOT and opposite.operands == (one,):
+                    instruction = _Instruction(choose, instruction.value, (one, first, second))  # noqa: PLW2901
+                    break
+        chosen.append(instruction)
+    used, left = set(wanted), []
+    for instruction in reversed(chosen):  # without what nobody needs any more
+        if instruction.value in used:
+            used.update(instruction.operands)
+            left.append(instruction)
+    return left[::-1]
+
+
 @cache
 def vectorised(function: ca.Function) -> Vectorised:
     """The function ready to be called with arrays: `vectorised(f)(x, y)`; compiled once per function.
@@ -269,14 +295,30 @@ def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Arra
 def chained(tick: ca.Function, samples: int) -> ca.Function:
     """(memory, inputs, constants) -> (memory, outputs) of so many ticks one after the other.
 
-    Each is (memory, input, constants) -> (memory, output).
+    Each is (memory, input, constants) -> (memory, output). Calls cost CasADi a third of the time of a short tick of
+    scalars: some such ticks are written out as one.
     """
+    together = gcd(samples, _TOGETHER) if tick.is_a("SXFunction") else 1
+    some, calls = (tick if together == 1 else _written_out(tick, together)), samples // together
     memory, inputs, constants = (
         ca.MX.sym(name, tick.size1_in(k), columns)
         for k, (name, columns) in enumerate((("memory", 1), ("inputs", samples), ("constants", 1)))
     )
-    ends, outputs = tick.mapaccum(samples)(memory, inputs, ca.repmat(constants, 1, samples))
+    grouped = ca.reshape(inputs, inputs.shape[0] * together, calls)
+    ends, outputs = some.mapaccum(calls)(memory, grouped, ca.repmat(constants, 1, calls))
+    outputs = ca.reshape(outputs, tick.size1_out(1), samples)
     return ca.Function("chained", [memory, inputs, constants], [ends[:, -1], outputs])
+
+
+def _written_out(tick: ca.Function, count: int) -> ca.Function:
+    """So many ticks of scalars as one: their inputs, and their outputs, one below the other."""
+    memory, inputs, constants = (ca.SX.sym(name, tick.size1_in(k)) for k, name in enumerate("mic"))
+    inputs = ca.SX.sym("inputs", tick.size1_in(1), count)
+    end, outputs = memory, []
+    for k in range(count):
+        end, output = tick(end, inputs[:, k], constants)
+        outputs.append(output)
+    return ca.Function("ticks", [memory, ca.vec(inputs), constants], [end, ca.vertcat(*outputs)])
 
 
 def scan(a: Array, b: Array, z0: float | Array) -> Array:

@@ -291,9 +291,13 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
     ]
     by_motion = problem.equations(problem, known, memory)
     for m, here, (rest, slope_of) in zip(problem.motions, blocks, by_motion, strict=True):
-        left[here] = m.smoothed(rest)
-        for name in slope_of.keys() & row_of.keys():
-            np.multiply(m.smoothed(slope_of[name]), factor[row_of[name]], out=slopes[row_of[name], here])
+        seen = [name for name in slope_of if name in row_of]
+        columns = [rest, *(slope_of[name] for name in seen)]
+        if m.smooth is not None:  # all at once: the matrix is read once
+            columns = list(np.asarray(m.smooth @ np.stack(columns, axis=1)).T)
+        left[here] = columns[0]
+        for name, column in zip(seen, columns[1:], strict=True):
+            np.multiply(column, factor[row_of[name]], out=slopes[row_of[name], here])
     return left, slopes.T
 
 
