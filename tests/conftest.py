@@ -46,6 +46,7 @@ def run(*arguments: object, stdout: io.StringIO | None = None) -> Ran:
     out, err = stdout or io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.setattr(sys, "argv", ["bristle", *map(str, arguments)])
+        patch.setattr("bristle.cli.cores", lambda: 1)  # tests share the cores among themselves
         with pytest.raises(SystemExit) as stop:
             main()
     assert isinstance(stop.value.code, int)

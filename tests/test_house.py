@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
-GROUND = {"arrays", "diagnostics", "errors", "progress"}
+GROUND = {"arrays", "diagnostics", "errors", "progress", "workers"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
 BELOW = {

@@ -11,6 +11,7 @@ import typer
 from bristle.cli import app
 from bristle.errors import InputError, one_line
 from bristle.terminal import complain, discard, open_streams, print_lines
+from bristle.workers import pin
 
 _WRONG_USE: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
 """What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it."""
@@ -22,6 +23,7 @@ _LONGEST = 500
 def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
     open_streams()
+    pin()
     try:
         code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
         print_lines([])

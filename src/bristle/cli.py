@@ -13,6 +13,7 @@ from bristle.options import (
     OfRobot,
     Strict,
     Uncertainty,
+    Workers,
     check_output,
     check_output_absent,
     lands,
@@ -23,8 +24,9 @@ from bristle.options import (
     to,
     write,
 )
-from bristle.progress import shown, workers
+from bristle.progress import shown
 from bristle.terminal import complain, print_found, print_lines
+from bristle.workers import REPORT, cores, prepared
 
 if TYPE_CHECKING:
     from bristle.api import Results
@@ -70,6 +72,7 @@ def report(
     mailed: Annotated[
         bool, typer.Option("--zip", help="Write all of it as report.zip in the folder as well, to mail.")
     ] = False,
+    workers: Workers = None,
     strict: Strict = False,
 ) -> None:
     """Identify, and write the report: pages and data.
@@ -80,14 +83,17 @@ def report(
     """
     sources = experiments or []
     folder = output_folder(output, sources[0] if sources else None)
+    workers = workers or cores()
     with shown() as progress:
+        if workers > 1:
+            prepared(*REPORT)
         from bristle import report as run
 
         results = run(
             *sources,
             folder=folder,
             uncertainty=uncertainty,
-            workers=workers(),
+            workers=workers,
             mailed=mailed,
             found=lambda results: _tell(results.outcomes()),
             progress=progress,
@@ -105,6 +111,7 @@ def identify(
         bool, typer.Option("--full", help="Print each fit: statistics, correlations, cross-checks, every warning.")
     ] = False,
     uncertainty: Uncertainty = False,
+    workers: Workers = None,
     strict: Strict = False,
 ) -> None:
     """Print the values to use, and whether to trust them.
@@ -118,7 +125,7 @@ def identify(
         from bristle import identify as run
 
         sources = [] if experiment is None else [experiment]
-        results = run(*sources, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers())
+        results = run(*sources, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers or cores())
     _tell([results.text(full=full)])
     if uncertainty:
         from bristle.questions.joint_report.interval_tables import interval_lines

@@ -42,6 +42,12 @@ Uncertainty = Annotated[
     bool,
     typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
 ]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers", metavar="N", min=1, help="Processes that share the work [default: the cores].", show_default=False
+    ),
+]
 OfRobot = Annotated[
     str | None,
     typer.Option("--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False),

@@ -1,6 +1,5 @@
 """How far a long work is: told by what does it, shown by whoever asked for it."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -25,11 +24,6 @@ def teller(progress: Progress | None, total: int) -> Callable[[str], None]:
             progress(what, next(done), total)
 
     return tell
-
-
-def workers() -> int:
-    """Processes that the machine carries."""
-    return os.cpu_count() or 1
 
 
 @contextmanager

@@ -1,13 +1,13 @@
 """The questions that a user asks of experiments, and of what was identified from them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bristle.api.exploring import explore
+from bristle.api.exploring import explorers
 from bristle.api.identifying import identified, identify
 from bristle.api.joints import Known, asked_joint, read_if_results
-from bristle.api.results import Results
+from bristle.api.results import Results, write_results
 from bristle.api.sources import Source
 from bristle.errors import InputError
 from bristle.identification.results import Joint
@@ -15,7 +15,7 @@ from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
 from bristle.questions.array_fit.fit import Fit
 from bristle.questions.compensation.replay import replays
-from bristle.questions.compensation.study import Study, study
+from bristle.questions.compensation.study import Study, begin_study, study
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
 from bristle.questions.method_validation.cases import joint_cases, sweep
@@ -28,9 +28,10 @@ from bristle.questions.session_comparison.compare import compare as compare_sess
 from bristle.questions.session_comparison.results import Comparison
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
+from bristle.workers import REPORT, sharing
 
 if TYPE_CHECKING:
-    from bristle.questions.explorer.page import Explorer
+    from bristle.page.page import Rendered
 
 
 def report(
@@ -62,20 +63,32 @@ def report(
     Raises InputError in one sentence where a file cannot be used, or the folder cannot be written.
     """
     check_folder(Path(folder))
-    results = identified(*experiments, uncertainty=uncertainty, workers=workers, progress=progress)
-    compensated = None if experiments else adapt(identified=results, progress=progress)
-    if found is not None:
-        found(results)
-    results.write(folder, progress, compensated, _explored(results), mailed=mailed)
+    with sharing(workers, *REPORT) as share:
+        begun: dict[str, Iterator[Rendered]] = {}
+
+        def draw(joint: Joint) -> None:
+            """Have the figures of a joint drawn while others are identified."""
+            from bristle.questions.joint_report.page import begin
+
+            begun[joint.name] = begin(joint, share)
+
+        results = identified(*experiments, uncertainty=uncertainty, share=share, progress=progress, each=draw)
+        explored = explorers(results, share)
+        subjects = () if experiments else of_paper(results.joints)
+        compensated = begin_study(subjects, (), progress, share, paper=True) if subjects else None
+        if found is not None:
+            found(results)
+        write_results(
+            results,
+            Path(folder),
+            progress,
+            compensated,
+            lambda: next(explored),
+            mailed=mailed,
+            share=share,
+            begun=begun,
+        )
     return results
-
-
-def _explored(results: Results) -> "Explorer | None":
-    """The interactive page; None where nothing is known of the friction over velocity."""
-    try:
-        return explore(results)
-    except InputError:
-        return None
 
 
 def adapt(

@@ -1,5 +1,6 @@
 """The page on which the friction model of identified joints can be played with."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from bristle.api.identifying import identify
@@ -12,6 +13,7 @@ from bristle.progress import Progress
 from bristle.questions.array_fit.fit import Fit
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper
+from bristle.workers import Share
 
 if TYPE_CHECKING:
     from bristle.questions.explorer.page import Explorer
@@ -46,9 +48,31 @@ def explore(
         )
     known = identify(joint=joint, progress=progress) if experiment is None else read_if_results(experiment)
     results = known if isinstance(known, Results) else identify(known, joint=joint, progress=progress)
+    return explorer(*_known(results, joint))
+
+
+def explorers(results: Results, share: Share) -> Iterator["Explorer | None"]:
+    """The one page of all joints, made by whoever shares the work; None where nothing is known of the friction over velocity."""
+    return iter(share(_explorer, [_known(results)]))
+
+
+def _explorer(known: "_Known") -> "Explorer | None":
+    from bristle.questions.explorer.page import explorer
+
+    try:
+        return explorer(*known)
+    except InputError:
+        return None
+
+
+_Known = tuple[list[Joint], dict[str, JointLoop | str]]
+"""Joints, and the loop of each or why there is none."""
+
+
+def _known(results: Results, joint: str | None = None) -> _Known:
     names = [found.name for found in results.joints] if joint is None else [joint]
     joints = [results.whole_joint(name) for name in names]
-    return explorer(joints, {found.name: _loop_of(results, found) for found in joints})
+    return joints, {found.name: _loop_of(results, found) for found in joints}
 
 
 def _loop_of(results: Results, joint: Joint) -> JointLoop | str:

@@ -1,20 +1,22 @@
 """Experiment files in, results out."""
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
 
 from bristle.api.joints import read_if_results
 from bristle.api.logs import JointLogs
 from bristle.api.results import Results, choose
-from bristle.api.sources import Source, measure_joints, names_of, open_all
+from bristle.api.sources import Source, SourceText, names_of, open_all
+from bristle.data.experiment.load import Experiment
+from bristle.data.robot.robot_file import Robot
 from bristle.diagnostics import Severity
 from bristle.errors import InputError
 from bristle.identification.identify import identify_joint
-from bristle.identification.measured import Measured
+from bristle.identification.measured import Measured, measure
 from bristle.identification.results import Joint
+from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
+from bristle.workers import Share, sharing
 
 
 def identify(
@@ -49,24 +51,75 @@ def identify(
     Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
     files = open_all(experiments)
-    loaded, texts = [one for one, _ in files], [text for _, text in files]
-    names = [name for one in loaded for name in names_of(one)]
-    chosen = names if joint is None else [choose(names, joint)]
-    asked = len(chosen)
-    every: list[Measured] = []
+    with sharing(min(workers, len(_chosen(files, joint))), "bristle.identification.identify") as share:
+        return _identified(files, joint, share, progress, crosscheck=crosscheck, uncertainty=uncertainty)
+
+
+def identified(
+    *experiments: Source,
+    joint: str | None = None,
+    crosscheck: bool = False,
+    uncertainty: bool = False,
+    share: Share = map,
+    progress: Progress | None = None,
+    each: Callable[[Joint], None] = lambda _: None,
+) -> Results:
+    """`identify`, the joints shared out as told; of one results file what that holds, and nothing is identified.
+
+    `each` is called with each joint that is identified, while others are. Raises InputError as `identify` and `read_results` do.
+    """
+    if len(experiments) == 1:
+        known = read_if_results(experiments[0])
+        if isinstance(known, Results):
+            return known
+        experiments = (known,)
+    files = open_all(experiments)
+    return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty)
+
+
+_Files = Sequence[tuple[Experiment | Robot, SourceText | None]]
+
+
+def _chosen(files: _Files, joint: str | None) -> list[str]:
+    names = [name for loaded, _ in files for name in names_of(loaded)]
+    return names if joint is None else [choose(names, joint)]
+
+
+def _identified(
+    files: _Files,
+    joint: str | None,
+    share: Share,
+    progress: Progress | None,
+    each: Callable[[Joint], None] = lambda _: None,
+    *,
+    crosscheck: bool,
+    uncertainty: bool,
+) -> Results:
+    chosen = _chosen(files, joint)
+    every = [
+        m for m in _measured([loaded for loaded, _ in files], progress, share) if m.experiment.joint.name in chosen
+    ]
+    work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty)
+    waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
     found: list[tuple[Joint, dict[str, float]]] = []
-    with _pool(min(workers, asked)) as share:
-        for one in loaded:
-            every += [m for m in measure_joints(one, progress, share) if m.experiment.joint.name in chosen]
-        work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty)
-        work = work if workers > 1 and asked > 1 else partial(work, progress=progress)
-        waiting = iter(share(work, every))
-        for done, measured in enumerate(every):
-            if progress:
-                progress(f"identifying {measured.experiment.joint.name}", done, asked)
-            found.append(next(waiting))
+    for done, measured in enumerate(every):
+        if progress:
+            progress(f"identifying {measured.experiment.joint.name}", done, len(every))
+        found.append(next(waiting))
+        each(found[-1][0])
     timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
+    texts = [text for _, text in files]
     return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=JointLogs.at_hand(every, texts))
+
+
+def _measured(files: Sequence[Experiment | Robot], progress: Progress | None, share: Share) -> Iterator[Measured]:
+    """What the joints of some files measured; what cannot be used is said before minutes are spent on the others."""
+    alone = iter(share(measure, [one for one in files if isinstance(one, Experiment)]))
+    for one in files:
+        if isinstance(one, Experiment):
+            yield next(alone)
+        else:
+            yield from measure_robot(one, progress, share)
 
 
 def _timed(
@@ -81,41 +134,3 @@ def _timed(
         cause = next((w for w in measured.findings if w.severity is Severity.CRITICAL), error)
         raise InputError(f"{measured.experiment.joint.name}: {cause}") from error
     return joint, spent
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[Callable[..., Iterable[Any]]]:
-    """What maps a function over joints: one after another, or in several processes."""
-    if workers < 2:
-        yield map
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        yield pool.map
-    finally:  # what was not begun is not wanted any more
-        pool.shutdown(cancel_futures=True)
-
-
-def identified(
-    *experiments: Source,
-    joint: str | None = None,
-    crosscheck: bool = False,
-    uncertainty: bool = False,
-    workers: int = 1,
-    progress: Progress | None = None,
-) -> Results:
-    """`identify`; of one results file what that holds, and nothing is identified.
-
-    Raises InputError as `identify` and `read_results` do.
-    """
-    if len(experiments) == 1:
-        known = read_if_results(experiments[0])
-        if isinstance(known, Results):
-            return known
-        experiments = (known,)
-    return identify(
-        *experiments, joint=joint, crosscheck=crosscheck, uncertainty=uncertainty, workers=workers, progress=progress
-    )

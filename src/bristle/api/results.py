@@ -1,8 +1,9 @@
 """What `identify` returns, and reads back."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from bristle.api.logs import JointLogs
@@ -15,11 +16,13 @@ from bristle.identification.results import Joint
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study
 from bristle.questions.session_comparison.results_file import session_of
+from bristle.workers import Share
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
+    from bristle.page.page import Rendered
     from bristle.questions.explorer.page import Explorer
 
 
@@ -140,22 +143,8 @@ class Results:
         `mailed`: all of it in one reproducible file, report.zip, as well.
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
-        from bristle.questions.compensation.page import section
-        from bristle.questions.joint_report.page import write_report
-
-        title = self.joints[0].name if len(self.joints) == 1 else f"{len(self.joints)} joints"
-        return write_report(
-            self._whole_joints(),
-            Path(folder),
-            experiments=self.logs.written(Path(folder)),
-            title=title,
-            seed=0,
-            timings=self.timings or None,
-            progress=progress,
-            appended=section(compensated) if compensated else None,
-            mailed=mailed,
-            explored=(explored.html, explored.joints) if explored else None,
-        )
+        known = None if compensated is None else (lambda: compensated)
+        return write_results(self, Path(folder), progress, known, lambda: explored, mailed=mailed)
 
     def plot(self, joint: str | None = None, ax: "Axes | None" = None) -> "Axes":
         """What was measured on a joint and what its fit makes of it, drawn into `ax` or new axes, which are returned.
@@ -176,6 +165,42 @@ class Results:
     def _whole_joints(self) -> tuple[Joint, ...]:
         """The joints, with what has an entry per sample. Raises InputError where that is not known."""
         return tuple(self.whole_joint(joint.name) for joint in self.joints)
+
+
+def write_results(
+    results: Results,
+    folder: Path,
+    progress: Progress | None,
+    compensated: Callable[[], Study] | None,
+    explored: Callable[[], "Explorer | None"],
+    *,
+    mailed: bool,
+    share: Share = map,
+    begun: Mapping[str, Iterator["Rendered"]] = MappingProxyType({}),
+) -> Path:
+    """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what those give, `begun` as of `write_report`."""
+    from bristle.questions.compensation.page import section
+    from bristle.questions.joint_report.page import write_report
+
+    def played() -> tuple[str, tuple[str, ...]] | None:
+        """The interactive page, and whose it is."""
+        page = explored()
+        return None if page is None else (page.html, page.joints)
+
+    title = results.joints[0].name if len(results.joints) == 1 else f"{len(results.joints)} joints"
+    return write_report(
+        [results.whole_joint(joint.name) for joint in results.joints],
+        folder,
+        experiments=results.logs.written(folder),
+        title=title,
+        seed=0,
+        timings=results.timings or None,
+        progress=progress,
+        appended=(lambda: section(compensated(), share)) if compensated else None,
+        begun=begun,
+        mailed=mailed,
+        explored=played,
+    )
 
 
 def read_results(path: Path | str) -> Results:

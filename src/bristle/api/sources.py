@@ -15,7 +15,7 @@ from bristle.identification.document import is_results
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measure
 from bristle.identification.results import WrittenExperiment
-from bristle.identification.robot.measured import Share, measure_robot
+from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
 from bristle.simulation import edro
 
@@ -155,11 +155,10 @@ def names_of(loaded: Experiment | Robot) -> tuple[str, ...]:
 def measure_joints(
     loaded: Experiment | Robot,
     progress: Progress | None = None,
-    share: Share = map,
     only: str | None = None,
     constant: Estimate | None = None,
 ) -> tuple[Measured, ...]:
     """What each joint of a file measured; arguments as of `measure_robot`. Raises InputError where its logs cannot be used."""
     if isinstance(loaded, Experiment):
         return (measure(loaded),)
-    return measure_robot(loaded, progress, share, only, constant)
+    return measure_robot(loaded, progress, only=only, constant=constant)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import pairwise, product
+from itertools import pairwise
 from math import inf
 
 import casadi as ca
@@ -33,10 +33,10 @@ from bristle.control.control_period import (
     shaped,
     stiff_control_period,
 )
-from bristle.control.plant import THREADS
 from bristle.control.stability import refuse_long_period
 from bristle.errors import InputError
 from bristle.model.vectorize import bound, chained
+from bristle.workers import threads
 
 _CHUNK = 1000
 """Samples of every case in one CasADi call: what bounds the memory."""
@@ -150,7 +150,7 @@ def simulate(
     refuse_long_period(options, cases, period)
     given = [np.broadcast_to(x, (len(cases), n)) for x in signals]
     run = partial(_run, options, named(cases[0], period) if alike else None, stiff=stiff)
-    logs = _in_threads(options, run, given, numbers, 1 if stiff else min(THREADS, len(cases)))
+    logs = _in_threads(options, run, given, numbers, 1 if stiff else min(threads(), len(cases)))
     log = shaped(blank_log(options), iter(logs))
     share, forward = options.compensator.share, options.compensator.inertia * reference.acceleration
     compensation = np.asarray(log.compensation)
@@ -171,26 +171,33 @@ def _in_threads(options: LoopOptions, run: Run, given: Sequence[Array], numbers:
     """
     cases, n = given[0].shape
     parts = [slice(*ends) for ends in pairwise(round(k * cases / threads) for k in range(threads + 1))]
-    for samples, part in product({min(_CHUNK, n - first) for first in range(0, n, _CHUNK)}, parts):
-        run(samples, part.stop - part.start)  # built here: CasADi does so in one thread alone
+    for part in parts:
+        run(_length(n), part.stop - part.start)  # built here: CasADi does so in one thread alone
     with ThreadPoolExecutor(threads) as pool:  # CasADi leaves Python to the others while it runs
         ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
         return np.concatenate(list(ran), axis=1)
 
 
 def _logged(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array) -> Array:
-    """The same in one thread, chunk by chunk."""
+    """The same in one thread, chunk by chunk; what the last lacks is filled up, for another length would have to be compiled."""
     cases, n = given[0].shape
     memory = np.array([flat(at_rest(options, float(y))) for y in given[0][:, 0]])
+    length = _length(n)
     logs = np.empty((len(flat(blank_log(options))), cases, n))
-    for first in range(0, n, _CHUNK):
-        last = min(first + _CHUNK, n)
+    log, inputs = np.empty((cases, length, len(logs))), np.empty((cases, length, len(given)))
+    for first in range(0, n, length):
+        last = min(first + length, n)
         before, memory = memory, np.empty_like(memory)
-        log = np.empty((cases, last - first, len(logs)))
-        inputs = np.stack([x[:, first:last] for x in given], axis=-1)
-        bound(run(last - first, cases), (before, inputs, numbers), (memory, log))()
-        logs[:, :, first:last] = np.moveaxis(log, -1, 0)
+        inputs[:, : last - first] = np.stack([x[:, first:last] for x in given], axis=-1)
+        inputs[:, last - first :] = inputs[:, last - first - 1, None]
+        bound(run(length, cases), (before, inputs, numbers), (memory, log))()
+        logs[:, :, first:last] = np.moveaxis(log[:, : last - first], -1, 0)
     return logs
+
+
+def _length(n: int) -> int:
+    """Samples of a call, of so many in all."""
+    return min(_CHUNK, 10 * -(-n // 10))  # a round number, of which CasADi does ten at once
 
 
 @lru_cache(maxsize=32)

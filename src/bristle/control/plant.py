@@ -27,9 +27,6 @@ Expression = Any
 Current = Callable[[Expression, Expression, Motor[Any]], Expression]
 """(drive, velocity, motor) -> armature current, A: `motor.current` or `motor.current_for`."""
 
-THREADS = 2
-"""That CasADi runs cases on."""
-
 _TINY = 1e-100
 """Keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where both are exact to rounding."""
 

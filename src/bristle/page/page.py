@@ -3,7 +3,7 @@
 import hashlib
 import platform
 from base64 import b64encode
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from importlib import metadata, resources
 from itertools import count
@@ -24,6 +24,7 @@ from bristle.page.entries import entries_linked, flagged, warned
 from bristle.page.output_folder import replace_files, write_bytes, zipped
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
+from bristle.workers import Share
 
 
 def save_figure(figure: Figure, path: Path) -> None:
@@ -48,8 +49,12 @@ class Section(NamedTuple):
     """What one question puts into the report of another as a page of its own, and the files that go with it."""
 
     file: str
-    draw: Callable[[dict[str, bytes]], Mapping[str, Any]]
-    """Draws its figures into files by relative path, and gives what its template names."""
+    drawings: Mapping[str, "Drawing"]
+    """Its figures, by the name that the template has for each."""
+    done: Iterator["Rendered"]
+    """What `rendered` gave of them."""
+    context: Callable[[Mapping[str, "Drawn"]], Mapping[str, Any]]
+    """Gives what its template names, once they are drawn."""
     package: str
     template: str
     """Extends base.html."""
@@ -72,7 +77,17 @@ class Drawn(NamedTuple):
         return Markup(str(self.svg).replace("<svg ", f'<svg aria-describedby="{caption}" ', 1))  # noqa: S704  # an id of the template's
 
 
-@styled
+class Drawing(NamedTuple):
+    """A figure to be drawn."""
+
+    draw: Callable[[], Figure | None]
+    """Draws it; None: there is nothing to draw. Picklable where processes share it."""
+    name: str
+    """Of its files in figures/."""
+    label: str
+    """How it is called for a reader who does not see it."""
+
+
 def write_part(
     folder: Path,
     package: str,
@@ -92,9 +107,9 @@ def write_part(
         frames: each table by the name of its file.
     """
     files = tables_of(frames)
-    made = ((name, draw(), label) for name, (draw, label) in figures.items())
-    drawn = {name: element(figure, name, label, files) for name, figure, label in made if figure is not None}
-    return write_page(folder, package, template, {**versions(context["seed"]), **context, "figures": drawn}, files)
+    drawings = {name: Drawing(draw, name, label) for name, (draw, label) in figures.items()}
+    named = {**versions(context["seed"]), **context, "figures": drawn(drawings, files)}
+    return write_page(folder, package, template, named, files)
 
 
 def write_page(
@@ -107,20 +122,24 @@ def write_page(
     Raises InputError where the folder is a file, or holds files in the way that bristle did not make, and OSError where it cannot be written; nothing
     in it is then changed.
     """
-    return write_pages(folder, {"index.html": (package, template, context)}, files)
+    return write_pages(folder, [("index.html", package, template, context)], files)
 
 
-Pages = Mapping[str, tuple[str, str, Mapping[str, Any]]]
-"""By the name of the file: the package whose template it is, the template, and what that names."""
+Page = tuple[str, str, str, Mapping[str, Any]]
+"""The name of its file, the package whose template it is, the template, and what that names."""
 
 
-def write_pages(folder: Path, pages: Pages, files: Mapping[str, bytes], *, mailed: bool = False) -> Path:
+def write_pages(folder: Path, pages: Iterable[Page], files: Mapping[str, bytes], *, mailed: bool = False) -> Path:
     """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html.
 
-    `mailed`: all of it as report.zip in the folder as well. Raises as `write_page`.
+    What makes the pages may add files. `mailed`: all of it as report.zip in the folder as well. Raises as `write_page`.
     """
     number = count(1).__next__
-    texts = {name: encoded(html(*page, number)) for name, page in pages.items()}
+    environment = cache(lambda package: _environment(package, number))  # which compiles a template once
+    texts = {
+        name: encoded(environment(package).get_template(template).render(named))
+        for name, package, template, named in pages
+    }
     every = {**files, **texts}
     replace_files(folder, every | {"report.zip": zipped(every)} if mailed else every)
     return folder / "index.html"
@@ -131,21 +150,57 @@ def tables_of(frames: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
     return {f"tables/{name}.csv": encoded(to_csv(frame)) for name, frame in frames.items()}
 
 
-def element(figure: Figure, name: str, label: str, files: dict[str, bytes]) -> Drawn:
-    """A figure rendered into `files`, and as an element of the page; `label` names it for a reader who does not see it.
+Rendered = tuple[bytes, bytes] | None
+"""A figure as SVG and PNG; None: there is nothing to draw."""
+
+
+def rendered(drawings: Iterable[Drawing], share: Share = map) -> Iterator[Rendered]:
+    """Figures, drawn and rendered by whoever shares the work, in their order."""
+    return iter(share(_rendered, [drawing.draw for drawing in drawings]))
+
+
+def drawn(
+    drawings: Mapping[str, Drawing],
+    files: dict[str, bytes],
+    done: Iterator[Rendered] | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> dict[str, Drawn]:
+    """Figures rendered into `files`, and as elements of the page; without those of which there is nothing to draw.
 
     Where joints are called so that another figure has the name already, it gets a number.
+
+    Args:
+        drawings: by the name that a template has for each.
+        files: by relative path.
+        done: what `rendered` gave of them; None: they are rendered here.
+        tell: told of each by its label.
     """
-    name = free(name, lambda tried: f"figures/{tried}.svg" in files)
-    files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = render(figure)
-    return Drawn(Markup(inline(files[f"figures/{name}.svg"], name, escape(wording.printable(label)))), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
+    done = rendered(drawings.values()) if done is None else done
+    found: dict[str, Drawn] = {}
+    for key, (_, asked, label) in drawings.items():
+        tell(f"drawing {label}")
+        both = next(done)
+        if both is not None:
+            name = free(asked, lambda tried: f"figures/{tried}.svg" in files)
+            files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = both
+            svg = inline(both[0], name, escape(wording.printable(label)))
+            found[key] = Drawn(Markup(svg), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
+    return found
 
 
-def html(package: str, template: str, context: Mapping[str, Any], number: Callable[[], int] | None = None) -> str:
-    """A template of a package, or of the kit, filled in; it may include and extend those of the kit.
+@styled
+def _rendered(draw: Callable[[], Figure | None]) -> Rendered:
+    figure = draw()
+    return None if figure is None else render(figure)
 
-    `number` gives the number of the next figure; without it they count from 1.
-    """
+
+def html(package: str, template: str, context: Mapping[str, Any]) -> str:
+    """A template of a package, or of the kit, filled in; it may include and extend those of the kit."""
+    return _environment(package, count(1).__next__).get_template(template).render(context)
+
+
+def _environment(package: str, number: Callable[[], int]) -> Environment:
+    """What fills in templates of a package and of the kit; `number` gives that of the next figure."""
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("bristle.page")]),
         autoescape=True,
@@ -157,9 +212,9 @@ def html(package: str, template: str, context: Mapping[str, Any], number: Callab
         "cell": _cell, "cell_kind": _cell_kind, "heading": _heading, "direction": wording.direction, "symbol": symbol_html,
         "warned": warned, "flagged": flagged, "entries": entries_linked,
     }  # fmt: skip  # a table of names
-    environment.globals["next_figure"] = number or count(1).__next__
+    environment.globals["next_figure"] = number
     environment.globals |= _script()
-    return environment.get_template(template).render(context)
+    return environment
 
 
 @cache

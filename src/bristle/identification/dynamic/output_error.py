@@ -19,7 +19,7 @@ import numpy as np
 from scipy import sparse
 
 from bristle.arrays import Array
-from bristle.control.plant import THREADS, Current, State, plant_step
+from bristle.control.plant import Current, State, plant_step
 from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
@@ -27,6 +27,7 @@ from bristle.identification.dynamic.problem import DynamicProblem, InitialState,
 from bristle.identification.moving_runs import LOADS
 from bristle.model import law, motor
 from bristle.model.parameters import INERTIA, Direction, Lugre, Motor, ParameterName, pair_of
+from bristle.workers import threads
 
 _FREE = 12 + len(LOADS)
 """Parameters by which the state is differentiated: a pair of sets, and the loads."""
@@ -230,4 +231,4 @@ def _chain(steps: int, every: int, current: Current, windows: int) -> ca.Functio
     )
     ends = both.mapaccum(steps)(start, inputs, ca.repmat(constants, 1, steps))
     one = ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])
-    return one if windows == 1 else one.map(windows, "thread", THREADS)
+    return one if windows == 1 else one.map(windows, "thread", threads())

@@ -1,6 +1,6 @@
 """What the logs of a robot measured, joint by joint: each with the links' torque known, and its torque constant if that was free."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -32,6 +32,7 @@ from bristle.identification.robot.links import (
 )
 from bristle.model.parameters import unit
 from bristle.progress import Progress
+from bristle.workers import Share
 
 _BEYOND = 0.01
 """rad or m: a position beyond a limit by more is none of that joint."""
@@ -41,10 +42,6 @@ _LEAST = 0.05
 """Of a joint's torque: what the links may amount to, below which nothing is said."""
 _SAMPLES = 500
 """Samples over which the inertia of the links is averaged."""
-
-
-Share = Callable[[Callable[..., Measured], Iterable["_Part"]], Iterable[Measured]]
-"""Makes each joint's part of the work, as `map` does, or among several processes."""
 
 
 def measure_robot(

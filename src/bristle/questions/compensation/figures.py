@@ -1,6 +1,6 @@
 """The compensated joint as matplotlib figures: Figs 5 to 12 of the paper, and what goes beyond them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -295,37 +295,30 @@ def band_figure(study: Study) -> Figure | None:
     return figure
 
 
-def replay_figure(at: int) -> Callable[[Study], Figure | None]:
-    """What draws one replay: torque measured, predicted with gains of 1 and adapted, and the ratios vs time; None where there is no such replay."""
-
-    @styled
-    def draw(study: Study) -> Figure | None:
-        """The replay that stands there."""
-        if at >= len(study.replays):
-            return None
-        replay, kind = study.replays[at], study.loops[0].kind
-        figure, (above, below) = _panels(study, 2, 2.5, simulated=study.loops[0].simulated)
-        k = thinned(replay.time.size, 2 * MOST)
-        for values, colour, line, width, label in (
-            (replay.measured, _GREY, "-", 2.4, "measured"),
-            (replay.fixed, _VERMILION, "--", 1.1, "gains of 1"),
-            (replay.adapted, _BLUE, "-", 1.1, "adapted"),
-        ):
-            above.plot(replay.time[k], values[k], linestyle=line, color=colour, linewidth=width, label=label)
-        for name, share, line in zip(
-            replay.adaptation.parameters, replay.theta, ("-", "--", ":", "-.", "-", "--"), strict=False
-        ):
-            below.plot(replay.time[k], share[k], linestyle=line, color=_BLACK, linewidth=1.2, label=symbol(name))
-        low, high = above.get_ylim()
-        above.set_ylim(low, high + 0.25 * (high - low))
-        above.set_ylabel(axis("torque", kind, "friction"))
-        above.legend(loc="upper right", ncols=3)
-        below.set_ylabel("Ratio to identified")
-        middle, half = float(np.mean(replay.theta)), max(0.55 * float(np.ptp(replay.theta)), 0.02)
-        below.set_ylim(min(float(replay.theta.min()), middle - half), max(float(replay.theta.max()), middle + half))
-        below.ticklabel_format(axis="y", useOffset=False)
-        below.set_xlabel(axis("time", kind))
-        below.legend(loc="best")
-        return figure
-
-    return draw
+@styled
+def replay_figure(study: Study, at: int) -> Figure:
+    """One replay: torque measured, predicted with gains of 1 and adapted, and the ratios vs time."""
+    replay, kind = study.replays[at], study.loops[0].kind
+    figure, (above, below) = _panels(study, 2, 2.5, simulated=study.loops[0].simulated)
+    k = thinned(replay.time.size, 2 * MOST)
+    for values, colour, line, width, label in (
+        (replay.measured, _GREY, "-", 2.4, "measured"),
+        (replay.fixed, _VERMILION, "--", 1.1, "gains of 1"),
+        (replay.adapted, _BLUE, "-", 1.1, "adapted"),
+    ):
+        above.plot(replay.time[k], values[k], linestyle=line, color=colour, linewidth=width, label=label)
+    for name, share, line in zip(
+        replay.adaptation.parameters, replay.theta, ("-", "--", ":", "-.", "-", "--"), strict=False
+    ):
+        below.plot(replay.time[k], share[k], linestyle=line, color=_BLACK, linewidth=1.2, label=symbol(name))
+    low, high = above.get_ylim()
+    above.set_ylim(low, high + 0.25 * (high - low))
+    above.set_ylabel(axis("torque", kind, "friction"))
+    above.legend(loc="upper right", ncols=3)
+    below.set_ylabel("Ratio to identified")
+    middle, half = float(np.mean(replay.theta)), max(0.55 * float(np.ptp(replay.theta)), 0.02)
+    below.set_ylim(min(float(replay.theta.min()), middle - half), max(float(replay.theta.max()), middle + half))
+    below.ticklabel_format(axis="y", useOffset=False)
+    below.set_xlabel(axis("time", kind))
+    below.legend(loc="best")
+    return figure

@@ -1,6 +1,7 @@
 """The page of the compensated joint, and the section that it is on the embedded report."""
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,12 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
-from bristle.page.page import Drawn, Section, element, tables_of, versions, write_page
-from bristle.page.style import styled
+from bristle.page.page import Drawing, Drawn, Section, drawn, rendered, tables_of, versions, write_page
 from bristle.page.wording import in_print, number, pretty
 from bristle.questions.compensation import figures, tables
 from bristle.questions.compensation.replay import Replay
 from bristle.questions.compensation.study import Study
+from bristle.workers import Share
 
 _PACKAGE = "bristle.questions.compensation"
 _WORSE = 1.1
@@ -27,17 +28,21 @@ _MOST_REPLAYS = 6
 def write_adaptation(study: Study, folder: Path) -> Path:
     """Write the compensated joint as a page of its own: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_page`."""
     files = tables_of(tables.all_tables(study))
+    figures = drawn(drawings(study), files)
     names = [loop.name for loop in study.loops]
     title = names[0] if len(names) == 1 else f"{len(names)} joints"
-    named = {"title": title, "simulated": study.loops[0].simulated, **versions(SEED), **_compensation(study, files)}
+    named = {"title": title, "simulated": study.loops[0].simulated, **versions(SEED), **_compensation(study, figures)}
     return write_page(folder, _PACKAGE, "adapt.html", named, files)
 
 
-def section(study: Study) -> Section:
-    """The compensated joint as a page of the embedded report."""
+def section(study: Study, share: Share = map) -> Section:
+    """The compensated joint as a page of the embedded report, its figures drawn by whoever shares the work."""
+    figures = drawings(study)
     return Section(
         file="compensation.html",
-        draw=lambda files: {"simulated": study.loops[0].simulated, **_compensation(study, files)},
+        drawings=figures,
+        done=rendered(figures.values(), share),
+        context=lambda drawn: {"simulated": study.loops[0].simulated, **_compensation(study, drawn)},
         package=_PACKAGE,
         template="adapt.html",
         files=tables_of(tables.all_tables(study)),
@@ -66,16 +71,18 @@ def _adverse(study: Study) -> Iterator[Diagnostic]:
             )  # fmt: skip  # a list of values
 
 
-@styled
-def _compensation(study: Study, files: dict[str, bytes]) -> dict[str, Any]:
-    """What the template of the compensated joint names; its figures are drawn into the files."""
-    drawn: dict[str, Drawn] = {}
-    for kind, drawing in draw(study).items():
-        figure = drawing(study)
-        if figure is not None:
-            label = f"{kind} of {study.loops[0].name}, compensated"
-            drawn[kind] = element(figure, f"compensation-{kind}", label, files)
-    return {"compensation": context(study) | {"figures": drawn}}
+def _compensation(study: Study, figures: Mapping[str, Drawn]) -> dict[str, Any]:
+    """What the template of the compensated joint names."""
+    return {"compensation": context(study) | {"figures": figures}}
+
+
+def drawings(study: Study) -> dict[str, Drawing]:
+    """Its figures, by name."""
+    label = f"of {study.loops[0].name}, compensated"
+    return {
+        kind: Drawing(partial(draw, study), f"compensation-{kind}", f"{kind} {label}")
+        for kind, draw in draw(study).items()
+    }
 
 
 def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
@@ -90,7 +97,9 @@ def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
         "ablation": figures.ablation_figure,
         "band": figures.band_figure,
     }
-    return drawn | {f"replay-{k + 1}": figures.replay_figure(k) for k in range(min(len(study.replays), _MOST_REPLAYS))}
+    return drawn | {
+        f"replay-{k + 1}": partial(figures.replay_figure, at=k) for k in range(min(len(study.replays), _MOST_REPLAYS))
+    }
 
 
 def context(study: Study) -> dict[str, Any]:

@@ -60,9 +60,10 @@ def map_adaptation(loop: JointLoop) -> AdaptationMap:
         final: Array = begun[:, None] * run.theta[:, :, -1].T
         return final
 
-    by_gamma = [ends(float(g) / top, [loop.sine(x, paper.SHORT) for x in f]) for g in gammas]
-    grid = ends(1.0, [loop.sine(x, paper.SHORT, a) for a in A for x in f])
-    return AdaptationMap(gammas, f, A, np.stack(by_gamma, axis=1), grid.reshape(begun.size, A.size, f.size))
+    by_amplitude = ends(1.0, [loop.sine(x, paper.SHORT, a) for a in A for x in f]).reshape(begun.size, A.size, f.size)
+    own = by_amplitude[:, AMPLITUDES.index(1.0)]  # the plan's own amplitude, at its own rates
+    by_gamma = [own if g == top else ends(float(g) / top, [loop.sine(x, paper.SHORT) for x in f]) for g in gammas]
+    return AdaptationMap(gammas, f, A, np.stack(by_gamma, axis=1), by_amplitude)
 
 
 def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[Law, Array]]:

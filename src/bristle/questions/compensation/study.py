@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Law
 from bristle.control.closed_loop import Trajectory
-from bristle.progress import Progress
+from bristle.progress import Progress, teller
 from bristle.questions.compensation import ablation as ablating
 from bristle.questions.compensation import paper_experiments, parameter_studies
 from bristle.questions.compensation.ablation import AblationRow
@@ -16,6 +17,7 @@ from bristle.questions.compensation.paper_experiments import Adapted, Errors
 from bristle.questions.compensation.parameter_studies import AdaptationMap, Band, Controlled, Drift, Sampled
 from bristle.questions.compensation.replay import Replay
 from bristle.simulation.joint_loop import JointLoop, one_way
+from bristle.workers import Share, called
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,23 +77,46 @@ def study(
 
     Raises InputError where a loop cannot be run: a control period longer than it bears.
     """
+    return begin_study(loops, replays, progress, map, paper=paper)()
+
+
+def begin_study(
+    loops: Sequence[JointLoop],
+    replays: Sequence[Replay],
+    progress: Progress | None,
+    share: Share,
+    *,
+    paper: bool,
+) -> Callable[[], Study]:
+    """`study`, begun by whoever shares the work; what is returned waits for the end, and raises what `study` does."""
     first = loops[0]
     adapting = one_way(first) if paper else first
-    steps: dict[str, Callable[[], Any]] = {
-        "errors": lambda: paper_experiments.errors(loops),
-        "followed": lambda: paper_experiments.followed(first),
-        "adapted": lambda: paper_experiments.adapted(adapting),
-        "adaptation_map": lambda: parameter_studies.map_adaptation(adapting),
-        "gradients": lambda: parameter_studies.gradients(adapting.plant.positive, adapting.adaptation.parameters[0]),
-        "drifts": lambda: parameter_studies.drifts(loops),
-        "controllers": lambda: parameter_studies.compare_controllers(first),
-        "sampling": lambda: parameter_studies.compare_sampling(loops),
-        "ablation": lambda: ablating.ablate(first),
-        "band": lambda: parameter_studies.band(first),
+    of_first: dict[str, partial[Any]] = {  # the longest first
+        "ablation": partial(ablating.ablate, first),
+        "adaptation_map": partial(parameter_studies.map_adaptation, adapting),
+        "band": partial(parameter_studies.band, first),
+        "adapted": partial(paper_experiments.adapted, adapting),
+        "controllers": partial(parameter_studies.compare_controllers, first),
+        "followed": partial(paper_experiments.followed, first),
+        "gradients": partial(parameter_studies.gradients, adapting.plant.positive, adapting.adaptation.parameters[0]),
     }
-    results = {}
-    for done, (name, run) in enumerate(steps.items()):
-        if progress:
-            progress(f"compensating: {name.replace('_', ' ')}", done, len(steps))
-        results[name] = run()
-    return Study(loops=tuple(loops), adapting=adapting, paper=paper, replays=tuple(replays), **results)
+    of_each: dict[str, Callable[[Sequence[JointLoop]], tuple[Any, ...]]] = {
+        "errors": paper_experiments.errors,
+        "drifts": parameter_studies.drifts,
+        "sampling": parameter_studies.compare_sampling,
+    }
+    parts = list(of_first.items())
+    parts += [(name, partial(run, [loop])) for name, run in of_each.items() for loop in loops]
+    results = iter(share(called, [run for _, run in parts]))
+
+    def ended() -> Study:
+        """All of it, once it has come."""
+        found: dict[str, Any] = dict.fromkeys(of_each, ())
+        tell = teller(progress, len(parts))
+        for name, _ in parts:
+            tell(f"compensating: {name.replace('_', ' ')}")
+            result = next(results)
+            found[name] = found[name] + result if name in of_each else result
+        return Study(loops=tuple(loops), adapting=adapting, paper=paper, replays=tuple(replays), **found)
+
+    return ended

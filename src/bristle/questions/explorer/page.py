@@ -143,9 +143,10 @@ def _document() -> tuple[dict[str, Any], dict[str, str]]:
 
     document = Document()
     names = [panel.name for panels in PANELS.values() for panel in panels]
-    for plots in figures().values():
-        for plot in plots:
-            document.add_root(plot)
+    with document.models.freeze():  # else every model is looked through anew at each
+        for plots in figures().values():
+            for plot in plots:
+                document.add_root(plot)
     numbers: dict[str, str] = {}
     written = _numbered(document.to_json(deferred=False), numbers)
     ids = [root["id"] for root in written["roots"]]

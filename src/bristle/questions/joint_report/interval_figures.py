@@ -1,6 +1,7 @@
 """Every interval three ways - covariance, profile, bootstrap: one figure per fit, a panel per parameter."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,11 +31,7 @@ def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
     for row in rows(joint):
         side = {"+": "-positive", "-": "-negative"}.get(row.direction, f"-{row.direction}")
         found.setdefault(f"{row.fit}{'' if row.fit == 'presliding' else side}", []).append(row)
-    return {name: _drawing(joint, own) for name, own in found.items()}
-
-
-def _drawing(joint: Joint, own: list[Row]) -> Callable[[], Figure]:
-    return lambda: uncertainty_figure(joint, own)
+    return {name: partial(uncertainty_figure, joint, own) for name, own in found.items()}
 
 
 @styled

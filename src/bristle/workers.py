@@ -1,0 +1,122 @@
+"""Work shared out among processes, with the same results, byte for byte, whatever their number."""
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+Share = Callable[..., Iterable[Any]]
+"""Makes the parts of a work, as `map` does: what comes of them in the order of the parts. Among processes all parts begin
+at once, whoever waits for them; functions and parts must be picklable."""
+REPORT = ("bristle.api.experiments", "bristle.questions.joint_report.page", "bristle.questions.explorer.page")
+"""Modules that make a report."""
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+
+def cores() -> int:
+    """Processes that the machine carries, or that this one may use of it."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def threads() -> int:
+    """Threads that a part of the work may have: as many as there are cores, but one where processes share it already."""
+    from multiprocessing import parent_process
+
+    return 1 if parent_process() else cores()
+
+
+def pin() -> None:
+    """One thread for linear algebra, in this process where NumPy is not loaded yet, and in those that it starts.
+
+    More help little with problems as small as these, and may round otherwise.
+    """
+    for name in _ONE_THREAD:
+        os.environ.setdefault(name, "1")
+
+
+@contextmanager
+def sharing(workers: int, *modules: str) -> Iterator[Share]:
+    """What shares work out among so many processes: `map`, where that is fewer than two.
+
+    On Linux `modules` are loaded once for all processes, while the caller goes on. Where the work fails or is interrupted
+    the processes end at once, and they end where the caller is killed.
+
+    Raises OSError where a process is killed.
+    """
+    if workers < 2:
+        yield map
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import active_children
+
+    others = set(active_children())
+    with _pinned(), ProcessPoolExecutor(workers, prepared(*modules), _begin) as pool:
+        try:
+            yield pool.map
+        except BaseException as error:
+            for child in set(active_children()) - others:
+                child.terminate()
+            pool.shutdown(cancel_futures=True)
+            if isinstance(error, BrokenProcessPool):
+                raise OSError(
+                    "a worker process was killed, perhaps for want of memory; take fewer --workers"
+                ) from error
+            raise
+
+
+def prepared(*modules: str) -> Any:
+    """How processes start: on Linux from one that begins now to load the modules, elsewhere each anew.
+
+    Whoever calls this before it loads them itself gets processes the sooner.
+    """
+    from multiprocessing import forkserver, get_context
+
+    if sys.platform != "linux":
+        return get_context("spawn")
+    context = get_context("forkserver")
+    context.set_forkserver_preload(list(modules))
+    forkserver.ensure_running()
+    return context
+
+
+@contextmanager
+def _pinned() -> Iterator[None]:
+    """`pin` for the processes that begin meanwhile; the caller's environment is as it was afterwards."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    pin()
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _begin() -> None:
+    """A worker leaves an interrupt to its parent, and ends with it."""
+    import gc
+    from threading import Thread
+
+    gc.freeze()  # what is loaded stays
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def called(part: "partial[Any]") -> Any:
+    """What a part comes to that is a call by itself: `share(called, parts)`."""
+    return part()

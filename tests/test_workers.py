@@ -1,0 +1,125 @@
+"""Work shared among processes: the same bytes whatever their number, and no process left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from multiprocessing import active_children
+from pathlib import Path
+
+import pytest
+from tests.conftest import speeds, write
+
+from bristle.workers import called, cores, pin, sharing, threads
+
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc, and sends signals")
+REPORT = ("-m", "bristle", "report")
+
+
+def running(parent: int) -> list[int]:
+    """The processes that descend from one, itself included."""
+    parents = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:  # it has ended meanwhile
+            continue
+        if fields[0] != "Z":
+            parents[int(path.parent.name)] = int(fields[1])
+    found = [parent] if parent in parents else []
+    for known in found:  # grows as it goes
+        found += [child for child, its in parents.items() if its == known]
+    return found
+
+
+def test_one_worker_is_this_process() -> None:
+    """Fewer than two workers are a plain map."""
+    with sharing(1) as share:
+        assert share is map
+
+
+def test_workers_have_one_thread_and_keep_the_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts come back in their order, from other processes with one thread each; the environment is then as it was."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "7")
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    with sharing(2, "bristle.model.law") as share:
+        assert list(share(called, [partial(int, k) for k in range(20)])) == list(range(20))
+        one = (os.getpid, threads, partial(os.getenv, "OMP_NUM_THREADS"), partial(os.getenv, "OPENBLAS_NUM_THREADS"))
+        process, *told = share(called, [partial(part) for part in one])
+        assert process != os.getpid()
+        assert told == [1, "1", "7"]
+    assert (os.environ.get("OMP_NUM_THREADS"), os.environ["OPENBLAS_NUM_THREADS"]) == (None, "7")
+    assert threads() == cores() >= 1
+
+
+def test_what_is_set_is_not_pinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever sets threads for linear algebra keeps them."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+        monkeypatch.setenv(name, "")
+    pin()
+    assert os.environ["OMP_NUM_THREADS"] == "3"
+
+
+def test_a_part_that_fails_ends_the_others() -> None:
+    """What a part raises reaches the caller, and no process is left, however long the others would take."""
+    others = set(active_children())
+    began = time.monotonic()
+    with pytest.raises(ValueError, match="the second"), sharing(2) as share:
+        list(share(called, [partial(int, "1"), partial(int, "the second"), *[partial(time.sleep, 60)] * 4]))
+    assert time.monotonic() - began < 30
+    assert set(active_children()) <= others
+
+
+def test_a_killed_worker_is_one_sentence() -> None:
+    """A process that the system ends is told as such, with what to do."""
+    said = "a worker process was killed, perhaps for want of memory; take fewer --workers"
+    with pytest.raises(OSError, match=said), sharing(2) as share:
+        list(share(called, [partial(signal.raise_signal, signal.SIGKILL)] * 2))
+
+
+def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
+    """A report by one process and by three is the same in every file but timings.json."""
+    two_joints = [write(tmp_path / "logs", speeds(), joint=name, stem=name) for name in ("wrist", "elbow")]
+    written = []
+    for workers in (1, 3):
+        folder = tmp_path / str(workers)
+        ran = subprocess.run(  # noqa: S603  # our own command
+            [sys.executable, *REPORT, *two_joints, "-o", folder, "--workers", str(workers)],
+            capture_output=True, text=True, check=False, cwd=tmp_path,
+        )  # fmt: skip  # a call
+        assert (ran.returncode, ran.stderr) == (0, "")
+        files = (p for p in folder.rglob("*") if p.is_file() and p.name != "timings.json")
+        written.append({p.relative_to(folder).as_posix(): p.read_bytes() for p in files})
+    assert written[0] == written[1]
+
+
+@LINUX
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals) -> None:
+    """Ctrl-C ends the workers too, with one word and nothing written; so does a signal that leaves no time to say it."""
+    process = subprocess.Popen(  # noqa: S603  # our own command
+        [sys.executable, *REPORT, "-o", "out", "--workers", "2"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip  # a call
+    every: list[int] = []
+    limit = time.monotonic() + 60
+    while len(every) < 4 and time.monotonic() < limit:  # itself, what starts processes, and two of them
+        time.sleep(0.2)
+        every = running(process.pid)
+    assert len(every) >= 4
+    time.sleep(1)
+    if how is signal.SIGINT:
+        os.killpg(process.pid, how)  # as a terminal does
+    else:
+        process.send_signal(how)
+    said = process.communicate(timeout=30)[1]
+    if how is signal.SIGINT:
+        assert (process.returncode, said) == (130, "interrupted\n")
+    limit = time.monotonic() + 30
+    while any(Path(f"/proc/{child}").exists() for child in every) and time.monotonic() < limit:
+        time.sleep(0.2)
+    assert not [child for child in every if Path(f"/proc/{child}").exists()]
+    assert not list(tmp_path.iterdir())
