@@ -1444,6 +1444,21 @@ class Kind(Enum):
     PLAIN_GRID_ENOUGH = _NOTE, "A plain grid of {values} is faster than the refined grid, and fine enough here."
 
     # a plan of measurements
+    PLAN_NARROWS = (
+        _NOTE,
+        (
+            "In {duration:.3g} s the plan brings the widest 95 % interval from {before:.2g} % of the value ({widest}) to "
+            "{after:.2g} % ({left}), as predicted.{opens}"
+        ),
+    )
+    PLAN_OPENS = _NOTE, " Now {names!l} cannot be identified, which the plan changes."
+    MOTION_WORSE = (
+        _CAUTION,
+        (
+            "The planned motion tells less of {names!l} than the motion measured so far, for it serves all parameters at once;"
+            " repeat the measured one as well where these matter most."
+        ),
+    )
     PLAN_LOCAL = (
         _NOTE,
         (
@@ -2222,6 +2237,13 @@ class Kind(Enum):
         ),
     )
     ADAPTED_TO = _NOTE, "{joint}, {law}: {name} from {initial:g} to {final:.3f} of its {reference} value."
+    STRIBECK_AS_GOOD = (
+        _NOTE,
+        (
+            "The Stribeck curve compensates {joint} as well as LuGre does on this motion: RMS error {stribeck:.3g} and {lugre:.3g} "
+            "{unit}, both driven by the reference velocity, with the finest encoder and no delay."
+        ),
+    )
     ABLATED = (
         _NOTE,
         "{cycling} of {tried} end in a limit cycle, {leading} over-compensate, {diverging} diverge.",
@@ -2353,7 +2375,7 @@ REASONS: Mapping[str, str] = {
         "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"
     ),
     "What was simulated shows a use of the model that does harm or fails.": (
-        "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_WORSE ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES"
+        "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_WORSE ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES MOTION_WORSE"
     ),
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (
@@ -2361,7 +2383,8 @@ REASONS: Mapping[str, str] = {
         "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT"
     ),
     "A part of another sentence, whose severity counts.": (
-        "OR_MINIMUM_DURATION G0_BY_BEND TERM_EXPLAINS DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY "
+        "PLAN_OPENS OR_MINIMUM_DURATION G0_BY_BEND "
+        "TERM_EXPLAINS DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY "
         "OR_MINIMUM_VELOCITY OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS "
         "STRAY_POINT BELIEVE_MOVING MOVING_IN_DOUBT POINT_NAMED TO_LEAVE_OUT TERM_FIRST WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE "
         "PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES NO_STRIBECK_TERM POINTS_WITHOUT_NOISE TOO_FEW_TO_VALIDATE "
@@ -2405,7 +2428,7 @@ REASONS: Mapping[str, str] = {
         "PLAIN_GRID_ENOUGH ROSE FELL NO_CHANGE PARAMETERS_CHANGED ONLY_SETS_CHANGED NONE_CHANGED TORQUE_SCALE ALPHA_0_ROSE ALPHA_0_FELL "
         "ALPHA_2_ROSE ALPHA_2_FELL SIGMA_0_ROSE SIGMA_0_FELL INERTIA_ROSE INERTIA_FELL CLAIM_HOLDS CLAIM_FAILS OTHER_AT_FIXED_Z CLAIM_ON_MAP "
         "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED ADAPTATION_HELPS "
-        "ADAPTATION_IDLE"
+        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD"
     ),
 }
 """Reason -> the kinds that have their severity for it, by name: each kind stands at one, and the kinds of one have one severity (a test)."""
@@ -2530,6 +2553,7 @@ OWN_ADVICE: Mapping[str, str] = {
     "Nothing if the log was paused there; else find out why rows are missing.": "GAPS",
     "Use the fit if its intervals are narrow and a hold-out agrees; else add slow speeds and reversals until the starts agree.": "FEW_STARTS",
     "Repeat the run, three times or more.": "SINGLE_RUN",
+    "Plan for the parameter that matters (`bristle plan --for`), or add the measured motion to the plan.": "MOTION_WORSE",
     "Write `fit.model: auto`, or leave the line out, to have it fitted.": "PEAK_LEFT_OUT",
     "`bristle inspect` says why each was rejected, and what would make it pass.": "NONE_KEPT",
     "Measure that direction as well.": "NOT_MEASURED DIRECTION_UNKNOWN DIRECTION_TAKEN ONE_DIRECTION_KNOWN",

@@ -51,6 +51,19 @@ def section(study: Study, share: Share = map) -> Section:
     )
 
 
+def _as_good(study: Study) -> Iterator[Diagnostic]:
+    """Where the steady curve compensates as well as LuGre: the motion shows little of the bristle."""
+    finest, first = max(row.bits for row in study.ablation), study.loops[0]
+    rms = {
+        row.compensator: row.rms
+        for row in study.ablation
+        if (row.bits, row.delay, row.share) == (finest, 0, 1.0) and not row.diverges
+    }
+    stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
+    if stribeck and lugre and stribeck <= _WORSE * lugre:
+        yield Kind.STRIBECK_AS_GOOD(joint=first.name, stribeck=1e3 * stribeck, lugre=1e3 * lugre, unit=_milli(study))
+
+
 def _worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
     """Per joint the RMS error of its slowest sine without and with the identified model."""
     for row in reversed(study.errors):  # the first of a joint is its slowest, and stays
@@ -117,6 +130,7 @@ def context(study: Study) -> dict[str, Any]:
         "table_2": shown(tables.table_2(study)),
         "worth": in_print(_worth(study)),
         "ends": " and ".join(f"{x.final:.3f}" for x in study.adapted.factors if x.law == study.adapted.adaptation.law),
+        "adverse": [*_adverse(study), *_as_good(study)],
         "ablated": in_print(_ablated(study)),
         "tried": len(study.ablation),
         "band": study.band,

@@ -19,6 +19,8 @@ from bristle.model.rollout import rollout_into
 from bristle.questions.experiment_design.start import Start
 from bristle.simulation.references import Multisine
 
+PLANNED, MEASURED = "planned", "measured so far"
+"""Names of motions."""
 LINES = 6
 """Sines of a motion."""
 SEED = 0
@@ -125,7 +127,7 @@ def measured_motion(measured: Measured, problem: MotionProblem) -> MotionDesign 
     matrix, torque = information(v, a, replace(problem, step=step))
     matrix = matrix * (problem.duration / (v.size * step))
     return MotionDesign(
-        name="measured so far",
+        name=MEASURED,
         lines=Multisine(np.zeros(0), np.zeros(0), np.zeros(0)),
         duration=problem.duration,
         torque=torque,
@@ -218,7 +220,7 @@ def best_motion(problem: MotionProblem, progress: Callable[[int, int], None] | N
         reach = float(np.clip(reach * (1.5 if helped else 0.97), *_REACH))
         if progress is not None:
             progress(TRIES + k, TRIES + STEPS)
-    return evaluate_motion("planned", _unpacked(best), problem)
+    return evaluate_motion(PLANNED, _unpacked(best), problem)
 
 
 def _box(limits: Limits) -> tuple[Array, Array]:

@@ -13,9 +13,9 @@ from bristle.model.parameters import Direction, Kind, Stribeck, effort, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
 from bristle.page.plain import columns, pair
-from bristle.page.wording import number, pretty, symbol
+from bristle.page.wording import in_print, number, pretty, symbol
 from bristle.questions.experiment_design import figures, tables
-from bristle.questions.experiment_design.plan import Plan
+from bristle.questions.experiment_design.plan import NORMAL, Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
 
 _PLAYED = {"velocities", "lines"}
@@ -68,6 +68,7 @@ def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
         "settle": SETTLE,
         "deflections": DEFLECTIONS,
         "rate": number(plan.limits.rate),
+        "worth": plan.worth and in_print(plan.worth),
         "warnings": plan.warnings,
         "assumptions": plan.assumptions,
     }
@@ -103,6 +104,7 @@ def text(plan: Plan) -> str:
     aim = "all parameters" if plan.aim == "all" else plan.aim
     simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
     lines = [f"{plan.joint.name}: what to measure next, for {aim}{simulated}"]
+    lines += [f"  {plan.worth}"] if plan.worth else []
     for x in plan.velocities:
         where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
         speeds = tables.listed(x.chosen, "{:.4g}")
@@ -155,7 +157,7 @@ def _interval_lines(plan: Plan) -> Iterator[str]:
 
 def _half(relative: float) -> str:
     """Half of a 95 % interval in percent of the value, from its relative standard error; open where that is not identifiable."""
-    percent = 100 * tables.NORMAL * relative
+    percent = 100 * NORMAL * relative
     return "open" if not relative < 1 else f"{percent:.0f} %" if percent >= 10 else f"{percent:#.2g} %"
 
 

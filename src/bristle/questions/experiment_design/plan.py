@@ -18,7 +18,7 @@ from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.parameters import SIGNED, Lugre, ParameterName, Stribeck, unit
 from bristle.questions.experiment_design import excitation
-from bristle.questions.experiment_design.excitation import MotionDesign
+from bristle.questions.experiment_design.excitation import MEASURED, PLANNED, MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun
 from bristle.questions.experiment_design.schedule import duration, schedule
@@ -38,6 +38,10 @@ AIMS = (*Lugre._fields, "inertia")
 _SHORTEST_SHARE = 0.02
 """Of its time, that a plan may be cut to."""
 _MOST = 1000
+NORMAL = 1.96
+"""Half of a 95 % interval in standard errors."""
+_LESS = 1.1
+"""Times the standard error after the measured motion: more is clearly less told."""
 _UNSEEN = 0.5
 """A parameter whose expected relative standard error is wider is not seen."""
 
@@ -75,11 +79,39 @@ class Plan:
         return sum(r.position.size for r in self.references) / self.limits.rate
 
     @property
+    def worth(self) -> Diagnostic | None:
+        """What the plan does to the widest 95 % interval, in percent of the value; None where it leaves one open."""
+        percent = {
+            stage: [100 * NORMAL * float(errors[k] / abs(self.start.estimate[k])) for k in self.free]
+            for stage, errors in self.standard_errors.items()
+        }
+        now, then = percent["now"], percent["with motion"]
+        names, limit = [self.start.names[k] for k in self.free], 100 * NORMAL * _UNSEEN
+        known = [k for k, x in enumerate(now) if x <= limit]
+        if not known or not max(then) <= limit:
+            return None
+        opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
+        widest, left = max(known, key=now.__getitem__), then.index(max(then))
+        return Kind.PLAN_NARROWS(
+            duration=self.duration, before=now[widest], widest=str(names[widest]), after=then[left], left=str(names[left]),
+            opens=Kind.PLAN_OPENS(names=opened) if opened else "",
+        )  # fmt: skip  # a list of values
+
+    @property
+    def _worse(self) -> tuple[ParameterName, ...]:
+        """Parameters of which the planned motion tells clearly less than the measured one."""
+        planned, measured = (next((m for m in self.motions if m.name == name), None) for name in (PLANNED, MEASURED))
+        if planned is None or measured is None:
+            return ()
+        return tuple(self.start.names[k] for k in self.free if planned.errors[k] > _LESS * measured.errors[k])
+
+    @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         """What even this plan would not show, and what would."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
         unseen = tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN)
         warnings = [Kind.STILL_UNSEEN(names=unseen)] if unseen else []
+        warnings += [Kind.MOTION_WORSE(names=worse)] if (worse := self._worse) else []
         for plan in self.velocities:
             slowest, ratio = plan.problem.low, plan.problem.low / plan.problem.p.v_s
             if ratio > 0.5:

@@ -8,11 +8,9 @@ import pandas as pd
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre, Stribeck, unit
 from bristle.page import columns
-from bristle.questions.experiment_design.plan import AIMS, Plan
+from bristle.questions.experiment_design.plan import AIMS, NORMAL, Plan
 from bristle.questions.experiment_design.velocities import Design
 
-NORMAL = 1.96
-"""Half of a 95 % interval in standard errors."""
 SPACINGS = {"planned": "planned", "log": "log-spaced", "even": "evenly spaced"}
 
 
