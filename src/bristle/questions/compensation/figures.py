@@ -115,16 +115,9 @@ def gains_figure(study: Study) -> Figure:
             if law != "not adapted":
                 _line(ax, run, begun * run.theta[0, k], *LAWS[law], law)
         if study.paper and name in TABLE_2_ADAPTED:
-            ax.axhline(TABLE_2_ADAPTED[name], color="#666666", linewidth=0.8)
-            ax.annotate(
-                f"paper: {TABLE_2_ADAPTED[name]:g}",
-                (0.99, TABLE_2_ADAPTED[name]),
-                (0, 3),
-                xycoords=("axes fraction", "data"),
-                textcoords="offset points",
-                ha="right",
-                fontsize=8.5,
-            )
+            told = f"the paper's {TABLE_2_ADAPTED[name]:g}"
+            line = ax.axhline(TABLE_2_ADAPTED[name], color="#666666", linewidth=0.8, label=told)
+            ax.legend(handles=[line], loc="center right")
         ax.set_ylabel(f"{symbol(name)}, ratio to\n{own}")
     axes[-1].set_xlabel(axis("time", study.loops[0].kind))
     axes[-1].legend(loc="lower right", ncols=2)

@@ -21,7 +21,8 @@ FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of the paper's Fig. 1."""
 FIG_1_V_S = (0.036, 0.072, 0.144)
 """Assumed: the paper shows three distinct v_s and names none. The middle one is the gripper's in Table 1."""
-
+_SEEN = 0.01
+"""Of the range of torques: a narrower band lies within its line."""
 
 _SHADES: dict[str, dict[str, Any]] = {
     "kept": {"facecolor": "#009E73", "alpha": 0.3, "linewidth": 0},
@@ -106,7 +107,8 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
         x, y = np.abs(v), np.abs(y)
     ax.plot(x, y, look.line, color=look.colour)
     if half is not None:
-        named = None if "95 % band" in ax.get_legend_handles_labels()[1] else "95 % band"
+        label = "95 % band" if half.max() > _SEEN * np.ptp(fit.torque) else "95 % band (within the line)"
+        named = None if label in ax.get_legend_handles_labels()[1] else label
         ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
 
 

@@ -10,7 +10,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from bristle.model.parameters import Kind, Lugre, ParameterName, unit
@@ -64,7 +64,7 @@ def time_figure(study: SensitivityStudy) -> Figure:
     k = seen[thinned(seen.size, _MOST)]
     time, velocity = study.local.time[k], study.local.velocity[k]
     figure = new_figure(8.6)
-    figure.subplots_adjust(hspace=0.22)
+    figure.subplots_adjust(hspace=0.32)
     above, *panels = figure.subplots(7, sharex=True)
     title(above, study.name, study.simulated)
     above.plot(time, velocity, color="black", linewidth=1.3)
@@ -79,14 +79,15 @@ def time_figure(study: SensitivityStudy) -> Figure:
         if 0 < limit < np.abs(partial).max():
             ax.set_ylim(-limit, limit)
         ax.yaxis.set_major_locator(MaxNLocator(3))
-        ax.ticklabel_format(axis="y", scilimits=(-3, 3), useOffset=False)
-        ax.yaxis.get_offset_text().set_fontsize(8)
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))  # no exponent floats above
     handles = [panels[0].lines[1], panels[0].lines[0]]
     above.legend(
         handles, ["total", "at fixed z"], loc="lower right", ncols=2, bbox_to_anchor=(1.0, 0.98), frameon=False
     )
     panels[-1].set_xlabel(axis("time", study.kind))
-    figure.supylabel(f"p · dT/dp ({pretty(unit('torque', study.kind))})", x=0.005, y=0.42, fontsize=10.5)
+    panels[0].set_title(
+        f"p · dT/dp ({pretty(unit('torque', study.kind))}), each parameter p", loc="left", pad=4, fontsize=9.5
+    )
     figure.align_ylabels()
     return figure
 
