@@ -1,5 +1,6 @@
 """A study carries itself: its table, its words and its page are those of what was tried."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -8,7 +9,7 @@ import pytest
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.questions.compensation import ablation, parameter_studies
-from bristle.questions.compensation.page import outcomes_of
+from bristle.questions.compensation.page import context, outcomes_of
 from bristle.questions.compensation.study import Study, study
 
 from ..simulation.joints import joint_loop
@@ -48,6 +49,20 @@ def test_its_text_has_a_line_for_each_error_and_each_adapted_parameter(compensat
     for said, factor in zip(found[len(plain) :], factors, strict=True):
         ends = {"law": factor.law, "name": factor.parameter, "initial": factor.initial, "final": factor.final}
         assert ends.items() <= said.numbers.items()
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.05, True), (1.2, False)])
+def test_a_stribeck_curve_as_good_as_lugre_is_said(compensated: Study, share: float, said: bool) -> None:
+    """Where the steady curve leaves an error within a tenth of LuGre's, the page says so with both."""
+    rows = {row.compensator: row for row in compensated.ablation}
+    lugre = rows["LuGre, reference velocity"]
+    rows["Stribeck, reference velocity"] = rows["Stribeck, reference velocity"]._replace(rms=share * lugre.rms)
+    found = [
+        x
+        for x in context(replace(compensated, ablation=tuple(rows.values())))["adverse"]
+        if x.kind is Kind.STRIBECK_AS_GOOD
+    ]
+    assert [x.numbers["stribeck"] for x in found] == ([pytest.approx(1e3 * share * lugre.rms)] if said else [])
 
 
 def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path: Path) -> None:

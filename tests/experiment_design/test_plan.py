@@ -14,6 +14,7 @@ from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation
+from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.figures import (
     intervals_figure,
     loading_figure,
@@ -99,6 +100,34 @@ def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
         assert shrunk["with loading"][at["sigma_0" + d]] < 0.9
         assert shrunk["with motion"][at["sigma_1" + d]] < 0.9
     assert shrunk["with motion"][at["inertia"]] < 0.9
+
+
+def test_what_it_is_worth_is_said_first(gripper: Plan) -> None:
+    """The widest interval before and after are those of the table, in percent; where the plan leaves one open, nothing is promised."""
+    half = 196 * np.array([gripper.standard_errors[stage] for stage in ("now", "with motion")])[:, gripper.free]
+    now, then = half / np.abs(gripper.start.estimate[gripper.free])
+    worth = gripper.worth
+    assert worth is not None
+    assert worth.numbers["before"] == pytest.approx(now[np.isfinite(now) & (now <= 98)].max())
+    assert worth.numbers["after"] == pytest.approx(then.max())
+    assert gripper.text().splitlines()[1].startswith("  In ")
+    wide = np.where(
+        np.arange(len(gripper.start.names)) == gripper.free[0], np.inf, gripper.standard_errors["with motion"]
+    )
+    assert replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth is None
+
+
+def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
+    """A caution names what the planned motion tells less of than the measured one by more than a tenth, and nothing else."""
+    motion = gripper.motions[0]
+    better = motion.errors.copy()
+    better[gripper.free[0]] /= 1.2
+    better[gripper.free[1]] /= 1.05
+    told = replace(gripper, motions=(motion, replace(motion, name=MEASURED, errors=better)))
+    (said,) = (w for w in told.warnings if w.kind is Kind.MOTION_WORSE)
+    assert said.numbers["names"] == (gripper.start.names[gripper.free[0]],)
+    alone = replace(gripper, motions=(motion,))
+    assert Kind.MOTION_WORSE not in {w.kind for w in alone.warnings}
 
 
 def test_planned_beats_plain_and_measured(gripper: Plan) -> None:
